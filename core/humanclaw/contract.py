@@ -1,0 +1,230 @@
+"""The skill contract: a name, a JSON schema, a checklist, and a way from parameters to motion.
+
+A skill is atomic and body-local (paper, section 3.3). It never sees a scene. It turns its parameters into a Control, for the
+motion model with this skill's adapter, or into Keyframes, played as they are.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import jsonschema
+import numpy as np
+from pydantic import TypeAdapter
+
+from humanclaw.body import JOINT_INDEX
+from humanclaw.errors import CallError, PluginError
+from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, vector_from_matrix
+
+NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
+_UNITS: Final = {"_cm": 0.01, "_deg": float(np.pi / 180)}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question of a skill's checklist (paper, appendix A)."""
+
+    id: str
+    question: str
+    """Answered yes or no from the current view alone; yes lets the call pass."""
+    cause: str = ""
+    """The root cause that a no is evidence for."""
+    predicate: str = ""
+    """Name of a geometric predicate that answers the same question without a model."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """Run the motion model for one 0.5 s chunk with this adapter and condition."""
+
+    adapter: Path
+    values: tuple[float, ...]
+    """SI: metres and radians, in the order of the schema's properties."""
+
+
+@dataclass(frozen=True)
+class Keyframes:
+    """Rotations laid over the pose in which the body is, played without the motion model.
+
+    times: seconds, increasing from 0. rotations: joint name to one rotation vector (radians, joint frame) a time.
+    """
+
+    times: tuple[float, ...]
+    rotations: Mapping[str, tuple[tuple[float, float, float], ...]]
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.rotations) - set(JOINT_INDEX))
+        if unknown:
+            raise ValueError(f"unknown joint {unknown[0]!r}; the joints are {', '.join(JOINT_INDEX)}")
+        if len(self.times) < 2 or self.times[0] != 0 or any(np.diff(self.times) <= 0):
+            raise ValueError(f"key times must start at 0 and increase; got {self.times}")
+        for joint, keys in self.rotations.items():
+            if len(keys) != len(self.times):
+                raise ValueError(f"{joint} has {len(keys)} keys for {len(self.times)} times")
+
+    @classmethod
+    def cycle(cls, joint: str, axis: str, degrees: float, seconds: float, times: int = 1) -> Keyframes:
+        """Turn one joint about its own x, y or z axis and back again, `times` times, `seconds` each."""
+        if axis not in ("x", "y", "z"):
+            raise ValueError(f"axis must be x, y or z; got {axis!r}")
+        peak = tuple(np.radians(degrees) * (name == axis) for name in "xyz")
+        rest = (0.0, 0.0, 0.0)
+        marks = tuple(seconds / 2 * index for index in range(2 * times + 1))
+        keys = tuple(peak if index % 2 else rest for index in range(2 * times + 1))
+        return cls(marks, {joint: keys})
+
+    def over(self, pose: Motion) -> Motion:
+        """Play on the last frame of a motion: as many frames as the keys last, rounded up to whole 15-frame chunks."""
+        frames = -(-int(np.ceil(self.times[-1] * FPS - 1e-9)) // FUTURE) * FUTURE
+        clock = np.minimum(np.arange(1, frames + 1) / FPS, self.times[-1])
+        root = np.repeat(pose.root[-1:], frames, axis=0)
+        rotations = np.repeat(pose.rotations[-1:], frames, axis=0)
+        for joint, keys in self.rotations.items():
+            offsets = _smooth(clock, np.array(self.times), np.array(keys, float))
+            index = JOINT_INDEX[joint]
+            turned = matrix_from_vector(rotations[:, index]) @ matrix_from_vector(offsets)
+            rotations[:, index] = vector_from_matrix(turned)
+        return Motion(root, rotations)
+
+
+def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.ndarray[Any, Any]) -> Any:
+    """Interpolate keys with zero velocity at each of them."""
+    index = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, len(times) - 2)
+    share = (clock - times[index]) / (times[index + 1] - times[index])
+    ease = (share * share * (3 - 2 * share))[:, None]
+    return keys[index] * (1 - ease) + keys[index + 1] * ease
+
+
+Plan = Control | Keyframes
+
+
+@dataclass(frozen=True)
+class Skill:
+    """One atomic skill. Build it with Skill.from_folder or with the @skill decorator."""
+
+    name: str
+    description: str
+    schema: Mapping[str, Any]
+    """JSON Schema 2020-12 of the parameters: an object, integers in centimetres and degrees."""
+    plan: Callable[[Mapping[str, Any]], Plan] = field(repr=False)
+    """Checked parameters to motion."""
+    checks: tuple[Check, ...] = ()
+    adapter: Path | None = None
+    """Checkpoint of the ControlNet branch; None for a skill that plays keyframes."""
+    ends_episode: bool = False
+    """Whether calling it is the active stop of an episode: `x-ends-episode` in schema.json."""
+
+    def __post_init__(self) -> None:
+        if not NAME_PATTERN.match(self.name):
+            raise PluginError(f"skill name {self.name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
+        if self.schema.get("type") != "object":
+            raise PluginError(f"the schema of skill {self.name!r} must have type 'object'.", "Mend its schema.json.")
+        try:
+            jsonschema.Draft202012Validator.check_schema(dict(self.schema))
+        except jsonschema.SchemaError as error:
+            raise PluginError(f"the schema of skill {self.name!r} is not valid: {error.message}.") from error
+
+    @property
+    def trained(self) -> bool:
+        """Whether the skill can run: it needs no adapter, or its adapter is there."""
+        return self.adapter is None or self.adapter.is_file()
+
+    def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """The parameters with defaults filled in. Raises CallError, written for the model, if the schema refuses them."""
+        properties = self.schema.get("properties", {})
+        filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
+        validator = jsonschema.Draft202012Validator(dict(self.schema))
+        faults = sorted(validator.iter_errors(filled), key=lambda fault: list(map(str, fault.absolute_path)))
+        if faults:
+            lines = "; ".join(_explain(fault) for fault in faults)
+            raise CallError(f"{self.name} was not executed: {lines}. {self.usage()}")
+        return {key: filled[key] for key in properties if key in filled}
+
+    def usage(self) -> str:
+        """One line that says how to call the skill."""
+        parts = [f"{key}: {_bounds(part)}" for key, part in self.schema.get("properties", {}).items()]
+        return f"Call {self.name} with {{{', '.join(parts)}}}."
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Skill:
+        """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the skill."""
+        try:
+            schema = json.loads((folder / "schema.json").read_text("utf-8"))
+        except (OSError, ValueError) as error:
+            raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
+        adapter = folder / "adapter.safetensors"
+        description, ends = schema.pop("description", ""), bool(schema.pop("x-ends-episode", False))
+        order = tuple(schema.get("properties", {}))
+
+        def plan(params: Mapping[str, Any]) -> Control:
+            return Control(adapter, tuple(to_si(key, params[key]) for key in order))
+
+        checks = _load_checks(folder / "checklist.toml")
+        return cls(folder.name, description, schema, plan, checks, adapter, ends)
+
+
+def to_si(name: str, value: float) -> float:
+    """A parameter in SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
+    return float(value) * next((scale for suffix, scale in _UNITS.items() if name.endswith(suffix)), 1.0)
+
+
+def _load_checks(path: Path) -> tuple[Check, ...]:
+    if not path.exists():
+        return ()
+    try:
+        return tuple(Check(**entry) for entry in tomllib.loads(path.read_text("utf-8")).get("check", []))
+    except (tomllib.TOMLDecodeError, TypeError) as error:
+        raise PluginError(f"skill folder {path.parent.name!r}: checklist.toml is not valid: {error}.") from error
+
+
+def _explain(fault: jsonschema.ValidationError) -> str:
+    where = ".".join(map(str, fault.absolute_path))
+    return f"{where}: {fault.message}" if where else fault.message
+
+
+def _bounds(part: Mapping[str, Any]) -> str:
+    kind = part.get("type", "value")
+    if "minimum" in part and "maximum" in part:
+        return f"{kind} {part['minimum']}..{part['maximum']}"
+    return str(kind)
+
+
+F = TypeVar("F", bound=Callable[..., Plan])
+
+
+def skill(checks: Sequence[str | Check] = (), name: str | None = None) -> Callable[[F], Skill]:
+    """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the motion."""
+
+    def wrap(function: F) -> Skill:
+        title = name or function.__name__
+        schema = _signature_schema(function)
+        listed = tuple(
+            item if isinstance(item, Check) else Check(f"{title}_{number}", item)
+            for number, item in enumerate(checks, start=1)
+        )
+        return Skill(title, inspect.getdoc(function) or "", schema, lambda params: function(**params), listed)
+
+    return wrap
+
+
+def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
+    """The JSON schema of a function's arguments, read off its annotations."""
+    hints = inspect.get_annotations(function, eval_str=True)
+    properties: dict[str, Any] = {}
+    for key, argument in inspect.signature(function).parameters.items():
+        if key not in hints:
+            raise PluginError(
+                f"argument {key!r} of skill {function.__name__!r} has no type.", "Annotate it, as in int."
+            )
+        properties[key] = TypeAdapter(hints[key]).json_schema()
+        if argument.default is not inspect.Parameter.empty:
+            properties[key]["default"] = argument.default
+    required = [key for key, part in properties.items() if "default" not in part]
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}

@@ -1,0 +1,204 @@
+"""A body in a scene, driven by skill calls: the Python door, and the part of the loop between a checked call and its outcome.
+
+body = Body(scene="house:0")
+observation = body.call("walk", z_cm=40)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from humanclaw.contract import Control, Plan, Skill
+from humanclaw.errors import CheckpointError
+from humanclaw.interfaces import (
+    Call,
+    Execution,
+    MotionGenerator,
+    Observation,
+    Renderer,
+    Simulator,
+    View,
+    WorldState,
+    ego_camera,
+)  # fmt: skip
+from humanclaw.plugins import Plugins
+from humanclaw.pose import FUTURE, HISTORY, Array, Frame, Motion
+from humanclaw.scene import Placement, Scene
+
+
+@dataclass(frozen=True)
+class Engines:
+    """Names of the implementations to use, as plugins registered them."""
+
+    simulator: str = "bullet"
+    renderer: str = "bullet"
+    generator: str = "dit"
+    profile: str = "default"
+    """'default' or 'paper': settings of the simulator and the motion solver."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Half a second: the motion that was commanded (15 frames, world frame), and what physics made of it."""
+
+    commanded: Motion
+    execution: Execution
+
+
+@dataclass(frozen=True)
+class Deed:
+    """What one executed call did: at least one chunk, and the wall time of its parts in seconds."""
+
+    call: Call
+    chunks: tuple[Chunk, ...]
+    seconds: Mapping[str, float]
+
+
+class Body:
+    """A human body in a scene. Not thread-safe; close it, or use it as a context manager."""
+
+    def __init__(
+        self,
+        scene: str | Scene = "house:0",
+        start: Placement | None = None,
+        *,
+        seed: int = 0,
+        plugins: Plugins | None = None,
+        engines: Engines | None = None,
+    ) -> None:
+        """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
+
+        seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
+        """
+        self.plugins = plugins or Plugins.discover()
+        self.engines = engines or Engines()
+        self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
+        self._simulator: Simulator = self._make("simulators", self.engines.simulator)
+        self._renderer: Renderer = self.plugins.make("renderers", self.engines.renderer)
+        self._shown: Scene | None = None
+        self.reset(scene, start, seed=seed)
+
+    def _make(self, kind: str, name: str) -> Any:
+        return self.plugins.make(kind, name, profile=self.engines.profile)
+
+    def reset(self, scene: str | Scene, start: Placement | None = None, *, seed: int = 0) -> Observation:
+        """Stand in a scene, everything in it at rest."""
+        wanted: Scene = self.plugins.scene(scene) if isinstance(scene, str) else scene
+        if self._shown is not wanted:
+            self._renderer.load(wanted)
+        self.scene = self._shown = wanted
+        self.start = start or self.scene.start
+        self.seed = seed
+        self.step = 0
+        self.last: Deed | None = None
+        self._state = self._simulator.reset(self.scene, self.start)
+        self._history = _anchored(self._generator.start(), self._state.body)
+        return self.observe()
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """Every skill that can be called, by name."""
+        return self.plugins.skills
+
+    @property
+    def history(self) -> Motion:
+        """The five frames that the next motion continues, world frame."""
+        return self._history
+
+    @property
+    def weights(self) -> str:
+        """Digest of the motion prior's weights."""
+        return self._generator.digest
+
+    def state(self) -> WorldState:
+        """The true state of the world: for scoring and for privileged decision makers, never for models."""
+        return self._state
+
+    def view(self) -> View:
+        """What the eyes see: colours, depth and object ids."""
+        return self._renderer.render(self._state, ego_camera(self._state.body))
+
+    def observe(self, instruction: str = "", feedback: str = "") -> Observation:
+        return Observation(self.step, instruction, self.view().rgb, feedback)
+
+    def call(self, skill: str, /, **params: Any) -> Observation:
+        """Check a call, execute it, and look. What it did is in `last`.
+
+        Raises PluginError for an unknown skill, CallError for parameters outside its schema.
+        """
+        deed = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
+        return self.observe(feedback=f"Executed {deed.call}.")
+
+    def execute(self, call: Call) -> Deed:
+        """Carry out a call that has been checked already."""
+        skill = self.plugins.skill(call.skill)
+        plan = skill.plan(call.params)
+        chunks, seconds = [], {"generate": 0.0, "simulate": 0.0}
+        moment = time.perf_counter()
+        for commanded in self._chunks(skill, plan):
+            seconds["generate"] += time.perf_counter() - moment
+            moment = time.perf_counter()
+            execution = self._simulator.execute(commanded)
+            self._state = self._simulator.state()
+            self._history = _anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
+            chunks.append(Chunk(commanded, execution))
+            seconds["simulate"] += time.perf_counter() - moment
+            moment = time.perf_counter()
+        self.step += 1
+        self.last = Deed(call, tuple(chunks), seconds)
+        return self.last
+
+    def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
+        """The motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
+        if isinstance(plan, Control):
+            require_trained(skill)
+            yield self._generator.generate(self._history, plan.adapter, plan.values, (self.seed, self.step))
+            return
+        motion = plan.over(self._history)
+        for first in range(0, len(motion), FUTURE):
+            piece = motion[first : first + FUTURE]
+            yield _moved(piece, _offset(self._history[-1:], piece))
+
+    def close(self) -> None:
+        self._simulator.close()
+        self._renderer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def require_trained(skill: Skill) -> None:
+    """Raises CheckpointError if the skill's adapter has not been trained."""
+    if not skill.trained:
+        raise CheckpointError(
+            f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
+            f"Train it with `humanclaw train adapter {skill.name}`.",
+        )
+
+
+def _anchored(generated: Motion, realised: Motion) -> Motion:
+    """Generated frames, moved as one piece so that the last of them stands where the body really is.
+
+    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair, and
+    the model never meets a pose that no person would take. Position and heading, which contact changes for good, are physical.
+    """
+    there = Frame.of(realised, floor=float(realised.root[-1, 1]))
+    here = Frame.of(generated, floor=float(generated.root[-1, 1]))
+    return there.to_world(here.to_local(generated))
+
+
+def _offset(pose: Motion, motion: Motion) -> Array:
+    """From where the motion begins to where the body is, on the plane."""
+    return np.asarray([1.0, 0.0, 1.0] * (pose.root[-1] - motion.root[0]))
+
+
+def _moved(motion: Motion, by: Array) -> Motion:
+    return Motion(motion.root + by, motion.rotations)

@@ -1,0 +1,36 @@
+"""What can go wrong, sorted by who can mend it: the person at the keyboard, the model that decides, or the provider."""
+
+from __future__ import annotations
+
+
+class HumanclawError(Exception):
+    """Something the user can mend. The command line prints it in one sentence with its remedy and exits with 2."""
+
+    def __init__(self, message: str, remedy: str = "") -> None:
+        super().__init__(f"{message} {remedy}".strip())
+        self.message = message
+        self.remedy = remedy
+
+
+class PluginError(HumanclawError):
+    """A plugin that cannot be used, and why."""
+
+
+class SceneError(HumanclawError):
+    """A scene that is unknown, malformed or not what its digest says."""
+
+
+class CheckpointError(HumanclawError):
+    """A checkpoint that is missing, corrupt, of another format, or trained against another base."""
+
+
+class RecordError(HumanclawError):
+    """A record that cannot be written or read."""
+
+
+class CallError(Exception):
+    """A call that the model should mend. The text is handed back to it; nothing was executed."""
+
+
+class ProviderError(Exception):
+    """The model's provider failed for good, after all retries. The episode ends as infra_error; it is never a decision."""

@@ -1,0 +1,13 @@
+"""Distances that scoring and records share. Metres, world frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanclaw.pose import Array
+
+
+def distance_to_box(points: Array, low: Array, high: Array) -> Array:
+    """(..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return np.asarray(np.linalg.norm(outside, axis=-1))

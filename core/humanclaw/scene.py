@@ -1,0 +1,165 @@
+"""A scene as plain values: assets (shape and looks), objects (assets put somewhere), rooms and a start.
+
+Frame: metres, Y up. A scene is complete in itself: simulators and renderers need nothing else, and its digest names it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.errors import SceneError
+from humanclaw.pose import matrix_from_quaternion
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "window"})
+"""Categories that belong to the building and not to the furniture."""
+TARGET_CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
+SIT_CATEGORIES: Final = ("bed", "couch", "toilet")
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
+    "chair": ("chair", "armchair", "seat", "stool"),
+    "couch": ("couch", "sofa", "settee", "loveseat"),
+    "bed": ("bed", "mattress"),
+    "potted_plant": ("potted plant", "plant", "flowerpot"),
+    "tv": ("tv", "television", "tv screen", "monitor"),
+    "toilet": ("toilet", "lavatory", "wc"),
+}
+"""Words by which a sentence names a target category."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A textured triangle mesh: one texture for all of it (an atlas where there are several materials).
+
+    vertices: (N, 3) float32 metres. faces: (M, 3) int32, counter-clockwise from outside. uv: (N, 2) float32 in 0..1, v up.
+    texture: (H, W, 3) uint8, first row at v = 1.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    uv: NDArray[np.float32]
+    texture: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        if len(self.uv) != len(self.vertices):
+            raise SceneError(f"a mesh needs one uv a vertex; got {len(self.uv)} for {len(self.vertices)}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Asset:
+    """What an object is made of, in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front +Z."""
+
+    name: str
+    category: str
+    mesh: Mesh
+    hulls: tuple[NDArray[np.float32], ...]
+    """Convex collision pieces, each the (K, 3) vertices of its hull. Empty for things without a body, such as rugs."""
+    seat_height: float | None = None
+    """Height of the sitting surface over the bottom, metres; None for what is not sat on."""
+    source: str = "generated"
+    licence: str = "Apache-2.0"
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One thing in the scene."""
+
+    id: int
+    """Positive and unique in the scene; the value of its pixels in the id image."""
+    asset: str
+    category: str
+    position: Vec3
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    movable: bool = False
+    mass: float = 0.0
+    """Kilograms; only read if movable."""
+    friction: float = 0.5
+    room: str = ""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A rectangle of floor with a purpose. Metres; (x0, z0) < (x1, z1)."""
+
+    name: str
+    kind: str
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+    floor: float = 0.0
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a body stands: on the floor at (x, floor, z), facing yaw radians."""
+
+    x: float
+    z: float
+    yaw: float
+    floor: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A world at rest."""
+
+    name: str
+    assets: Mapping[str, Asset]
+    objects: tuple[SceneObject, ...]
+    rooms: tuple[Room, ...]
+    start: Placement
+    """The default place of the body where an episode names none."""
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        ids = [thing.id for thing in self.objects]
+        if len(set(ids)) != len(ids) or min(ids, default=1) < 1:
+            raise SceneError(f"the object ids of scene {self.name!r} must be positive and unique.")
+        missing = sorted({thing.asset for thing in self.objects} - set(self.assets))
+        if missing:
+            raise SceneError(f"scene {self.name!r} uses assets that it does not hold: {', '.join(missing)}.")
+
+    @cached_property
+    def by_id(self) -> Mapping[int, SceneObject]:
+        return {thing.id: thing for thing in self.objects}
+
+    def of_category(self, category: str) -> tuple[SceneObject, ...]:
+        return tuple(thing for thing in self.objects if thing.category == category)
+
+    def vertices(self, object_id: int) -> NDArray[np.float64]:
+        """(N, 3) world positions of an object's mesh vertices, metres."""
+        thing = self.by_id[object_id]
+        local = self.assets[thing.asset].mesh.vertices.astype(float)
+        return np.asarray(local @ matrix_from_quaternion(np.array(thing.rotation)).T + np.array(thing.position))
+
+    @cached_property
+    def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        points = {thing.id: self.vertices(thing.id) for thing in self.objects}
+        return {key: (value.min(axis=0), value.max(axis=0)) for key, value in points.items()}
+
+    def aabb(self, object_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of an object's axis-aligned bounding box, metres."""
+        return self._boxes[object_id]
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over everything physical and visible; two scenes with one digest behave and look the same."""
+        state = hashlib.sha256()
+        for name in sorted(self.assets):
+            asset = self.assets[name]
+            state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
+            for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
+                state.update(np.ascontiguousarray(array).tobytes())
+        rest = [self.name, [vars(o) for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
+        state.update(json.dumps(rest, sort_keys=True).encode())
+        return state.hexdigest()

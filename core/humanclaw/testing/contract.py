@@ -1,0 +1,71 @@
+"""The checks that every skill passes, ours and anybody else's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from humanclaw.contract import Control, Keyframes, Skill
+from humanclaw.errors import CallError
+
+
+def check_skill(skill: Skill | Path) -> Skill:
+    """Hold a skill, or a skill folder, to the contract. Raises AssertionError that says what to mend; returns the skill."""
+    loaded = Skill.from_folder(skill) if isinstance(skill, Path) else skill
+    _check_texts(loaded)
+    _check_parameters(loaded)
+    _check_refusals(loaded)
+    _check_plan(loaded)
+    return loaded
+
+
+def corners(skill: Skill) -> list[dict[str, Any]]:
+    """The lowest and the highest legal call of a skill: all parameters at their minimum, and all at their maximum."""
+    parts = skill.schema.get("properties", {})
+    return [{key: _bound(part, end) for key, part in parts.items()} for end in ("minimum", "maximum")]
+
+
+def _bound(part: Mapping[str, Any], end: str) -> Any:
+    return part.get(end, part.get("default", 1))
+
+
+def _check_texts(skill: Skill) -> None:
+    assert len(skill.description) >= 20, f"{skill.name}: describe the skill for a model, in a sentence or more"
+    ids = [check.id for check in skill.checks]
+    assert len(set(ids)) == len(ids), f"{skill.name}: the ids of the checks must differ; got {ids}"
+    for check in skill.checks:
+        assert check.question.rstrip().endswith(("?", ".")), f"{skill.name}: check {check.id} must be a question"
+
+
+def _check_parameters(skill: Skill) -> None:
+    assert skill.schema.get("additionalProperties") is False, f"{skill.name}: set additionalProperties to false"
+    for key, part in skill.schema.get("properties", {}).items():
+        if skill.adapter is None:
+            continue
+        assert part.get("type") == "integer", f"{skill.name}.{key}: use integers, decoders do not keep float bounds"
+        assert key.endswith(("_cm", "_deg")), f"{skill.name}.{key}: name the unit, _cm or _deg"
+        assert {"minimum", "maximum", "description"} <= set(part), f"{skill.name}.{key}: give bounds and a description"
+
+
+def _check_refusals(skill: Skill) -> None:
+    for legal in corners(skill):
+        skill.check(legal)
+        wrong: list[dict[str, Any]] = [legal | {"no_such_parameter": 1}]
+        for key, part in skill.schema.get("properties", {}).items():
+            wrong += [legal | {key: "a text"}, legal | {key: float("nan")}]
+            wrong += [legal | {key: part["maximum"] + 1}] if "maximum" in part else []
+            wrong += [legal | {key: part["minimum"] - 1}] if "minimum" in part else []
+        for params in wrong:
+            with pytest.raises(CallError):
+                skill.check(params)
+
+
+def _check_plan(skill: Skill) -> None:
+    for legal in corners(skill):
+        plan = skill.plan(skill.check(legal))
+        assert isinstance(plan, Control | Keyframes), f"{skill.name}: a skill returns a Control or Keyframes; got {plan!r}"
+        if isinstance(plan, Control):
+            assert len(plan.values) == len(skill.schema.get("properties", {})), f"{skill.name}: one value a parameter"

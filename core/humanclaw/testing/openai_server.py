@@ -1,0 +1,282 @@
+"""A real HTTP server on 127.0.0.1 that speaks the OpenAI chat-completions protocol and answers from a script.
+
+For tests of anything that talks to a language model, with no key and no network:
+
+    with OpenAIServer([call("turn", yaw_deg=30), call("stop")]) as server:
+        client = openai.OpenAI(base_url=server.base_url, api_key="unused")
+        ...
+    assert server.requests[0].tool_names == ["turn", "stop"]
+
+A script is a list of replies, used one a request, or a function from Request to Reply. Faults are replies like any other:
+status(429), dropped(), truncated(), delayed(5, reply), no_choices(). A list that has run out answers 500 and says so.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+import json
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import TracebackType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+Json = dict[str, Any]
+USAGE: Final = {"prompt_tokens": 1000, "completion_tokens": 100, "total_tokens": 1100}
+"""The usage that replies report unless they are told otherwise."""
+
+
+# -- what came ---------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Request:
+    """A request as the server received it."""
+
+    path: str
+    headers: Mapping[str, str]
+    """Names in lower case."""
+    body: Json
+
+    @property
+    def messages(self) -> list[Json]:
+        return list(self.body.get("messages", ()))
+
+    @property
+    def tools(self) -> list[Json]:
+        """The functions of the tool list: name, description, parameters."""
+        return [tool["function"] for tool in self.body.get("tools") or ()]
+
+    @property
+    def tool_names(self) -> list[str]:
+        return [tool["name"] for tool in self.tools]
+
+    @property
+    def text(self) -> str:
+        """All text of all messages."""
+        return "\n".join(part["text"] for part in self._parts() if part.get("type") == "text")
+
+    @property
+    def images(self) -> list[NDArray[np.uint8]]:
+        """Every picture of every message, decoded: (H, W, 3). Raises ValueError for anything but a base64 data URL."""
+        return [_decode(part["image_url"]["url"]) for part in self._parts() if part.get("type") == "image_url"]
+
+    def role(self, role: str) -> str:
+        """The text of the messages of one role."""
+        return replace(self, body={"messages": [m for m in self.messages if m["role"] == role]}).text
+
+    def _parts(self) -> list[Json]:
+        contents = [message.get("content") or "" for message in self.messages]
+        lists = [[{"type": "text", "text": c}] if isinstance(c, str) else c for c in contents]
+        return [part for parts in lists for part in parts]
+
+
+def _decode(url: str) -> NDArray[np.uint8]:
+    head, _, data = url.partition(",")
+    if not head.startswith("data:image/") or not head.endswith(";base64"):
+        raise ValueError(f"expected a data URL of an image in base64; got {url[:40]!r}")
+    try:
+        picture = base64.b64decode(data, validate=True)
+    except binascii.Error as error:
+        raise ValueError(f"the data URL is not base64: {error}") from error
+    with Image.open(io.BytesIO(picture)) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+# -- what goes back ----------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Reply:
+    """What to answer. Build it with the functions below."""
+
+    body: Json
+    code: int = 200
+    headers: Mapping[str, str] = field(default_factory=dict)
+    delay: float = 0.0
+    """Seconds before the answer."""
+    cut: float = 1.0
+    """Share of the body that is sent before the connection closes; below 0, it is reset before anything is sent."""
+
+
+Script = Sequence[Reply] | Callable[[Request], Reply]
+
+
+def call(name: str, /, **arguments: Any) -> Reply:
+    """A message with one tool call."""
+    return calls((name, arguments))
+
+
+def calls(*named: tuple[str, Mapping[str, Any] | str], text: str | None = None) -> Reply:
+    """A message with several tool calls, and perhaps text. Arguments given as a string are sent as they are."""
+    listed = [
+        {"id": f"call_{number}", "type": "function", "function": {"name": name, "arguments": _dump(arguments)}}
+        for number, (name, arguments) in enumerate(named)
+    ]
+    return message({"role": "assistant", "content": text, "tool_calls": listed}, "tool_calls")
+
+
+def text(content: str, finish_reason: str = "stop") -> Reply:
+    """A message of plain text, or of JSON in a text."""
+    return message({"role": "assistant", "content": content}, finish_reason)
+
+
+def answer(**fields: Any) -> Reply:
+    """A message whose content is a JSON object, as response_format asks for."""
+    return text(json.dumps(fields))
+
+
+def message(content: Mapping[str, Any], finish_reason: str = "stop") -> Reply:
+    """Any message."""
+    choice = {"index": 0, "message": dict(content), "finish_reason": finish_reason}
+    return Reply({"object": "chat.completion", "choices": [choice], "usage": dict(USAGE)})
+
+
+def status(code: int, explanation: str = "", headers: Mapping[str, str] | None = None, kind: str = "error") -> Reply:
+    """An HTTP error in OpenAI's form, such as status(429, headers={"Retry-After": "1"})."""
+    error = {"message": explanation or f"scripted error {code}", "type": kind, "param": None, "code": None}
+    return Reply({"error": error}, code, dict(headers or {}))
+
+
+def no_choices() -> Reply:
+    """A completion with an empty list of choices."""
+    return Reply({"object": "chat.completion", "choices": [], "usage": dict(USAGE)})
+
+
+def without_usage(reply: Reply) -> Reply:
+    """The reply without its token counts."""
+    return replace(reply, body={key: value for key, value in reply.body.items() if key != "usage"})
+
+
+def delayed(seconds: float, reply: Reply) -> Reply:
+    """The reply, so many seconds late."""
+    return replace(reply, delay=seconds)
+
+
+def truncated(reply: Reply, share: float = 0.5) -> Reply:
+    """The reply with its body cut short; the header still announces all of it."""
+    return replace(reply, cut=share)
+
+
+def dropped() -> Reply:
+    """No answer: the connection is reset."""
+    return Reply({}, cut=-1.0)
+
+
+def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
+    """A script that answers 400 to requests that have a field, such as "tools", and goes by another script for the rest."""
+    rest = _player(otherwise)
+
+    def script(request: Request) -> Reply:
+        refused = field_name in request.body
+        return status(400, f"this model does not support {field_name}", kind="invalid_request_error") if refused else rest(request)
+
+    return script
+
+
+def _dump(arguments: Mapping[str, Any] | str) -> str:
+    return arguments if isinstance(arguments, str) else json.dumps(arguments)
+
+
+def _player(script: Script) -> Callable[[Request], Reply]:
+    if callable(script):
+        return script
+    queue = iter(script)
+    return lambda request: next(queue, status(500, "the script of the test server has no reply left"))
+
+
+# -- the server --------------------------------------------------------------------------------------------------------
+class OpenAIServer:
+    """Serves a script on an ephemeral port of 127.0.0.1 while its `with` block runs, and keeps every request."""
+
+    def __init__(self, script: Script) -> None:
+        self.requests: list[Request] = []
+        self._play = _player(script)
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(self))
+        self._server.daemon_threads = True
+        self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+
+    @property
+    def base_url(self) -> str:
+        """What clients call base_url or api_base."""
+        return f"http://127.0.0.1:{self._server.server_address[1]}/v1"
+
+    def __enter__(self) -> OpenAIServer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._closing.set()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def respond(self, request: Request) -> Reply:
+        """Note a request and take the script's reply to it; one request at a time, so that lists stay in order."""
+        with self._lock:
+            self.requests.append(request)
+            return self._play(request)
+
+    def wait(self, seconds: float) -> None:
+        """Wait, but no longer than the server lives."""
+        self._closing.wait(seconds)
+
+
+def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:  # noqa: N802
+            found = self.path.rstrip("/").endswith("/models")
+            models = Reply({"object": "list", "data": [{"id": "test", "object": "model"}]})
+            self._send(models if found else status(404, f"no such path: {self.path}"), {})
+
+        def do_POST(self) -> None:  # noqa: N802
+            raw = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+            reply, body = self._reply(raw)
+            owner.wait(reply.delay)
+            self._send(reply, body)
+
+        def _reply(self, raw: bytes) -> tuple[Reply, Json]:
+            if not self.path.endswith("/chat/completions"):
+                return status(404, f"no such path: {self.path}"), {}
+            try:
+                body = json.loads(raw)
+            except ValueError as error:
+                return status(400, f"the request is not JSON: {error}"), {}
+            if body.get("stream"):
+                return status(400, "the test server does not stream"), body
+            headers = {key.lower(): value for key, value in self.headers.items()}
+            return owner.respond(Request(self.path, headers, body)), body
+
+        def _send(self, reply: Reply, asked: Json) -> None:
+            if reply.cut < 0:
+                self._reset()
+                return
+            stamp = {"id": "chatcmpl-test", "created": int(time.time()), "model": asked.get("model", "test")}
+            data = json.dumps({**stamp, **reply.body} if reply.code == 200 else reply.body).encode()
+            try:
+                self.send_response(reply.code)
+                for key, value in {"Content-Type": "application/json", "Content-Length": str(len(data)), **reply.headers}.items():
+                    self.send_header(key, value)
+                self.end_headers()
+                self.wfile.write(data[: int(len(data) * reply.cut)])
+            except OSError:
+                self.close_connection = True  # The client gave up, as clients with a timeout do.
+
+        def _reset(self) -> None:
+            """Close with a TCP reset rather than an orderly end."""
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            self.close_connection = True
+            self.connection.close()
+
+        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+            """Tests are quiet."""
+
+    return Handler

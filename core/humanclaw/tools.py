@@ -1,0 +1,284 @@
+"""Skills as the tools of a language model: how they are published, and how a call is read back.
+
+Every published tool is the skill's own schema inside an envelope. The envelope comes first, so that one tool call carries
+perception, high-, mid- and low-level reasoning in that order (paper, section 3.2). Bounds that a model ignored are not mended
+here: Skill.check refuses them, and the refusal goes back to the model.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+from humanclaw.contract import Skill
+from humanclaw.errors import CallError, PluginError
+from humanclaw.interfaces import Call
+
+Format = Literal["openai", "anthropic", "gemini", "mcp"]
+Json = dict[str, Any]
+
+ENVELOPE: Final[Mapping[str, Json]] = {
+    "visible_state": {
+        "type": "string",
+        "description": "Objects in view from left to right, each with its distance in metres; whether the target is among "
+        "them; obstacles, open space, stairs or seats close by.",
+    },
+    "progress": {
+        "type": "string",
+        "description": "What the last action changed; whether to search, approach, align or complete.",
+    },
+    "mid_level_change": {
+        "type": "string",
+        "enum": ["keep", "revise"],
+        "description": "Keep the previous mid-level goal or revise it.",
+    },
+    "mid_level_goal": {"type": "string", "description": "The objective of the next few seconds."},
+    "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
+}
+"""What a model must say before a skill's parameters; the fields of Envelope."""
+_MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
+_MAX_DEPTH: Final = 12
+_GEMINI_WORDS: Final = frozenset(
+    "type description enum format items properties required minimum maximum minItems maxItems minLength maxLength pattern".split()
+)
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What a model said around a call. The fields are those of Decision; what was not said is empty."""
+
+    visible_state: str = ""
+    progress: str = ""
+    mid_level_change: str = ""
+    mid_level_goal: str = ""
+    reasoning: str = ""
+
+
+# -- publishing --------------------------------------------------------------------------------------------------------
+def envelope_schema(mid_level: bool = True) -> Json:
+    """The envelope's properties in order. mid_level=False leaves out the mid-level goal (an ablation of the paper)."""
+    return {key: dict(part) for key, part in ENVELOPE.items() if mid_level or key not in _MID_LEVEL}
+
+
+def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True) -> Json:
+    """A skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
+
+    Raises PluginError if a parameter has the name of an envelope field or several types.
+    """
+    properties = parameter_schema(skill)
+    clash = sorted(set(properties) & set(ENVELOPE))
+    if clash:
+        raise PluginError(f"skill {skill.name!r} has a parameter {clash[0]!r}, a name of the envelope.", "Rename it.")
+    said = envelope_schema(mid_level) if envelope else {}
+    parameters: Json = {
+        "type": "object",
+        "properties": {**said, **properties},
+        "required": [*said, *skill.schema.get("required", ())],
+        "additionalProperties": False,
+    }
+    return {"name": skill.name, "description": skill.description, "parameters": parameters}
+
+
+def publish(skills: Iterable[Skill], format: Format, mid_level: bool = True, envelope: bool = True) -> list[Json]:  # noqa: A002
+    """The tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
+    if format not in get_args(Format):
+        raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
+    return _wrap([tool_spec(skill, mid_level, envelope) for skill in skills], format)
+
+
+def _wrap(specs: list[Json], form: Format) -> list[Json]:
+    if form == "openai":
+        return [{"type": "function", "function": spec} for spec in specs]
+    if form == "gemini":
+        return [{"functionDeclarations": [{**spec, "parameters": _for_gemini(spec["parameters"])} for spec in specs]}]
+    key = "input_schema" if form == "anthropic" else "inputSchema"
+    return [{"name": spec["name"], "description": spec["description"], key: spec["parameters"]} for spec in specs]
+
+
+def answer_schema(skills: Iterable[Skill], mid_level: bool = True) -> Json:
+    """One object that holds the envelope, the skill's name and its parameters: for models without tool calling.
+
+    The parameters of all skills share one object, with the widest bounds of each name, because providers drop alternatives.
+    """
+    pool = list(skills)
+    said = envelope_schema(mid_level)
+    properties = {**said, **call_schema(pool)}
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+def call_schema(skills: Sequence[Skill]) -> Json:
+    """The properties `skill` and `parameters` of an answer that names a call."""
+    merged: Json = {}
+    for skill in skills:
+        for key, part in parameter_schema(skill).items():
+            merged[key] = _widen(merged[key], part) if key in merged else part
+    shared = {"type": "object", "properties": merged, "additionalProperties": False}
+    return {"skill": {"type": "string", "enum": [skill.name for skill in skills]}, "parameters": shared}
+
+
+def parameter_schema(skill: Skill) -> Json:
+    """The skill's own parameters, rewritten in the words that every provider keeps. Raises PluginError where that fails."""
+    defs = skill.schema.get("$defs", {})
+    properties = skill.schema.get("properties", {})
+    return {key: _plain(part, defs, f"parameter {key!r} of skill {skill.name!r}") for key, part in properties.items()}
+
+
+def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: int = 0) -> Json:
+    """A schema with references resolved, null alternatives dropped and single alternatives merged."""
+    if depth > _MAX_DEPTH:
+        raise PluginError(f"{where} is nested too deeply or refers to itself.", "Give it a flat type.")
+    flat = _one_type(_merge_alternatives(dict(part), defs, where), where)
+    flat.pop("title", None)
+    if "const" in flat:
+        flat["enum"] = [flat.pop("const")]
+    if "properties" in flat:
+        flat["properties"] = {key: _plain(one, defs, where, depth + 1) for key, one in flat["properties"].items()}
+    if isinstance(flat.get("items"), Mapping):
+        flat["items"] = _plain(flat["items"], defs, where, depth + 1)
+    return _inclusive(flat)
+
+
+def _merge_alternatives(part: Json, defs: Mapping[str, Any], where: str) -> Json:
+    for _ in range(_MAX_DEPTH):
+        word = next((word for word in ("$ref", "anyOf", "oneOf", "allOf") if word in part), None)
+        if word is None:
+            return part
+        inner = part.pop(word)
+        options = [defs.get(inner.rsplit("/", 1)[-1])] if word == "$ref" else [o for o in inner if o.get("type") != "null"]
+        if len(options) != 1 or not isinstance(options[0], Mapping):
+            raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
+        part = {**options[0], **part}
+    raise PluginError(f"{where} refers to itself.", "Give it a flat type.")
+
+
+def _one_type(part: Json, where: str) -> Json:
+    if isinstance(part.get("type"), list):
+        kinds = [kind for kind in part["type"] if kind != "null"]
+        if len(kinds) != 1:
+            raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
+        part["type"] = kinds[0]
+    if part.get("default", 0) is None:
+        del part["default"]
+    return part
+
+
+def _inclusive(part: Json) -> Json:
+    """Exclusive bounds of integers as inclusive ones, which constrained decoders know."""
+    if part.get("type") == "integer":
+        for word, bound, step, pick in (("exclusiveMinimum", "minimum", 1, max), ("exclusiveMaximum", "maximum", -1, min)):
+            if word in part:
+                limit = int(part.pop(word)) + step
+                part[bound] = pick(limit, part.get(bound, limit))
+    return part
+
+
+def _widen(one: Json, other: Json) -> Json:
+    """A schema that allows what either allows, as far as type, bounds and enum go."""
+    if one.get("type") != other.get("type"):
+        return {}
+    wide = {"type": one["type"]} if "type" in one else {}
+    for word, pick in (("minimum", min), ("maximum", max)):
+        if word in one and word in other:
+            wide[word] = pick(one[word], other[word])
+    if "enum" in one and "enum" in other:
+        wide["enum"] = list(dict.fromkeys([*one["enum"], *other["enum"]]))
+    for word in ("items", "properties"):
+        if one.get(word) == other.get(word) and word in one:
+            wide[word] = one[word]
+    return wide
+
+
+def _for_gemini(part: Mapping[str, Any]) -> Json:
+    """The subset of JSON schema that Gemini documents; an enum of anything but strings is told in the description."""
+    kept = {key: value for key, value in part.items() if key in _GEMINI_WORDS}
+    if not all(isinstance(value, str) for value in kept.get("enum", ())):
+        choices = ", ".join(map(str, kept.pop("enum")))
+        kept["description"] = f"{kept.get('description', '')} One of {choices}.".strip()
+    if "properties" in kept:
+        kept["properties"] = {key: _for_gemini(value) for key, value in kept["properties"].items()}
+    if "items" in kept:
+        kept["items"] = _for_gemini(kept["items"])
+    return kept
+
+
+# -- reading -----------------------------------------------------------------------------------------------------------
+def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Envelope, Call]:
+    """Split the arguments of a tool call into envelope and call. Nothing is converted: "40" stays a string.
+
+    Raises CallError, written for the model, if the arguments are not a JSON object of finite numbers.
+    """
+    values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
+    if not all(map(_finite, values.values())):
+        raise CallError(f"{name} was not executed: NaN and Infinity are not numbers; give plain numbers.")
+    said = {key: _text(values.pop(key)) for key in ENVELOPE if key in values}
+    change = said.get("mid_level_change", "").strip().lower()
+    said["mid_level_change"] = change if change in ENVELOPE["mid_level_change"]["enum"] else ""
+    return Envelope(**said), Call(name, values)
+
+
+def read_answer(answer: Mapping[str, Any]) -> tuple[Envelope, Call]:
+    """Read an object with `skill` and `parameters`, the form of answer_schema. Raises CallError, written for the model.
+
+    `name` and `arguments` are read too, as some models write them. Parameters that are null were not given.
+    """
+    rest = dict(answer)
+    name = _pop_first(rest, "skill", "name")
+    if not isinstance(name, str):
+        raise CallError(f"Nothing was executed: 'skill' must be the name of a skill; got {name!r}.")
+    inner = _pop_first(rest, "parameters", "arguments") or {}
+    given = _parse(inner, name) if isinstance(inner, str) else inner
+    if not isinstance(given, Mapping):
+        raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
+    return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
+
+
+def read_text(text: str) -> list[tuple[Envelope, Call]]:
+    """Every call in a text: JSON objects that name a skill, with anything around them. Raises CallError if there is none."""
+    found = [read_answer(item) for item in json_objects(text) if isinstance(item.get("skill", item.get("name")), str)]
+    if not found:
+        raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
+    return [item for index, item in enumerate(found) if item not in found[:index]]
+
+
+def json_objects(text: str) -> Iterator[Json]:
+    """The complete outermost JSON objects in a text; thoughts between <think> tags are skipped, fences ignored."""
+    text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+    decoder, place = json.JSONDecoder(), text.find("{")
+    while place >= 0:
+        try:
+            value, place = decoder.raw_decode(text, place)
+            yield value
+        except (ValueError, RecursionError):
+            place += 1
+        place = text.find("{", place)
+
+
+def _parse(arguments: str, name: str) -> Json:
+    try:
+        values = json.loads(arguments or "{}")
+    except (ValueError, RecursionError) as error:
+        raise CallError(f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?") from error
+    if not isinstance(values, dict):
+        raise CallError(f"{name} was not executed: its arguments must be a JSON object; got {type(values).__name__}.")
+    return values
+
+
+def _finite(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(map(_finite, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _pop_first(values: Json, *keys: str) -> Any:
+    """Take the first key that is there; the others stay."""
+    return next((values.pop(key) for key in keys if key in values), None)

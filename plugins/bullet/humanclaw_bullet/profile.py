@@ -1,0 +1,51 @@
+"""The constants of half-physics, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from humanclaw.errors import HumanclawError
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Constants of one way to run half-physics. SI units."""
+
+    name: str
+    substeps: int = 4
+    """Physics steps a frame of 1/30 s: 120 Hz."""
+    gravity: float = 9.81
+    horizontal_substeps: tuple[int, ...] = (0, 1, 2, 3)
+    """Substeps of a frame at whose beginning the horizontal root velocity is commanded; between them friction may brake it."""
+    max_turn: float = float(np.radians(30.0))
+    """No joint turns further in one frame, radians."""
+    max_speed: float = 6.0
+    """Horizontal root speed is capped here, m/s: a sprint, so that no command can shoot the body through a wall."""
+    max_rise: float = 2.5
+    """Upward root speed is capped here, m/s: a jump from standing, so that no contact can launch the body."""
+    friction: float = 0.4
+    """Of the body's surface."""
+    stiffness: float = 1.0
+    """Passive joint stiffness (the paper's lambda): how little a contact turns a link away from its pose."""
+    soft: tuple[tuple[str, float], ...] = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
+    """Joints whose stiffness differs, left and right."""
+    inertia: float = 10.0
+    """Rotational inertia of a link with stiffness 1, kg m2."""
+
+    def stiffness_of(self, joint: str) -> float:
+        return dict(self.soft).get(joint.removeprefix("left_").removeprefix("right_"), self.stiffness)
+
+
+PROFILES: Final = {
+    profile.name: profile for profile in (Profile("default"), Profile("paper", horizontal_substeps=(0, 2)))
+}
+
+
+def find_profile(name: str) -> Profile:
+    """The profile of this name. Raises HumanclawError if there is none."""
+    if name not in PROFILES:
+        raise HumanclawError(f"there is no half-physics profile {name!r}.", f"Choose one of: {', '.join(PROFILES)}.")
+    return PROFILES[name]

@@ -1,0 +1,130 @@
+"""A scene in Bullet: every object that has a body, and where the movable ones are."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw.errors import SceneError
+from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.scene import Asset, Scene, SceneObject
+from humanclaw_bullet.engine import Client
+
+_BOX_TOLERANCE = 1e-5
+
+
+def box_of(hull: Array) -> tuple[Array, Array] | None:
+    """Centre and half extents of a hull that is an axis-aligned box; None for any other."""
+    low, high = hull.min(axis=0), hull.max(axis=0)
+    on_face = np.minimum(np.abs(hull - low), np.abs(hull - high)) < _BOX_TOLERANCE
+    corners = {tuple(row) for row in (hull > (low + high) / 2).tolist()}
+    if not on_face.all() or len(corners) != 8:
+        return None
+    return (low + high) / 2, (high - low) / 2
+
+
+def centre_of_mass(hulls: Sequence[Array]) -> Array:
+    """(3,) centre of the hulls, each counted by the volume of its bounding box."""
+    size = np.array([np.prod(np.ptp(hull, axis=0)) for hull in hulls]) + 1e-9
+    middle = np.array([(hull.min(axis=0) + hull.max(axis=0)) / 2 for hull in hulls])
+    return np.asarray(size @ middle / size.sum())
+
+
+class Things:
+    """The objects of a scene as Bullet bodies. Shapes are shared between objects of one asset."""
+
+    def __init__(self, client: Client, scene: Scene) -> None:
+        self._client, self._scene = client, scene
+        self._pieces: dict[str, list[int]] = {}
+        self._whole: dict[str, tuple[int, Array]] = {}
+        self.object_of: dict[int, int] = {}
+        """Bullet body to object id; a fixed object has one body a hull."""
+        self._movable: dict[int, tuple[int, Array]] = {}
+        self._still: dict[int, Array] = {}
+        for thing in scene.objects:
+            self._add(thing)
+
+    def _add(self, thing: SceneObject) -> None:
+        asset = self._scene.assets[thing.asset]
+        if thing.movable:
+            self._still[thing.id] = np.array([*thing.position, *thing.rotation], float)
+        if not asset.hulls:
+            return
+        if thing.movable:
+            self._add_movable(thing, asset)
+        else:
+            self._add_fixed(thing, asset)
+
+    def _add_fixed(self, thing: SceneObject, asset: Asset) -> None:
+        if asset.name not in self._pieces:
+            self._pieces[asset.name] = [self._shape([hull], asset) for hull in asset.hulls]
+        for shape in self._pieces[asset.name]:
+            body = self._client.createMultiBody(
+                0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1
+            )
+            self._client.changeDynamics(body, -1, lateralFriction=thing.friction)
+            self.object_of[body] = thing.id
+
+    def _add_movable(self, thing: SceneObject, asset: Asset) -> None:
+        if thing.mass <= 0:
+            raise SceneError(f"movable object {thing.id} ({thing.category}) has mass {thing.mass}; give it a positive one.")
+        if asset.name not in self._whole:
+            centre = centre_of_mass(asset.hulls)
+            self._whole[asset.name] = self._shape([hull - centre for hull in asset.hulls], asset), centre
+        shape, centre = self._whole[asset.name]
+        position = np.array(thing.position) + matrix_from_quaternion(np.array(thing.rotation)) @ centre
+        body = self._client.createMultiBody(
+            thing.mass, shape, -1, position, thing.rotation, useMaximalCoordinates=1,
+            flags=self._client.URDF_ENABLE_SLEEPING,
+        )  # fmt: skip
+        # A little rolling friction, or a knocked-over cup rolls for ever and never sleeps.
+        self._client.changeDynamics(
+            body, -1, lateralFriction=thing.friction, rollingFriction=0.002, spinningFriction=0.002,
+            activationState=self._client.ACTIVATION_STATE_ENABLE_SLEEPING,
+        )  # fmt: skip
+        self.object_of[body] = thing.id
+        self._movable[thing.id] = body, centre
+
+    def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
+        """One shape for some hulls: boxes as boxes, which Bullet stacks better; a single hull as points; others from a file."""
+        client, boxes = self._client, [box_of(hull) for hull in hulls]
+        if len(hulls) == 1 and boxes[0] is not None:
+            centre, half = boxes[0]
+            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
+        elif len(hulls) == 1:
+            shape = client.createCollisionShape(client.GEOM_MESH, vertices=hulls[0].tolist())
+        else:
+            shape = self._compound(hulls)
+        if shape < 0:
+            raise SceneError(f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?")
+        return int(shape)
+
+    def _compound(self, hulls: Sequence[Array]) -> int:
+        """Bullet takes several hulls in one shape from a Wavefront file only: one convex piece a named object."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "hulls.obj"
+            path.write_text(_wavefront(hulls), encoding="utf-8")
+            return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
+
+    def states(self) -> Mapping[int, Array]:
+        """Movable object id to (7,) position and quaternion of the asset's own frame."""
+        found = dict(self._still)
+        for key, (body, centre) in self._movable.items():
+            position, turn = self._client.getBasePositionAndOrientation(body)
+            corner = np.array(position) - matrix_from_quaternion(np.array(turn)) @ centre
+            found[key] = np.array([*corner, *turn])
+        return found
+
+
+def _wavefront(hulls: Sequence[Array]) -> str:
+    """An OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points alone."""
+    lines, first = [], 1
+    for number, hull in enumerate(hulls):
+        lines.append(f"o hull{number}")
+        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in hull]
+        lines += [f"f {first} {first + k} {first + k + 1}" for k in range(1, len(hull) - 1)]
+        first += len(hull)
+    return "\n".join(lines) + "\n"

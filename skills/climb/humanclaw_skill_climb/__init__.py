@@ -1,0 +1,13 @@
+"""HumanCLAW skills: climbing and descending stairs."""
+
+from pathlib import Path
+
+from humanclaw import hookimpl
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_skills(register):
+    for name in ("climb_upstairs", "walk_downstairs"):
+        register(Path(__file__).parent / name)

@@ -1,0 +1,12 @@
+"""HumanCLAW skill: stepping sideways."""
+
+from pathlib import Path
+
+from humanclaw import hookimpl
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_skills(register):
+    register(Path(__file__).parent / "side_step")

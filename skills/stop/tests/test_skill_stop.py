@@ -1,0 +1,15 @@
+"""What every skill package is held to."""
+
+from pathlib import Path
+
+import humanclaw_skill_stop
+import pytest
+
+from humanclaw.testing import check_skill
+
+FOLDER = Path(humanclaw_skill_stop.__file__).parent
+
+
+@pytest.mark.parametrize("name", ["stop"])
+def test_the_skill_keeps_the_contract(name):
+    check_skill(FOLDER / name)

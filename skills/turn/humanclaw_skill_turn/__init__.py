@@ -1,0 +1,12 @@
+"""HumanCLAW skill: turning on the spot."""
+
+from pathlib import Path
+
+from humanclaw import hookimpl
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_skills(register):
+    register(Path(__file__).parent / "turn_in_place")
