@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from humanclaw.hookspecs import RegisterFactory, hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from humanclaw.interfaces import DecisionMaker, MotionGenerator
 
 
@@ -21,6 +23,14 @@ def humanclaw_decision_makers(register: RegisterFactory) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw.cli import run, show
+
+    for command in (run.run, show.skills, show.plugins_command, show.tools, show.report):
+        cli.add_command(command)
 
 
 def _dit(profile: str = "default") -> MotionGenerator:

@@ -17,7 +17,7 @@ from typing import Any, Final
 from humanclaw.contract import Skill
 from humanclaw.embodiment import Body
 from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import CallError, ProviderError, SceneError
+from humanclaw.errors import CallError, HumanclawError, ProviderError, SceneError
 from humanclaw.interfaces import (
     Call,
     Decision,
@@ -79,29 +79,36 @@ def run_episode(
     """
     begin(body, spec)
     record = episode_record(body, spec, maker, verifier, options or {})
+    _introduce(body, spec, maker, verifier)
     run = Run(body, spec, maker, verifier, EpisodeWriter(folder, record) if folder else None)
     film = Film(body)
     ending: Outcome = "interrupted"
     error, steps = "", 0
     try:
-        context = EpisodeContext(spec, body.skills, spec.seed)
-        maker.begin(_privileged(context, body) if maker.privileged else context)
-        if verifier:
-            verifier.begin(context)
         for step in _steps(run, film):
             steps += 1
             body.plugins.hook.humanclaw_step(episode=record, step=step)
-            if step.status == "stopped":
-                ending = "stopped"
+            ending = "stopped" if step.status == "stopped" else "interrupted"
         ending = "stopped" if ending == "stopped" else "out_of_steps"
     except ProviderError as fault:
         ending, error = "infra_error", str(fault)
+    except HumanclawError as fault:
+        error = str(fault)
+        raise
     finally:
         record = record.model_copy(update={"outcome": ending, "error": error, "steps": steps})
         if run.writer:
             run.writer.end(record, film.arrays())
         body.plugins.hook.humanclaw_episode_end(episode=record, folder=folder)
     return record
+
+
+def _introduce(body: Body, spec: EpisodeSpec, maker: DecisionMaker, verifier: Verifier | None) -> None:
+    """Tell the deciders their task, before anything is written: what they refuse here leaves nothing behind."""
+    context = EpisodeContext(spec, body.skills, spec.seed)
+    maker.begin(_privileged(context, body) if maker.privileged else context)
+    if verifier:
+        verifier.begin(context)
 
 
 def begin(body: Body, spec: EpisodeSpec) -> None:

@@ -154,7 +154,7 @@ def _plain(params: Mapping[str, Any]) -> dict[str, Any]:
     return {key: str(v) if isinstance(v, float) and not np.isfinite(v) else v for key, v in params.items()}
 
 
-def _verdictepisode_record(verifier: Verifier | None, verdict: Verdict | None) -> VerdictRecord | None:
+def verdict_record(verifier: Verifier | None, verdict: Verdict | None) -> VerdictRecord | None:
     if verifier is None or verdict is None:
         return None
     other = verdict.replacement

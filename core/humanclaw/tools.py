@@ -43,7 +43,7 @@ ENVELOPE: Final[Mapping[str, Json]] = {
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
 _GEMINI_WORDS: Final = frozenset(
-    "type description enum format items properties required minimum maximum minItems maxItems minLength maxLength pattern".split()
+    ["type", "description", "enum", "format", "items", "properties", "required", "minimum", "maximum", "minItems", "maxItems", "minLength", "maxLength", "pattern"]
 )
 
 

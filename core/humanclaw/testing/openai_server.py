@@ -232,12 +232,12 @@ class OpenAIServer:
 
 def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:  # noqa: N802
+        def do_GET(self) -> None:
             found = self.path.rstrip("/").endswith("/models")
             models = Reply({"object": "list", "data": [{"id": "test", "object": "model"}]})
             self._send(models if found else status(404, f"no such path: {self.path}"), {})
 
-        def do_POST(self) -> None:  # noqa: N802
+        def do_POST(self) -> None:
             raw = self.rfile.read(int(self.headers.get("Content-Length", 0)))
             reply, body = self._reply(raw)
             owner.wait(reply.delay)

@@ -1,0 +1,44 @@
+"""What a person at the terminal sees of a running episode: an observer like any plugin's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from humanclaw.hookspecs import hookimpl
+from humanclaw.records import CallRecord, EpisodeRecord, StepRecord
+
+
+class Progress:
+    """Prints a line a step: the call, why, and what it took."""
+
+    def __init__(self, console: Console, max_steps: int) -> None:
+        self._console = console
+        self._width = len(str(max_steps))
+
+    @hookimpl
+    def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
+        thought = step.attempts[-1].reasoning.split("\n")[0] if step.attempts else ""
+        near = f"{step.target_distance:5.2f} m" if step.target_distance is not None else ""
+        took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
+        line = f"{step.step:>{self._width}}  {_call(step.call):<44} {near:>8} {took:>7}  {thought}"
+        self._console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ellipsis")
+
+
+def _call(call: CallRecord | None) -> str:
+    if call is None:
+        return "(no usable call)"
+    return f"{call.skill}({', '.join(f'{key}={value}' for key, value in call.params.items())})"
+
+
+def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
+    """How the episode ended, in a sentence."""
+    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} steps"]
+    if steps and steps[-1].target_distance is not None:
+        category = record.spec.target_category.replace("_", " ")
+        parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")
+    if record.spec.interact:
+        sat = bool(steps and set(steps[-1].pelvis_contacts) & set(record.spec.target_ids))
+        parts.append("sitting on it" if sat else "not sitting on it")
+    return ", ".join(parts) + "."

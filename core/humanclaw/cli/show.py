@@ -1,0 +1,112 @@
+"""Commands that only look: skills, plugins, tools, report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from humanclaw.bench.report import write_report
+from humanclaw.cli.options import plugin_files
+from humanclaw.contract import Skill
+from humanclaw.errors import HumanclawError
+from humanclaw.plugins import PluginInfo, Plugins
+from humanclaw.tools import publish
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@plugin_files
+def skills(as_json: bool, files: tuple[Path, ...]) -> None:
+    """List the skills: parameters, adapter, where they come from."""
+    plugins = Plugins.discover(files)
+    rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
+    _print(rows, as_json, "No skill is installed. Run `pip install humanclaw-skill-walk`.")
+
+
+@click.command("plugins")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@plugin_files
+def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
+    """List the plugins, what they provide, and why one was set aside."""
+    found = Plugins.discover(files)
+    _print([_plugin_row(info) for info in found.infos], as_json, "No plugin is installed.")
+
+
+@click.command()
+@click.option("--format", "form", type=click.Choice(["openai", "anthropic", "gemini", "mcp"]), default="openai")
+@click.option("--envelope/--no-envelope", default=True, help="With the fields that a model must say around a call.")
+@plugin_files
+def tools(form: str, envelope: bool, files: tuple[Path, ...]) -> None:
+    """Print the skills as the tool list of a model's interface."""
+    found = Plugins.discover(files)
+    ready = [skill for skill in found.skills.values() if skill.trained]
+    click.echo(json.dumps(publish(ready, form, envelope=envelope), indent=2, ensure_ascii=False))  # type: ignore[arg-type]
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
+@click.option("--out", type=click.Path(path_type=Path), help="Where to write; the default is report.html in the run.")
+def report(folder: Path, out: Path | None) -> None:
+    """Write the page that shows a run: filmstrips, maps, calls and tables."""
+    try:
+        click.echo(write_report(folder, out, Plugins.discover().scene))
+    except OSError as error:
+        raise HumanclawError(f"cannot write the report: {error}.", "Name another file with --out.") from error
+
+
+def _skill_row(skill: Skill, plugins: Plugins) -> dict[str, str]:
+    owner = plugins.owner(skill.name)
+    info = next(info for info in plugins.infos if info.name == owner)
+    return {
+        "skill": skill.name,
+        "parameters": _parameters(skill),
+        "checks": str(len(skill.checks)),
+        "from": f"{info.origin or owner} {info.version}".strip(),
+        "state": _state(skill),
+    }
+
+
+def _parameters(skill: Skill) -> str:
+    parts = skill.schema.get("properties", {})
+    return ", ".join(f"{key} {_range(part)}".strip() for key, part in parts.items()) or "none"
+
+
+def _range(part: dict[str, int]) -> str:
+    return f"{part['minimum']}..{part['maximum']}" if {"minimum", "maximum"} <= set(part) else ""
+
+
+def _state(skill: Skill) -> str:
+    if skill.adapter is None:
+        return "ready (keyframes)"
+    return "ready (adapter)" if skill.trained else "adapter still to be trained"
+
+
+def _plugin_row(info: PluginInfo) -> dict[str, str]:
+    return {
+        "plugin": info.name,
+        "version": info.version,
+        "from": info.origin,
+        "provides": "\n".join(info.provides),
+        "state": f"set aside: {info.error}" if info.error else "in use",
+    }
+
+
+def _print(rows: list[dict[str, str]], as_json: bool, nothing: str) -> None:
+    if as_json:
+        click.echo(json.dumps(rows, indent=2, ensure_ascii=False))
+        return
+    if not rows:
+        click.echo(nothing)
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for key in rows[0]:
+        table.add_column(key, overflow="fold")
+    for row in rows:
+        table.add_row(*row.values())
+    # A pipe has no width: a table cut to 80 columns would lose what a script looks for.
+    console = Console()
+    (console if console.is_terminal else Console(width=200)).print(table)
