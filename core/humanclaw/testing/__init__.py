@@ -1,5 +1,6 @@
-"""Tools for those who write skills and harnesses: contract checks and a scripted model server."""
+"""Helpers for the tests of skills, plugins and harnesses."""
 
-from humanclaw.testing.contract import check_skill
+from humanclaw.testing.contract import check_skill, corners
+from humanclaw.testing.scripted import ScriptedAgent
 
-__all__ = ["check_skill"]
+__all__ = ["ScriptedAgent", "check_skill", "corners"]

@@ -1,0 +1,5 @@
+"""`python -m humanclaw` is the console script `humanclaw`."""
+
+from humanclaw.cli import main
+
+main()

@@ -1,0 +1,96 @@
+"""The command line, as a person uses it."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+def humanclaw(*args, cwd, **env):
+    command = [sys.executable, "-m", "humanclaw", *map(str, args)]
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, env=os.environ | env, timeout=300, check=False
+    )
+
+
+@pytest.fixture
+def cli(tmp_path):
+    return lambda *args, **env: humanclaw(*args, cwd=tmp_path, **env)
+
+
+def test_skills_lists_every_skill_with_owner_and_state(cli):
+    rows = {row["skill"]: row for row in json.loads(cli("skills", "--json").stdout)}
+    assert len(rows) == 8
+    assert rows["walk"]["from"] == "humanclaw-skill-walk 0.1.0"
+    assert "z_cm 0..80" in rows["walk"]["parameters"]
+    assert rows["walk"]["state"] == "ready (adapter)"
+
+
+def test_plugins_says_what_each_provides(cli):
+    rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
+    assert "simulator bullet" in rows["bullet"]["provides"]
+    assert all(row["state"] == "in use" for row in rows.values())
+
+
+def test_tools_are_ready_for_a_model(cli):
+    found = json.loads(cli("tools", "--format", "openai").stdout)
+    assert {"walk", "stop"} <= {tool["function"]["name"] for tool in found}
+
+
+def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
+    done = cli("run", "--agent", "random", "--max-steps", "2", "--out", "r", "--film", "gif")
+    assert done.returncode == 0, done.stderr
+    assert "out of steps after 2 steps" in done.stdout or "stopped after" in done.stdout
+    assert len((tmp_path / "r/house-0-0/steps.jsonl").read_text().splitlines()) in (1, 2)
+    assert (tmp_path / "r/house-0-0/film.gif").read_bytes()[:4] == b"GIF8"
+    page = (tmp_path / "r/report.html").read_text()
+    assert not re.search(r'(src|href)="https?:', page)
+
+
+def test_the_ten_line_skill_can_be_called(cli, tmp_path):
+    rows = json.loads(cli("skills", "--json", "--plugin", EXAMPLES / "nod.py").stdout)
+    assert "nod" in {row["skill"] for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("args", "message", "remedy"),
+    [
+        (["run", "--scene", "hose:0"], "there is no scene source 'hose'", "Did you mean house?"),
+        (["run", "--scene", "house:900"], "900", "house:"),
+        (["run", "--agent", "oracel"], "there is no decision maker 'oracel'", "Did you mean oracle?"),
+        (["run", "--option", "api_key=1"], "looks like a secret", "environment"),
+        (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
+        (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw run --out"),
+    ],
+)
+def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message, remedy):
+    done = cli(*args)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert remedy in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) <= 2
+
+
+def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    done = cli("run", "--out", "file/run", "--max-steps", "1", "--film", "none")
+    assert done.returncode == 2
+    assert "cannot write the record to file/run" in done.stderr
+    assert "--out" in done.stderr
+
+
+def test_a_record_is_never_overwritten(cli, tmp_path):
+    folder = tmp_path / "r/house-0-0"
+    folder.mkdir(parents=True)
+    (folder / "episode.json").write_text("precious")
+    done = cli("run", "--out", "r", "--max-steps", "1")
+    assert done.returncode == 2
+    assert "already holds a record" in done.stderr
+    assert (folder / "episode.json").read_text() == "precious"

@@ -1,0 +1,104 @@
+"""The skill contract: what a skill is, what it refuses, and what it says."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from humanclaw import Control, Keyframes, Skill, skill
+from humanclaw.errors import CallError, PluginError
+from humanclaw.pose import FUTURE, rest_pose
+
+EIGHT = {
+    "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
+}  # fmt: skip
+
+
+def nod(times: int = 1) -> Keyframes:
+    """Nod the head to agree."""
+    return Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5, times=times)
+
+
+def test_the_eight_skills_are_found_through_entry_points(plugins):
+    assert set(plugins.skills) == EIGHT
+
+
+def test_importing_humanclaw_loads_neither_torch_nor_pybullet_nor_litellm():
+    probe = "import sys, humanclaw; from humanclaw import Plugins; Plugins.discover(); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"torch", "pybullet", "litellm", "trimesh"} & set(loaded)
+
+
+def test_parameters_become_metres_and_radians_in_the_order_of_the_schema(plugins):
+    walk = plugins.skill("walk")
+    plan = walk.plan(walk.check({"yaw_deg": 30, "z_cm": 40, "x_cm": -5}))
+    assert isinstance(plan, Control)
+    assert plan.values == pytest.approx((-0.05, 0.4, math.pi / 6))
+
+
+def test_parameters_left_out_take_their_defaults(plugins):
+    assert plugins.skill("walk").check({"z_cm": 40}) == {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
+
+
+@pytest.mark.parametrize(
+    ("params", "hint"),
+    [
+        ({"z_cm": 81}, "81 is greater than the maximum of 80"),
+        ({"z_cm": "40"}, "'40' is not of type 'integer'"),
+        ({"z_cm": 40.5}, "40.5 is not of type 'integer'"),
+        ({"z_cm": float("nan")}, "nan is not of type 'integer'"),
+        ({"z_cm": True}, "True is not of type 'integer'"),
+        ({"z_cm": 40, "speed": 3}, "'speed' was unexpected"),
+        ({}, "'z_cm' is a required property"),
+    ],
+)
+def test_what_the_schema_refuses_is_explained_to_the_model(plugins, params, hint):
+    with pytest.raises(CallError) as fault:
+        plugins.skill("walk").check(params)
+    assert hint in str(fault.value)
+    assert "z_cm: integer 0..80" in str(fault.value)
+
+
+def test_a_function_becomes_a_skill_by_its_signature():
+    made = skill(checks=["Is anybody in view?"])(nod)
+    assert isinstance(made, Skill)
+    assert (made.name, made.description) == ("nod", "Nod the head to agree.")
+    assert made.schema["properties"]["times"] == {"type": "integer", "default": 1}
+    assert made.checks[0].question == "Is anybody in view?"
+    assert made.trained
+
+
+def test_keyframes_turn_the_joint_and_bring_it_back():
+    motion = nod(times=1).over(rest_pose())
+    head = motion.rotations[:, 15]
+    assert len(motion) == FUTURE
+    # Half-way through 0.5 s lies between frames 7 and 8; eased keys are within 0.6 degrees of the peak there.
+    assert np.degrees(np.abs(head).max()) == pytest.approx(20, abs=0.6)
+    assert head[-1] == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_keyframes_of_an_unknown_joint_name_the_joints():
+    with pytest.raises(ValueError, match=r"unknown joint 'tail'; the joints are pelvis"):
+        Keyframes.cycle("tail", axis="x", degrees=20, seconds=0.5)
+
+
+def test_an_argument_without_a_type_is_refused():
+    with pytest.raises(PluginError, match="has no type"):
+        skill()(lambda times: nod(times))
+
+
+def test_a_schema_that_is_not_one_is_refused(tmp_path):
+    folder = tmp_path / "hop"
+    folder.mkdir()
+    (folder / "schema.json").write_text('{"type": "object", "properties": {"h_cm": {"type": "whole"}}}')
+    with pytest.raises(PluginError, match="schema of skill 'hop' is not valid"):
+        Skill.from_folder(folder)
+
+
+def test_a_skill_without_its_adapter_says_so(tmp_path):
+    folder = tmp_path / "hop"
+    folder.mkdir()
+    (folder / "schema.json").write_text('{"type": "object", "properties": {}, "description": "Hop once."}')
+    assert not Skill.from_folder(folder).trained

@@ -1,0 +1,177 @@
+"""The loop: what the decision maker does wrong comes back to it as words, and nothing illegal reaches the motion model."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from humanclaw import Call
+from humanclaw.bench.tasks import free_episode
+from humanclaw.errors import ProviderError, RecordError, SceneError
+from humanclaw.interfaces import Answer, Decision, Verdict
+from humanclaw.loop import run_episode
+from humanclaw.records import RecordedEpisode
+from humanclaw.testing import ScriptedAgent
+
+STOP = Call("stop")
+STEP = Call("walk", {"z_cm": 40})
+
+
+class Judge:
+    """Says what it is told of every call."""
+
+    name = "judge"
+
+    def __init__(self, verdict):
+        self.verdict = verdict
+        self.asked = []
+
+    def begin(self, context):
+        self.context = context
+
+    def verify(self, observation, call, skill, goal):
+        self.asked.append((call, skill.name, goal))
+        return self.verdict
+
+
+@pytest.fixture
+def play(body, house, tmp_path):
+    """Run a script in house:0; returns the record read back from disk and the agent that was asked."""
+
+    def run(*script, verifier=None, max_steps=5, seed=0):
+        agent = ScriptedAgent(script)
+        spec = free_episode("find a couch and sit on it", house, seed=seed, max_steps=max_steps)
+        run_episode(body, spec, agent, verifier, folder=tmp_path / "episode")
+        return RecordedEpisode(tmp_path / "episode"), agent
+
+    return run
+
+
+def test_a_legal_call_moves_the_body_by_half_a_second(play):
+    episode, _ = play(STEP, STOP)
+    first = episode.steps[0]
+    assert first.status == "executed"
+    assert first.motion_frames == 15
+    assert 0.2 < math.dist(first.start, first.end) < 0.6
+
+
+def test_an_active_stop_ends_the_episode(play):
+    episode, _ = play(STOP, STEP)
+    assert episode.record.outcome == "stopped"
+    assert [step.status for step in episode.steps] == ["stopped"]
+
+
+def test_an_episode_without_a_stop_runs_out_of_steps(play):
+    episode, _ = play(*[Call("turn_in_place", {"yaw_deg": 20})] * 3, max_steps=3)
+    assert (episode.record.outcome, episode.record.steps) == ("out_of_steps", 3)
+
+
+@pytest.mark.parametrize(
+    ("bad", "hint"),
+    [
+        (Call("wlak", {"z_cm": 40}), "there is no skill 'wlak'. Did you mean walk?"),
+        (Call("walk", {"z_cm": 40, "speed": 2}), "'speed' was unexpected"),
+        (Call("walk", {"z_cm": 400}), "400 is greater than the maximum of 80"),
+        (Call("walk", {"z_cm": "40"}), "'40' is not of type 'integer'"),
+        (Call("walk", {"z_cm": float("nan")}), "nan is not of type 'integer'"),
+        (Decision((STEP, STOP)), "the answer held 2 calls; make exactly one"),
+        (Decision(()), "the answer held no call; make exactly one"),
+    ],
+)
+def test_an_unusable_answer_is_explained_and_the_episode_goes_on(play, bad, hint):
+    episode, agent = play(bad, STEP, STOP)
+    assert hint in agent.heard[1].feedback
+    assert [step.status for step in episode.steps] == ["executed", "stopped"]
+    assert [hint in attempt.error for attempt in episode.steps[0].attempts] == [True, False]
+
+
+def test_after_three_unusable_answers_the_step_is_lost_and_nothing_has_moved(play):
+    episode, _ = play(*[Call("walk", {"z_cm": 400})] * 3, STOP)
+    lost = episode.steps[0]
+    assert (lost.status, lost.call, lost.motion_frames) == ("invalid", None, 0)
+    assert lost.start != (0.0, 0.0, 0.0)
+    assert len(episode.motion()) == 5 + 15  # standing, then the stop
+
+
+def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
+    episode, _ = play(STEP, ProviderError("503 for the fifth time"))
+    assert (episode.record.outcome, episode.record.error) == ("infra_error", "503 for the fifth time")
+    assert len(episode.steps) == 1
+
+
+def test_a_verifier_that_accepts_lets_the_call_through(play):
+    judge = Judge(Verdict(True, None, (Answer("path_clear", True),)))
+    episode, _ = play(STEP, STOP, verifier=judge)
+    assert judge.asked[0] == (Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), "walk", "")
+    assert episode.steps[0].call.skill == "walk"
+    assert episode.steps[0].verdict.accepted
+
+
+def test_a_verifier_puts_another_call_in_place(play):
+    other = Call("turn_in_place", {"yaw_deg": 30})
+    judge = Judge(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
+    episode, agent = play(STEP, verifier=judge, max_steps=2)
+    assert episode.steps[0].call.skill == "turn_in_place"
+    assert "a wall is near" in agent.heard[1].feedback
+
+
+def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
+    judge = Judge(Verdict(False, Call("fly", {}), (Answer("path_clear", False),)))
+    episode, _ = play(STEP, verifier=judge, max_steps=1)
+    assert episode.steps[0].call.skill == "walk"
+    assert "there is no skill 'fly'" in episode.steps[0].verdict.failed_open
+
+
+def test_the_same_seed_gives_the_same_motion_bit_for_bit(body, house, tmp_path):
+    spec = free_episode("walk", house, seed=7, max_steps=3)
+    for name in ("one", "two"):
+        run_episode(body, spec, ScriptedAgent([STEP, STEP, STOP]), folder=tmp_path / name)
+    one, two = (RecordedEpisode(tmp_path / name).motion() for name in ("one", "two"))
+    assert np.array_equal(one.root, two.root)
+    assert np.array_equal(one.rotations, two.rotations)
+
+
+def test_another_seed_gives_another_motion(body, house, tmp_path):
+    for seed in (1, 2):
+        spec = free_episode("walk", house, seed=seed, max_steps=2)
+        run_episode(body, spec, ScriptedAgent([STEP, STOP]), folder=tmp_path / str(seed))
+    one, two = (RecordedEpisode(tmp_path / name).motion("generated") for name in ("1", "2"))
+    assert not np.array_equal(one.root, two.root)
+
+
+def test_a_scene_that_is_not_the_episodes_own_is_refused(body, house):
+    spec = free_episode("walk", house).model_copy(update={"scene_digest": "0" * 64})
+    with pytest.raises(SceneError, match="the episode was made for 000000000000"):
+        run_episode(body, spec, ScriptedAgent([STOP]))
+
+
+def test_the_record_holds_every_frame_and_every_view(play):
+    episode, _ = play(STEP, Call("turn_in_place", {"yaw_deg": -45}), STOP)
+    frames = sum(step.motion_frames for step in episode.steps)
+    assert len(episode.motion("generated")) == len(episode.motion("realised")) == 5 + frames
+    assert all((episode.folder / step.frame_file).read_bytes()[:2] == b"\xff\xd8" for step in episode.steps)
+    assert set(episode.steps[0].seconds) == {"observe", "decide", "generate", "simulate"}
+    assert episode.record.targets.keys() == set(episode.record.spec.target_ids)
+
+
+def test_a_line_cut_off_by_a_crash_is_not_a_step(play):
+    episode, _ = play(STEP, STEP, STOP)
+    path = episode.folder / "steps.jsonl"
+    path.write_text(path.read_text()[:-40])
+    assert len(RecordedEpisode(episode.folder).steps) == 2
+
+
+def test_a_line_that_is_no_step_is_refused(play):
+    episode, _ = play(STOP)
+    with (episode.folder / "steps.jsonl").open("a") as stream:
+        stream.write(json.dumps({"step": 1}) + "\n")
+    with pytest.raises(RecordError, match="holds a line that is not a step"):
+        RecordedEpisode(episode.folder)
+
+
+def test_an_unwritable_folder_is_refused_before_anything_is_written(body, house, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    spec = free_episode("walk", house, max_steps=1)
+    with pytest.raises(RecordError, match="cannot write the record"):
+        run_episode(body, spec, ScriptedAgent([STOP]), folder=tmp_path / "file" / "episode")

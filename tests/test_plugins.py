@@ -1,0 +1,126 @@
+"""The plugin host: what is broken is named and set aside, what is ambiguous is refused, what is misspelt is guessed."""
+
+import importlib.metadata
+import textwrap
+from types import SimpleNamespace
+
+import pytest
+
+from humanclaw import Keyframes, Plugins, hookimpl, skill
+from humanclaw.errors import PluginError
+
+
+@skill()
+def wave(times: int = 1) -> Keyframes:
+    """Wave the right hand."""
+    return Keyframes.cycle("right_elbow", axis="z", degrees=40, seconds=0.5, times=times)
+
+
+class Waving:
+    @hookimpl
+    def humanclaw_skills(self, register):
+        register(wave)
+
+
+def write_distribution(folder, name, module, code, requires="humanclaw"):
+    """An installed distribution as pip leaves it: a module, and metadata that names it as an entry point."""
+    (folder / f"{module}.py").write_text(textwrap.dedent(code))
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\nRequires-Dist: {requires}\n")
+    (info / "entry_points.txt").write_text(f"[humanclaw]\n{module} = {module}\n")
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.invalidate_caches()
+    return tmp_path
+
+
+def test_a_plugin_that_fails_to_import_is_named_and_set_aside(site):
+    write_distribution(site, "humanclaw-broken", "hc_broken_import", "import a_module_that_nobody_has")
+    info = next(info for info in Plugins.discover().infos if info.name == "hc_broken_import")
+    assert "No module named 'a_module_that_nobody_has'" in info.error
+    assert (info.origin, info.version) == ("humanclaw-broken", "1.0")
+
+
+def test_the_other_plugins_work_beside_a_broken_one(site):
+    write_distribution(site, "humanclaw-broken", "hc_broken_beside", "1 / 0")
+    assert "walk" in Plugins.discover().skills
+
+
+def test_a_run_that_needs_a_broken_plugin_is_told_why(site):
+    write_distribution(site, "humanclaw-moon", "hc_moon", "raise RuntimeError('no moon tonight')")
+    with pytest.raises(PluginError, match="no moon tonight"):
+        Plugins.discover().scene("moon:0")
+
+
+def test_a_plugin_made_for_another_version_is_set_aside(site):
+    write_distribution(site, "humanclaw-old", "hc_old", "", requires="humanclaw<0.0.5")
+    info = next(info for info in Plugins.discover().infos if info.name == "hc_old")
+    assert "needs humanclaw<0.0.5" in info.error
+
+
+def test_a_misspelt_hook_is_refused_with_the_one_that_was_meant():
+    class Misspelt:
+        @hookimpl
+        def humanclaw_skill(self, register): ...
+
+    with pytest.raises(PluginError, match=r"Did you mean humanclaw_skills\?"):
+        Plugins().add(Misspelt(), "misspelt")
+
+
+def test_a_name_taken_twice_names_both_owners():
+    plugins = Plugins()
+    plugins.add(Waving(), "first")
+    with pytest.raises(PluginError, match=r"'wave' of plugin 'second' is already registered by 'first'"):
+        plugins.add(Waving(), "second")
+    assert plugins.owner("wave") == "first"
+
+
+def test_a_plugin_that_fails_half_way_leaves_nothing_behind():
+    class Half:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            register(wave)
+            raise RuntimeError("half-way")
+
+    plugins = Plugins()
+    with pytest.raises(PluginError, match="half-way"):
+        plugins.add(Half(), "half")
+    assert plugins.skills == {}
+
+
+def test_an_unknown_name_suggests_the_nearest(plugins):
+    with pytest.raises(PluginError, match=r"there is no skill 'wlak'. Did you mean walk"):
+        plugins.skill("wlak")
+    with pytest.raises(PluginError, match=r"there is no scene source 'hose'. Did you mean house"):
+        plugins.scene("hose:0")
+
+
+def test_two_hosts_do_not_influence_each_other():
+    one, other = Plugins(), Plugins()
+    one.add(Waving(), "waving")
+    assert set(one.skills) == {"wave"}
+    assert other.skills == {}
+
+
+def test_what_is_registered_must_be_a_skill():
+    plugin = SimpleNamespace(humanclaw_skills=hookimpl(lambda register: register("a text")))
+    with pytest.raises(PluginError, match="takes a Skill or a folder; got str"):
+        Plugins().add(plugin, "text")
+
+
+def test_a_plugin_file_that_fails_names_itself(tmp_path):
+    path = tmp_path / "bad.py"
+    path.write_text("1 / 0")
+    with pytest.raises(PluginError, match=r"bad.py failed to load: ZeroDivisionError"):
+        Plugins.discover([path])
+
+
+def test_all_packages_of_the_repository_share_one_version():
+    names = [dist.name for dist in importlib.metadata.distributions() if (dist.name or "").startswith("humanclaw")]
+    versions = {name: importlib.metadata.version(name) for name in names if name not in ("humanclaw-broken",)}
+    assert len(versions) >= 9
+    assert len(set(versions.values())) == 1, versions
