@@ -43,7 +43,22 @@ ENVELOPE: Final[Mapping[str, Json]] = {
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
 _GEMINI_WORDS: Final = frozenset(
-    ["type", "description", "enum", "format", "items", "properties", "required", "minimum", "maximum", "minItems", "maxItems", "minLength", "maxLength", "pattern"]
+    [
+        "type",
+        "description",
+        "enum",
+        "format",
+        "items",
+        "properties",
+        "required",
+        "minimum",
+        "maximum",
+        "minItems",
+        "maxItems",
+        "minLength",
+        "maxLength",
+        "pattern",
+    ]
 )
 
 
@@ -88,6 +103,11 @@ def publish(skills: Iterable[Skill], format: Format, mid_level: bool = True, env
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     return _wrap([tool_spec(skill, mid_level, envelope) for skill in skills], format)
+
+
+def openai_tools(skills: Iterable[Skill], envelope: bool = True, mid_level: bool = True) -> list[Json]:
+    """The tool list of OpenAI's chat completions, which most other servers and clients take too."""
+    return publish(skills, "openai", mid_level, envelope)
 
 
 def _wrap(specs: list[Json], form: Format) -> list[Json]:
@@ -148,7 +168,11 @@ def _merge_alternatives(part: Json, defs: Mapping[str, Any], where: str) -> Json
         if word is None:
             return part
         inner = part.pop(word)
-        options = [defs.get(inner.rsplit("/", 1)[-1])] if word == "$ref" else [o for o in inner if o.get("type") != "null"]
+        options = (
+            [defs.get(inner.rsplit("/", 1)[-1])] if word == "$ref" else [o for o in inner if o.get("type") != "null"]
+        )
+        if options == [None]:
+            raise PluginError(f"{where} refers to {inner!r}, which is not among its $defs.", "Mend the reference.")
         if len(options) != 1 or not isinstance(options[0], Mapping):
             raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
         part = {**options[0], **part}
@@ -169,7 +193,10 @@ def _one_type(part: Json, where: str) -> Json:
 def _inclusive(part: Json) -> Json:
     """Exclusive bounds of integers as inclusive ones, which constrained decoders know."""
     if part.get("type") == "integer":
-        for word, bound, step, pick in (("exclusiveMinimum", "minimum", 1, max), ("exclusiveMaximum", "maximum", -1, min)):
+        for word, bound, step, pick in (
+            ("exclusiveMinimum", "minimum", 1, max),
+            ("exclusiveMaximum", "maximum", -1, min),
+        ):
             if word in part:
                 limit = int(part.pop(word)) + step
                 part[bound] = pick(limit, part.get(bound, limit))
@@ -261,7 +288,9 @@ def _parse(arguments: str, name: str) -> Json:
     try:
         values = json.loads(arguments or "{}")
     except (ValueError, RecursionError) as error:
-        raise CallError(f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?") from error
+        raise CallError(
+            f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"
+        ) from error
     if not isinstance(values, dict):
         raise CallError(f"{name} was not executed: its arguments must be a JSON object; got {type(values).__name__}.")
     return values

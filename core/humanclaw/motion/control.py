@@ -54,9 +54,7 @@ class Adapter(nn.Module):
         self.config = config
         hidden = base.config.hidden
         self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)
-        self.weights = nn.ModuleList(nn.Linear(hidden, hidden, bias=False) for _ in self.blocks)
-        for weight in self.weights:
-            nn.init.zeros_(weight.weight)
+        self.weights = nn.ModuleList(_zeros(hidden) for _ in self.blocks)
         self.encode = _encoder(config, hidden)
         self.register_buffer("centre", torch.tensor(config.centre), persistent=False)
         self.register_buffer("scale", torch.tensor(config.scale), persistent=False)
@@ -106,6 +104,12 @@ class Token(nn.Module):
     def forward(self, values: Tensor) -> Tensor:
         """(B, 0) to (B, hidden)."""
         return self.vector.expand(len(values), -1)
+
+
+def _zeros(hidden: int) -> nn.Linear:
+    layer = nn.Linear(hidden, hidden, bias=False)
+    nn.init.zeros_(layer.weight)
+    return layer
 
 
 def _encoder(config: AdapterConfig, hidden: int) -> nn.Module:

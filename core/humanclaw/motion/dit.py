@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
@@ -26,7 +26,8 @@ class ModelConfig:
     """The shape of a model, and what its output means (flow.velocity).
 
     `velocity` is the paper's. `clean` is for models narrower than a state: to predict a velocity is to repeat the noise of all 219
-    numbers, which a hidden size below 219 cannot carry; the clean future can be told in fewer.
+    numbers, which a hidden size below 219 cannot carry; the clean future can be told in fewer, as what changes since the last
+    frame of the history.
     """
 
     hidden: int
@@ -40,7 +41,7 @@ class ModelConfig:
             raise ValueError(f"hidden must be even and a multiple of heads; got {self.hidden} and {self.heads}")
 
 
-SIZES: Final = {"paper": ModelConfig(512, 10, 8), "lite": ModelConfig(192, 8, 6, prediction="clean")}
+SIZES: Final = {"paper": ModelConfig(512, 10, 8), "lite": ModelConfig(192, 6, 6, prediction="clean")}
 
 Residual = Callable[[int, Tensor], Tensor]
 """What a control branch adds to layer l, given the tokens z_l that enter it."""
@@ -137,18 +138,18 @@ class DiT(nn.Module):
             if residual is not None:
                 z = z + residual(layer, entering)
         shift, scale = at.final.unbind(0)
-        output: Tensor = self.leave(_modulate(z[:, HISTORY:], shift, scale))
-        return output
+        output: Tensor = self.leave(_modulate(z[:, HISTORY:], shift, scale)).float()
+        return output + history[:, -1:] if self.config.prediction == "clean" else output
 
 
 def modulate_blocks(blocks: nn.ModuleList, embedded: Tensor) -> Tensor:
     """(B, hidden) embedded flow times to the (layers, 6, B, 1, hidden) modulations of a stack of blocks."""
-    return torch.stack([_split(block.modulation(embedded), 6) for block in blocks])
+    return torch.stack([_split(cast(Block, block).modulation(embedded), 6) for block in blocks])
 
 
 def _split(modulation: Tensor, parts: int) -> Tensor:
     """(B, parts * hidden) to (parts, B, 1, hidden)."""
-    return modulation.unflatten(-1, (parts, -1)).transpose(0, 1).unsqueeze(2)
+    return modulation.view(len(modulation), parts, 1, -1).transpose(0, 1)
 
 
 def _modulate(z: Tensor, shift: Tensor, scale: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 For tests of anything that talks to a language model, with no key and no network:
 
     with OpenAIServer([call("turn", yaw_deg=30), call("stop")]) as server:
-        client = openai.OpenAI(base_url=server.base_url, api_key="unused")
+        client = openai.OpenAI(base_url=server.url, api_key="unused")
         ...
     assert server.requests[0].tool_names == ["turn", "stop"]
 
@@ -175,7 +175,11 @@ def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
 
     def script(request: Request) -> Reply:
         refused = field_name in request.body
-        return status(400, f"this model does not support {field_name}", kind="invalid_request_error") if refused else rest(request)
+        return (
+            status(400, f"this model does not support {field_name}", kind="invalid_request_error")
+            if refused
+            else rest(request)
+        )
 
     return script
 
@@ -205,7 +209,7 @@ class OpenAIServer:
         self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
 
     @property
-    def base_url(self) -> str:
+    def url(self) -> str:
         """What clients call base_url or api_base."""
         return f"http://127.0.0.1:{self._server.server_address[1]}/v1"
 
@@ -213,7 +217,9 @@ class OpenAIServer:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._closing.set()
         self._server.shutdown()
         self._server.server_close()
@@ -263,7 +269,11 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             data = json.dumps({**stamp, **reply.body} if reply.code == 200 else reply.body).encode()
             try:
                 self.send_response(reply.code)
-                for key, value in {"Content-Type": "application/json", "Content-Length": str(len(data)), **reply.headers}.items():
+                for key, value in {
+                    "Content-Type": "application/json",
+                    "Content-Length": str(len(data)),
+                    **reply.headers,
+                }.items():
                     self.send_header(key, value)
                 self.end_headers()
                 self.wfile.write(data[: int(len(data) * reply.cut)])

@@ -24,15 +24,17 @@ class Profile:
     """No joint turns further in one frame, radians."""
     max_speed: float = 6.0
     """Horizontal root speed is capped here, m/s: a sprint, so that no command can shoot the body through a wall."""
-    max_rise: float = 2.5
-    """Upward root speed is capped here, m/s: a jump from standing, so that no contact can launch the body."""
+    max_rise: float = 0.0
+    """Upward root speed that outlasts the contact which caused it, m/s. At 0 legs lift the body and never launch it."""
+    max_fall: float = 15.0
+    """Downward root speed is capped here, m/s, as after a fall of eleven metres."""
     friction: float = 0.4
     """Of the body's surface."""
     stiffness: float = 1.0
     """Passive joint stiffness (the paper's lambda): how little a contact turns a link away from its pose."""
     soft: tuple[tuple[str, float], ...] = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
     """Joints whose stiffness differs, left and right."""
-    inertia: float = 10.0
+    inertia: float = 40.0
     """Rotational inertia of a link with stiffness 1, kg m2."""
 
     def stiffness_of(self, joint: str) -> float:
@@ -40,7 +42,7 @@ class Profile:
 
 
 PROFILES: Final = {
-    profile.name: profile for profile in (Profile("default"), Profile("paper", horizontal_substeps=(0, 2)))
+    profile.name: profile for profile in (Profile("default"), Profile("paper", horizontal_substeps=(0, 2), max_rise=2.5))
 }
 
 

@@ -9,13 +9,16 @@ is practically infinite: its orientation is commanded, so nobody falls over.
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from humanclaw.body import JOINTS, LINKS, OFFSETS, PARENTS, Box, Capsule
-from humanclaw.pose import Array, Motion, quaternion_from_matrix, vector_from_quaternion
+from humanclaw.pose import FPS, Array, Motion, vector_from_quaternion
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.profile import Profile
 from humanclaw_bullet.quaternions import capped, conjugate, from_vector, multiply
@@ -44,29 +47,60 @@ def motion_of(poses: list[Pose]) -> Motion:
     return Motion(np.stack([pose.root for pose in poses]), vector_from_quaternion(quaternions))
 
 
-def _collision_shape(client: Client, shape: Capsule | Box) -> int:
-    if isinstance(shape, Box):
-        return int(client.createCollisionShape(client.GEOM_BOX, halfExtents=shape.half, collisionFramePosition=shape.centre))
-    centre, turn, length = along(shape)
-    return int(
-        client.createCollisionShape(
-            client.GEOM_CAPSULE,
-            radius=shape.radius,
-            height=length,
-            collisionFramePosition=centre,
-            collisionFrameOrientation=turn,
-        )
-    )
-
-
 def along(capsule: Capsule) -> tuple[Array, Array, float]:
-    """Centre, quaternion that carries +Z onto the axis, and length of the axis."""
+    """Centre, matrix that carries +Z onto the axis, and length of the axis."""
     a, b = np.array(capsule.a), np.array(capsule.b)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
-    return (a + b) / 2, quaternion_from_matrix(np.stack([x, np.cross(z, x), z], -1)), length
+    return (a + b) / 2, np.stack([x, np.cross(z, x), z], -1), length
+
+
+def roll_pitch_yaw(m: Array) -> tuple[float, float, float]:
+    """A rotation matrix as the angles about the fixed axes x, y, z that URDF writes."""
+    pitch = np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0]))
+    if np.hypot(m[0, 0], m[1, 0]) < 1e-6:
+        return float(np.arctan2(-m[1, 2], m[1, 1])), float(pitch), 0.0
+    return float(np.arctan2(m[2, 1], m[2, 2])), float(pitch), float(np.arctan2(m[1, 0], m[0, 0]))
+
+
+def urdf(profile: Profile) -> str:
+    """The body as URDF: the one format through which Bullet accepts the inertia of a link."""
+    parts = [part for joint in range(len(JOINTS)) for part in (_urdf_link(joint, profile), _urdf_joint(joint))]
+    return "\n".join(["<robot name='body'>", *parts, "</robot>"])  # Lines, because Bullet reads at most 1 kB at a time.
+
+
+def _urdf_link(joint: int, profile: Profile) -> str:
+    name = JOINTS[joint]
+    inertia = _PELVIS_INERTIA if joint == 0 else profile.inertia * profile.stiffness_of(name)
+    mass = LINK_OF[name].mass if name in LINK_OF else _COLLAR_MASS
+    diagonal = f"ixx='{inertia}' iyy='{inertia}' izz='{inertia}' ixy='0' ixz='0' iyz='0'"
+    inertial = f"<inertial><origin xyz='0 0 0'/><mass value='{mass}'/><inertia {diagonal}/></inertial>"
+    return f"<link name='{name}'>{inertial}{_urdf_collision(name) if name in LINK_OF else ''}</link>"
+
+
+def _urdf_collision(name: str) -> str:
+    shape = LINK_OF[name].shape
+    if isinstance(shape, Box):
+        size = np.multiply(shape.half, 2)
+        return f"<collision><origin xyz='{_text(shape.centre)}'/><geometry><box size='{_text(size)}'/></geometry></collision>"
+    centre, turn, length = along(shape)
+    origin = f"<origin xyz='{_text(centre)}' rpy='{_text(roll_pitch_yaw(turn))}'/>"
+    geometry = f"<geometry><capsule radius='{shape.radius}' length='{length}'/></geometry>"
+    return f"<collision>{origin}{geometry}</collision>"
+
+
+def _urdf_joint(joint: int) -> str:
+    if joint == 0:
+        return ""
+    ends = f"<parent link='{JOINTS[PARENTS[joint]]}'/><child link='{JOINTS[joint]}'/>"
+    place = f"<origin xyz='{_text(OFFSETS[joint])}'/><axis xyz='1 0 0'/>"
+    return f"<joint name='to_{JOINTS[joint]}' type='spherical'>{ends}{place}</joint>"
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.9g}" for number in numbers)
 
 
 class Puppet:
@@ -74,46 +108,28 @@ class Puppet:
 
     def __init__(self, client: Client, profile: Profile, pose: Pose) -> None:
         self._client, self._profile = client, profile
-        self._step = 1 / (30 * profile.substeps)
-        self._turn_speed = profile.max_turn * 30
         self._links = [joint - 1 for joint in CHILDREN]
         self.body = self._build()
-        self._soften()
+        self._free()
         self.place(pose)
 
     def _build(self) -> int:
-        shapes = [
-            _collision_shape(self._client, LINK_OF[name].shape) if name in LINK_OF else -1 for name in JOINTS
-        ]
-        masses = [LINK_OF[name].mass if name in LINK_OF else _COLLAR_MASS for name in JOINTS]
-        count, still = len(CHILDREN), [0.0, 0.0, 0.0, 1.0]
-        tree: dict[str, Any] = {
-            "linkMasses": masses[1:],
-            "linkCollisionShapeIndices": shapes[1:],
-            "linkVisualShapeIndices": [-1] * count,
-            "linkPositions": OFFSETS[1:].tolist(),
-            "linkOrientations": [still] * count,
-            "linkInertialFramePositions": [[0.0, 0.0, 0.0]] * count,
-            "linkInertialFrameOrientations": [still] * count,
-            "linkParentIndices": list(PARENTS[1:]),
-            "linkJointTypes": [self._client.JOINT_SPHERICAL] * count,
-            "linkJointAxis": [[0.0, 0.0, 0.0]] * count,
-        }
-        return int(self._client.createMultiBody(masses[0], shapes[0], -1, **tree))
+        client = self._client
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "body.urdf"
+            path.write_text(urdf(self._profile), encoding="utf-8")
+            # Without the second flag Bullet numbers the links depth first.
+            flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
+            return int(client.loadURDF(str(path), flags=flags))
 
-    def _soften(self) -> None:
-        """Passive stiffness as inertia, surface friction, and none of Bullet's own motors and damping."""
-        client, free = self._client, {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
-        for joint, name in enumerate(JOINTS):
-            inertia = _PELVIS_INERTIA if joint == 0 else self._profile.inertia * self._profile.stiffness_of(name)
+    def _free(self) -> None:
+        """Surface friction, and none of Bullet's own motors, damping and sleep."""
+        client = self._client
+        for link in (-1, *self._links):
             client.changeDynamics(
-                self.body,
-                joint - 1,
-                localInertiaDiagonal=[inertia] * 3,
-                lateralFriction=self._profile.friction,
+                self.body, link, lateralFriction=self._profile.friction, linearDamping=0, angularDamping=0, jointDamping=0,
                 activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING,
-                **free,
-            )
+            )  # fmt: skip
         for link in self._links:
             client.setJointMotorControlMultiDof(
                 self.body, link, client.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0, velocityGain=0,
@@ -132,19 +148,24 @@ class Puppet:
         joints = [state[0] for state in self._client.getJointStatesMultiDof(self.body, self._links)]
         return Pose(np.array(root), np.array([turn, *joints]))
 
-    def drive(self, target: Array, horizontal: Array | None) -> None:
-        """Command the next physics step. target: (24, 4). horizontal: (3,) root velocity, its y unread; None leaves it be."""
+    def drive(self, target: Array, left: int, horizontal: Array | None) -> None:
+        """Command one physics step on the way to a pose (24, 4) that is due at the end of a frame, so many steps from now.
+
+        horizontal: (3,) root velocity, its y unread; None leaves it be.
+        """
         actual = self.pose().quaternions
-        error = multiply(conjugate(actual), target)
-        speed = capped(vector_from_quaternion(error) / self._step, self._turn_speed)
-        (vx, vy, vz), _ = self._client.getBaseVelocity(self.body)
+        turn = vector_from_quaternion(multiply(conjugate(actual), target))
+        turn[0] = vector_from_quaternion(multiply(target[0], conjugate(actual[0])))
+        speeds = capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
+        self._client.resetBaseVelocity(self.body, self._root_velocity(horizontal), speeds[0])
+        self._set_joints(actual[1:], speeds[1:])
+
+    def _root_velocity(self, horizontal: Array | None) -> Array:
+        velocity = np.array(self._client.getBaseVelocity(self.body)[0])
         if horizontal is not None:
-            vx, vz = float(horizontal[0]), float(horizontal[2])
-        spin = vector_from_quaternion(multiply(target[0], conjugate(actual[0]))) / self._step
-        self._client.resetBaseVelocity(
-            self.body, [vx, min(vy, self._profile.max_rise), vz], capped(spin, self._turn_speed)
-        )
-        self._set_joints(actual[1:], speed[1:])
+            velocity[[0, 2]] = capped(horizontal[[0, 2]], self._profile.max_speed)
+        velocity[1] = np.clip(velocity[1], -self._profile.max_fall, self._profile.max_rise)
+        return velocity
 
     def _set_joints(self, quaternions: Array, velocities: Array) -> None:
         self._client.resetJointStatesMultiDof(

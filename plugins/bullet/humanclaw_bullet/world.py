@@ -109,6 +109,10 @@ class Things:
             path.write_text(_wavefront(hulls), encoding="utf-8")
             return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
+    def awake(self) -> list[int]:
+        """Bullet bodies of the movable objects."""
+        return [body for body, _ in self._movable.values()]
+
     def states(self) -> Mapping[int, Array]:
         """Movable object id to (7,) position and quaternion of the asset's own frame."""
         found = dict(self._still)

@@ -1,0 +1,431 @@
+"""Decision makers that need no model: an oracle that follows routes, a random one, and one that stops at once.
+
+They answer as a model does, with Decisions that hold one Call; nothing they do bypasses the loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.bench.routes import FloorPlan, Routes, Stand, approach, room_at
+from humanclaw.contract import Skill
+from humanclaw.errors import HumanclawError
+from humanclaw.geometry import distance_to_box
+from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
+from humanclaw.pose import Array, Frame
+from humanclaw.scene import Scene
+
+REACHED: Final = 0.18
+"""Distance to the target's bounding box at which the oracle is content, metres: a little inside the benchmark's 0.2."""
+TURN_FIRST: Final = float(np.radians(28))
+"""Heading error above which it turns on the spot before it walks, radians."""
+STRIDE: Final = 0.6
+"""Its longest step, metres in 0.5 s: an easy walk."""
+LOOK_AHEAD: Final = 0.7
+"""How far along the route it aims, metres."""
+AT_SEAT: Final = 0.09
+"""Distance from the pelvis to the edge of a seat at which the calves touch it, metres."""
+SEATED: Final = 0.2
+"""Height of the pelvis over a seat below which it rests on it, metres (the hips' own half thickness is 0.14)."""
+PELVIS_OVER_SEAT_CM: Final = 12
+
+
+# -- without eyes ------------------------------------------------------------------------------------------------------
+class StillAgent:
+    """Stops at once: the floor of every metric."""
+
+    name = "still"
+    privileged = False
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._stop = _ending(context.skills)
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
+
+
+class RandomAgent:
+    """A skill drawn uniformly from those that can run, with parameters drawn uniformly from their bounds."""
+
+    name = "random"
+    privileged = False
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
+        self._seed = context.seed
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
+        rng = np.random.default_rng([self._seed, observation.step])
+        name = str(rng.choice(sorted(self._skills)))
+        params = {key: _draw(part, rng) for key, part in _properties(self._skills[name]).items()}
+        return Decision((Call(name, params),), reasoning="A random draw.", mid_level_change="keep")
+
+
+def _draw(part: Mapping[str, Any], rng: np.random.Generator) -> Any:
+    """A value that a parameter's schema allows."""
+    if "enum" in part:
+        return part["enum"][int(rng.integers(len(part["enum"])))]
+    if part.get("type") == "boolean":
+        return bool(rng.integers(2))
+    low, high = part.get("minimum", 0), part.get("maximum", 10)
+    return int(rng.integers(low, high + 1)) if part.get("type") == "integer" else float(rng.uniform(low, high))
+
+
+def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
+    return skill.schema.get("properties", {})  # type: ignore[no-any-return]
+
+
+def _ending(skills: Mapping[str, Skill]) -> str:
+    """Name of the skill that ends an episode."""
+    found = [name for name, skill in skills.items() if skill.ends_episode]
+    if not found:
+        raise HumanclawError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
+    return found[0]
+
+
+# -- the oracle --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Pose:
+    """Where the pelvis is and where it faces."""
+
+    root: Array
+    yaw: float
+
+    @classmethod
+    def of(cls, state: WorldState) -> Pose:
+        return cls(state.body.root[-1], float(state.body.yaw()[-1]))
+
+    @property
+    def point(self) -> Array:
+        return self.root[[0, 2]]
+
+    def local(self, point: Array) -> tuple[float, float]:
+        """A (2,) point as (left, forward) of the body, metres."""
+        here = Frame(float(self.root[0]), float(self.root[2]), self.yaw)
+        left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
+        return float(left), float(forward)
+
+
+@dataclass
+class Memory:
+    """What the oracle carries from step to step."""
+
+    plan: FloorPlan
+    path: Array | None = None
+    stand: Stand | None = None
+    before: Pose | None = None
+    blocked: int = 0
+    """Steps in a row that were asked to move the body and did not."""
+    sits: int = 0
+    arrived: bool = False
+    """Whether the standing place was reached; from there on the last stretch is walked by eye."""
+    seen: bool = False
+    """Whether a target has been in view."""
+    given_up: set[tuple[float, float]] = field(default_factory=set)
+    jams: int = 0
+    goal: str = ""
+
+
+class OracleAgent:
+    """Walks to the nearest target along a route that it reads off the scene, and sits down on it if it should.
+
+    Privileged: it sees the scene and the true state. It looks at them afresh before every call, and plans again when blocked.
+    """
+
+    name = "oracle"
+    privileged = True
+
+    def begin(self, context: EpisodeContext) -> None:
+        if context.scene is None or context.state is None:
+            raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
+        self._context, self._scene, self._state = context, context.scene, context.state
+        self._stop = _ending(context.skills)
+        start = context.state()
+        floor = context.spec.start.floor if context.spec.start else context.scene.start.floor
+        self._memory = Memory(FloorPlan.of(self._scene, floor, start.objects))
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        state = self._state()
+        pose = Pose.of(state)
+        self._notice(pose, history)
+        view = self._look(state)
+        call, reason = self._act(state, pose)
+        self._memory.before = pose
+        change = "revise" if self._memory.goal != self._goal() else "keep"
+        self._memory.goal = self._goal()
+        return Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
+
+    # what it wants
+    @property
+    def _spec(self) -> Any:
+        return self._context.spec
+
+    def _act(self, state: WorldState, pose: Pose) -> tuple[Call, str]:
+        if not self._spec.target_ids:
+            return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
+        if self._spec.interact and self._memory.sits:
+            return self._after_sitting(pose)
+        if not self._spec.interact and self._distance(state) <= REACHED:
+            return Call(self._stop), "I am within reach of the target, so the task is complete."
+        if self._memory.blocked >= 2:
+            return self._break_free(pose)
+        if self._memory.path is None and not self._choose(pose):
+            return Call(self._stop), "There is no way to any of the targets for a body, so I stop."
+        return self._seat(pose) if self._spec.interact else self._reach(pose)
+
+    def _choose(self, pose: Pose) -> bool:
+        """Pick the target and the standing place with the cheapest route; False if there is none."""
+        plan, memory = self._memory.plan, self._memory
+        routes = Routes.of(plan, pose.point)
+        stands = [s for key in self._spec.target_ids for s in approach(plan, self._scene, key, sit=self._spec.interact)]
+        stands = [s for s in stands if (s.x, s.z) not in memory.given_up]
+        prices = routes.to(np.array([s.point for s in stands]).reshape(-1, 2)) + [6.0 * s.gap for s in stands]
+        if not len(stands) or not np.isfinite(prices).any():
+            return False
+        memory.stand = stands[int(np.argmin(prices))]
+        memory.path = routes.route(memory.stand.point)
+        memory.arrived = False
+        return memory.path is not None
+
+    # on the way
+    def _reach(self, pose: Pose) -> tuple[Call, str]:
+        """Go to the standing place, then close in on the target until it is within reach."""
+        stand = self._memory.stand
+        assert stand is not None
+        if not self._arrived(pose, stand, 0.2):
+            return self._follow(pose)
+        low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
+        edge = np.clip(pose.point, low, high)
+        left, forward = pose.local(edge)
+        error = float(np.arctan2(left, forward))
+        if abs(error) > np.radians(20) and np.hypot(left, forward) > 0.05:
+            return self._turn(error), "I am beside the target and turn to face it."
+        gap = float(np.hypot(left, forward))
+        return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
+
+    def _seat(self, pose: Pose) -> tuple[Call, str]:
+        """Go to the place in front of the seat, turn round, step back to its edge, sit down."""
+        stand = self._memory.stand
+        assert stand is not None
+        assert stand.seat_height is not None
+        if not self._arrived(pose, stand, 0.15):
+            return self._follow(pose)
+        error = _wrap(stand.yaw - pose.yaw)
+        if not self._memory.seen:
+            self._memory.seen = abs(_wrap(error + np.pi)) < np.radians(45)
+            return self._turn(_wrap(error + np.pi)), f"I should look at the {self._noun} before I turn my back to it."
+        if abs(error) > np.radians(12):
+            return self._turn(error), f"I stand in front of the {self._noun} and turn my back to it."
+        left, ahead = pose.local(stand.point)
+        gap = stand.gap - ahead
+        if gap > 0.9 or gap < -0.3 or abs(left) > 0.6:
+            self._memory.path = None
+            return self._act(self._state(), pose)
+        if abs(left) > 0.12:
+            return self._side(left), f"I line up with the {self._noun} behind me."
+        if gap > AT_SEAT + 0.05 and not (self._memory.blocked and gap < 0.25):
+            return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
+        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
+
+    def _after_sitting(self, pose: Pose) -> tuple[Call, str]:
+        stand = self._memory.stand
+        assert stand is not None
+        assert stand.seat_height is not None
+        if self._on_seat(pose, stand):
+            return Call(self._stop), f"I am sitting on the {self._noun}: the task is complete."
+        if self._memory.sits % 2:
+            return self._sit(stand.seat_height - 0.04), f"My hips do not touch the {self._noun} yet: I sit lower."
+        if self._memory.sits >= 6:
+            return Call(self._stop), f"I cannot sit down on the {self._noun}, so I stop."
+        self._memory.sits, self._memory.path = 0, None
+        self._memory.given_up.add((stand.x, stand.z))
+        return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
+
+    def _on_seat(self, pose: Pose, stand: Stand) -> bool:
+        low, high = self._scene.aabb(stand.target)
+        inside = (pose.point > low[[0, 2]]).all() and (pose.point < high[[0, 2]]).all()
+        height = float(pose.root[1]) - self._memory.plan.floor
+        return bool(inside and height <= (stand.seat_height or 0.0) + SEATED)
+
+    def _arrived(self, pose: Pose, stand: Stand, tolerance: float) -> bool:
+        if np.linalg.norm(pose.point - stand.point) < tolerance:
+            self._memory.arrived = True
+        return self._memory.arrived
+
+    def _follow(self, pose: Pose) -> tuple[Call, str]:
+        """One step along the route."""
+        assert self._memory.path is not None
+        aim, rest = _aim(self._memory.plan, self._memory.path, pose.point)
+        left, forward = pose.local(aim)
+        error = float(np.arctan2(left, forward))
+        if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
+            return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
+        if rest < 0.35 and forward < 0.1:
+            return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
+        step = min(STRIDE, float(np.hypot(left, forward)), max(0.15, rest))
+        reason = f"The way to the {self._noun} is {rest:.1f} m further: I walk on."
+        return self._walk(0.3 * left, step * float(np.cos(error)), 0.7 * error), reason
+
+    def _shuffle(self, left: float, forward: float) -> Call:
+        if abs(left) > abs(forward):
+            return self._side(left)
+        return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
+
+    # when it does not go on
+    def _notice(self, pose: Pose, history: Sequence[Past]) -> None:
+        """Compare the last step with what it was to do."""
+        memory = self._memory
+        last = history[-1].executed if history else None
+        if last is None or memory.before is None:
+            return
+        if last.skill == "sit_in_place":
+            memory.sits += 1
+        wanted = float(np.hypot(last.params.get("x_cm", 0), last.params.get("z_cm", 0))) / 100
+        if wanted >= 0.08:
+            moved = float(np.linalg.norm(pose.point - memory.before.point))
+            memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
+
+    def _break_free(self, pose: Pose) -> tuple[Call, str]:
+        """Remember the obstacle, step towards the open side, and plan anew from there."""
+        memory = self._memory
+        ahead = np.array([np.sin(pose.yaw), np.cos(pose.yaw)])
+        beside = np.array([ahead[1], -ahead[0]])
+        if memory.stand is not None and memory.arrived:
+            memory.given_up.add((memory.stand.x, memory.stand.z))
+        elif memory.path is not None:
+            memory.plan = memory.plan.with_obstacle(pose.point + 0.35 * ahead, 0.12)
+        memory.blocked, memory.path, memory.jams = 0, None, memory.jams + 1
+        ways = {"back": -ahead, "left": beside, "right": -beside}
+        room = {
+            name: float(memory.plan.at(memory.plan.clearance, pose.point + 0.3 * way)) for name, way in ways.items()
+        }
+        # The same way out twice running did not help: after every second jam it takes the next best.
+        best = sorted(room, key=lambda name: -room[name])[memory.jams % 4 // 2]
+        reason = (
+            f"Something is in my way: I step {'back' if best == 'back' else 'to the ' + best} and look for another way."
+        )
+        return (self._back(0.3) if best == "back" else self._side(0.3 if best == "left" else -0.3)), reason
+
+    # calls
+    def _call(self, skill: str, **params: float) -> Call:
+        """Parameters in centimetres and degrees, rounded and held within the skill's own bounds."""
+        if skill not in self._context.skills:
+            raise HumanclawError(
+                f"the oracle needs the skill {skill}.", f"Install humanclaw-skill-{skill.split('_')[0]}."
+            )
+        parts = _properties(self._context.skills[skill])
+        low = {key: part.get("minimum", -1000) for key, part in parts.items()}
+        high = {key: part.get("maximum", 1000) for key, part in parts.items()}
+        return Call(skill, {key: int(np.clip(round(params[key]), low[key], high[key])) for key in parts})
+
+    def _walk(self, left: float, forward: float, turn: float) -> Call:
+        return self._call("walk", x_cm=100 * left, z_cm=100 * forward, yaw_deg=np.degrees(turn))
+
+    def _turn(self, angle: float) -> Call:
+        return self._call("turn_in_place", yaw_deg=np.degrees(angle))
+
+    def _side(self, left: float) -> Call:
+        return self._call("side_step", x_cm=100 * left)
+
+    def _back(self, distance: float) -> Call:
+        return self._call("step_back", z_cm=100 * min(distance, 0.4))
+
+    def _sit(self, seat_height: float) -> Call:
+        return self._call("sit_in_place", h_cm=100 * seat_height + PELVIS_OVER_SEAT_CM)
+
+    # words
+    @property
+    def _noun(self) -> str:
+        return str(self._spec.target_category).replace("_", " ") or "target"
+
+    def _distance(self, state: WorldState) -> float:
+        points = state.body.joints()[-1]
+        return min(float(distance_to_box(points, *self._scene.aabb(key)).min()) for key in self._spec.target_ids)
+
+    def _goal(self) -> str:
+        if not self._spec.target_ids:
+            return "Stop."
+        if self._memory.stand is None or not self._memory.arrived:
+            return f"Walk to the {self._noun}."
+        return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
+
+    def _progress(self, pose: Pose) -> str:
+        if self._memory.sits:
+            return f"I have reached the {self._noun} and sat down."
+        if self._memory.arrived:
+            return f"I have reached the {self._noun}."
+        if self._memory.path is None:
+            return "I am looking for a way."
+        return f"I am on the way, {_aim(self._memory.plan, self._memory.path, pose.point)[1]:.1f} m from the place to stand."
+
+    def _look(self, state: WorldState) -> str:
+        """Where one is, and whether a target is in view and where."""
+        point = Pose.of(state).point
+        room = room_at(self._scene, float(point[0]), float(point[1]), self._memory.plan.floor)
+        here = f"I am in the {room.replace('_', ' ')}." if room else "I am between two rooms."
+        seen = [
+            found for key in self._spec.target_ids if (found := in_view(self._memory.plan, self._scene, state, key))
+        ]
+        if not seen:
+            return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
+        angle, distance = min(seen, key=lambda found: found[1])
+        self._memory.seen = True
+        side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {_side_of(angle)}"
+        return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
+
+
+def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
+    """Bearing (radians, left positive) and distance (metres) of a target in the ego view; None if it is out of sight.
+
+    It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
+    """
+    camera = ego_camera(state.body)
+    low, high = scene.aabb(target)
+    grid = np.stack(np.meshgrid([0.05, 0.5, 0.95], [0.05, 0.5, 0.95], [0.05, 0.5, 0.95]), -1).reshape(-1, 3)
+    points = low + grid * (high - low)
+    right = np.cross(camera.forward, camera.up)
+    offset = points - camera.position
+    depth = offset @ camera.forward
+    reach = np.tan(np.radians(camera.fov) / 2) * np.maximum(depth, 1e-6)
+    inside = (depth > 0.1) & (np.abs(offset @ right) < reach) & (np.abs(offset @ camera.up) < reach)
+    shown = [point for point in points[inside] if plan.sees(camera.position, point)]
+    if len(shown) < 3:
+        return None
+    centre = np.mean(shown, axis=0) - camera.position
+    bearing = np.arctan2(-centre @ right, centre @ camera.forward)
+    return float(bearing), float(np.linalg.norm(centre[[0, 2]]))
+
+
+def _aim(plan: FloorPlan, path: Array, point: Array) -> tuple[Array, float]:
+    """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the route."""
+    marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
+    here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))
+    rest = float(along[-1] - along[here])
+    ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
+    for k in reversed(ahead):
+        if plan.clear(point, marks[k], 0.2):
+            return marks[k], rest
+    return marks[ahead[len(ahead) // 2]], rest
+
+
+def _legs(path: Array) -> list[tuple[Array, Array]]:
+    return list(pairwise(path)) or [(path[0], path[0])]
+
+
+def _wrap(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _side_of(left: float) -> str:
+    return "left" if left > 0 else "right"
+
+
+def _cm(metres: float) -> int:
+    return round(100 * metres)

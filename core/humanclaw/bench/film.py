@@ -1,0 +1,274 @@
+"""Recorded episodes as pictures: a film with a camera that follows the body, and a poster for a front page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal
+
+import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import gaussian_filter1d  # type: ignore[import-untyped]
+
+from humanclaw.bench.report import call_text, house_map, path_map
+from humanclaw.bench.routes import FloorPlan
+from humanclaw.body import JOINT_INDEX
+from humanclaw.errors import RecordError
+from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw.pose import FPS, HISTORY, Array, Motion
+from humanclaw.records import RecordedEpisode, StepRecord
+from humanclaw.scene import Scene
+
+Picture = NDArray[np.uint8]
+
+DISTANCE: Final = 3.0
+"""From the camera to the body, metres."""
+AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
+ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
+PREFERRED_ELEVATION: Final = float(np.radians(32))
+WATCHED: Final = [
+    JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee")
+]
+KEY: Final = 8
+"""Frames between two moments at which the camera decides where to be."""
+FILM_SIZE: Final = (640, 480)
+
+
+def film(
+    episode: RecordedEpisode,
+    scene: Scene,
+    renderer: Renderer,
+    out: Path,
+    kind: Literal["mp4", "gif"] = "mp4",
+    every: int = 2,
+    size: tuple[int, int] = FILM_SIZE,
+) -> Path:
+    """Film an episode from behind and above, with the ego view in a corner. every: frames of motion a frame of film.
+
+    Loads the scene, without its ceilings, into the renderer. Raises RecordError if there is no motion or out cannot be written.
+    """
+    pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
+    try:
+        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else _gif(pictures, out, FPS / every)
+    except OSError as error:
+        raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
+    return out
+
+
+def poster(
+    episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
+) -> Path:
+    """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path (PNG)."""
+    replay = Replay.of(episode, scene)
+    side = (width - 16 * (moments + 1)) // (moments + 1)
+    renderer.load(replay.open_scene)
+    frames = np.linspace(HISTORY, len(replay.motion) - 1, moments).astype(int)
+    outside = [_shot(replay, renderer, int(frame), (side, side)) for frame in frames]
+    # The eyes see the ceiling, so the ego views need the whole scene.
+    renderer.load(scene)
+    inside = [
+        renderer.render(replay.state(int(frame)), ego_camera(replay.state(int(frame)).body, side)).rgb
+        for frame in frames
+    ]
+    sheet = Image.new("RGB", (width, 2 * side + 48), "white")
+    for column in range(moments):
+        for row, picture in enumerate((outside[column], inside[column])):
+            sheet.paste(Image.fromarray(picture), (16 + column * (side + 16), 16 + row * (side + 16)))
+    sheet.paste(draw_map(episode, scene, (side, 2 * side + 16)), (16 + moments * (side + 16), 16))
+    sheet.save(out)
+    return out
+
+
+# -- playing it back ---------------------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """An episode's motion in its scene, with a camera for every frame."""
+
+    episode: RecordedEpisode
+    open_scene: Scene
+    """The scene without ceilings."""
+    motion: Motion
+    objects: dict[int, Array]
+    eyes: Array
+    """(T, 3) camera positions, metres."""
+
+    @classmethod
+    def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
+        try:
+            motion, objects = episode.motion(), episode.objects()
+        except OSError as error:
+            raise RecordError(
+                f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed."
+            ) from error
+        plan = FloorPlan.of(scene, scene.start.floor)
+        return cls(episode, without_ceilings(scene), motion, objects, follow(plan, motion))
+
+    def state(self, frame: int) -> WorldState:
+        return WorldState(self.motion[frame : frame + 1], {key: path[frame] for key, path in self.objects.items()})
+
+    def camera(self, frame: int, size: tuple[int, int]) -> Camera:
+        centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
+        return look_at(self.eyes[frame], centre, size)
+
+    def step(self, frame: int) -> StepRecord | None:
+        """The step that a frame belongs to; None before the first."""
+        first = HISTORY
+        for step in self.episode.steps:
+            if first <= frame < first + step.motion_frames:
+                return step
+            first += step.motion_frames
+        return None
+
+
+def without_ceilings(scene: Scene) -> Scene:
+    """The same scene, open from above."""
+    return replace(scene, objects=tuple(thing for thing in scene.objects if thing.category != "ceiling"))
+
+
+def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
+    """A level camera at eye that looks at centre. size: width and height in pixels."""
+    forward = (centre - eye) / np.linalg.norm(centre - eye)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    up = np.cross(right / np.linalg.norm(right), forward)
+    return Camera(eye, forward, up, fov, *size)
+
+
+def follow(plan: FloorPlan, motion: Motion) -> Array:
+    """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
+
+    The cheapest sequence of directions (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
+    """
+    keys = np.arange(0, len(motion), KEY)
+    azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
+    ways = np.stack([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)], -1)
+    swing = np.arccos(np.clip(ways @ ways.T, -1, 1))
+    chosen = _cheapest(_discomfort(plan, motion, keys, azimuth, elevation, ways), 2.5 * swing)
+    offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
+    offsets = gaussian_filter1d(offsets, 14.0, axis=0, mode="nearest")
+    offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
+    return np.asarray(gaussian_filter1d(motion.root, 6.0, axis=0, mode="nearest") + offsets)
+
+
+def _discomfort(
+    plan: FloorPlan, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
+) -> Array:
+    """(K, W) cost of each direction at each key frame."""
+    joints, yaw = motion.joints()[keys], motion.yaw()[keys]
+    behind = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None] - np.pi))
+    steep = np.abs(elevation - PREFERRED_ELEVATION)
+    hidden = np.array(
+        [
+            [np.mean([not plan.sees(pose[0] + DISTANCE * way, pose[j]) for j in WATCHED]) for way in ways]
+            for pose in joints
+        ]
+    )
+    return np.asarray(8.0 * hidden + behind + steep[None])
+
+
+def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
+    """(K,) states of least total cost; cost: (K, W) per key frame, change: (W, W) between neighbours."""
+    total, back = cost[0], []
+    for row in cost[1:]:
+        options = total[:, None] + change
+        back.append(options.argmin(0))
+        total = options.min(0) + row
+    states = [int(total.argmin())]
+    for came in reversed(back):
+        states.append(int(came[states[-1]]))
+    return np.array(states[::-1])
+
+
+# -- drawing -----------------------------------------------------------------------------------------------------------
+def _shot(replay: Replay, renderer: Renderer, frame: int, size: tuple[int, int]) -> Picture:
+    return renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
+
+
+def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
+    renderer.load(replay.open_scene)
+    inset: tuple[str, Image.Image | None] = ("", None)
+    for frame in range(0, len(replay.motion), every):
+        step = replay.step(frame)
+        if step and step.frame_file != inset[0]:
+            inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))
+        yield _caption(_shot(replay, renderer, frame, size), step, inset[1])
+
+
+def _ego(path: Path, side: int) -> Image.Image | None:
+    if not path.is_file():
+        return None
+    with Image.open(path) as image:
+        return image.convert("RGB").resize((side, side), Image.Resampling.LANCZOS)
+
+
+def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:
+    """The ego view in the corner, and the call that is being executed."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    if ego:
+        x = image.width - ego.width - 12
+        draw.rectangle((x - 2, 10, x + ego.width + 1, 13 + ego.height), fill="white")
+        image.paste(ego, (x, 12))
+    if step and step.call:
+        font = ImageFont.load_default(size=image.height // 26)
+        place = (14, image.height - 14)
+        draw.text(
+            place, f"{step.step}  {call_text(step.call)}", "white", font, "ls", stroke_width=2, stroke_fill="black"
+        )
+    return np.asarray(image)
+
+
+def draw_map(episode: RecordedEpisode, scene: Scene, size: tuple[int, int]) -> Image.Image:
+    """The map of the report as a picture of this size."""
+    house = house_map(scene, "house")
+    path = path_map(episode, house)
+    x, z, wide, deep = house.box
+    scale = 2 * min(size[0] / wide, size[1] / deep)
+    image = Image.new("RGB", (2 * size[0], 2 * size[1]), "white")
+    draw = ImageDraw.Draw(image)
+    shift = ((2 * size[0] - scale * wide) / 2, (2 * size[1] - scale * deep) / 2)
+
+    def place(points: str) -> list[tuple[float, float]]:
+        pairs = (pair.split(",") for pair in points.split())
+        return [((float(a) - x) * scale + shift[0], (float(b) - z) * scale + shift[1]) for a, b in pairs]
+
+    for rx, rz, rw, rd, _ in house.rooms:
+        draw.rectangle([*place(f"{rx},{rz}")[0], *place(f"{rx + rw},{rz + rd}")[0]], fill="#f3efe6")
+    for outline, kind, _ in house.things:
+        draw.polygon(place(outline), fill="#cfc8b9" if kind == "fixed" else "#e6dfc9", outline="#a8a294")
+    for outline in house.walls:
+        draw.polygon(place(outline), fill="#4a4e55")
+    if path:
+        for tx, tz, tw, td, _ in path.targets:
+            corners = [*place(f"{tx},{tz}")[0], *place(f"{tx + tw},{tz + td}")[0]]
+            draw.rectangle(corners, outline="#1b6e46", width=4)
+        for points, colour, _ in path.pieces:
+            draw.line(place(points), fill=colour, width=8, joint="curve")
+        for (px, pz, _), colour in ((path.start, "#3d6ceb"), (path.end, "#e2a030")):
+            (cx, cz) = place(f"{px},{pz}")[0]
+            draw.ellipse((cx - 11, cz - 11, cx + 11, cz + 11), fill="white", outline=colour, width=6)
+    return image.resize(size, Image.Resampling.LANCZOS)
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, int]) -> None:
+    writer = imageio_ffmpeg.write_frames(
+        str(out), size, fps=fps, codec="libx264", macro_block_size=2, output_params=["-crf", "21", "-movflags", "+faststart"]
+    )  # fmt: skip
+    writer.send(None)
+    try:
+        for picture in pictures:
+            writer.send(np.ascontiguousarray(picture))
+    finally:
+        writer.close()
+
+
+def _gif(pictures: Iterator[Picture], out: Path, fps: float) -> None:
+    """One palette for all frames: a palette a frame flickers."""
+    frames = [Image.fromarray(picture) for picture in pictures]
+    samples = [np.asarray(frame.resize((96, 72))) for frame in frames[:: max(1, len(frames) // 24)]]
+    palette = Image.fromarray(np.concatenate(samples)).quantize(200)
+    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    few[0].save(out, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=True)

@@ -1,0 +1,86 @@
+"""Flow matching on the fifteen future frames (paper, section 3.3); the five history frames stay clean.
+
+    x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
+
+A model may answer with v or with the clean future; the two say the same, and `velocity` and `clean` turn each into the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from humanclaw.motion.dit import Prediction
+from humanclaw.pose import FUTURE, STATE_SIZE
+
+SIGMA_MIN: Final = 1e-4
+Method = Literal["euler", "midpoint"]
+
+Field = Callable[[int, Tensor], Tensor]
+"""The velocity at the i-th of a solver's times, given the noisy future."""
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A fixed-step integrator of dx/dtau = v from tau 0 to 1."""
+
+    method: Method
+    steps: int
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """The flow times at which the field is asked, in order."""
+        starts = [step / self.steps for step in range(self.steps)]
+        if self.method == "euler":
+            return tuple(starts)
+        return tuple(tau for start in starts for tau in (start, start + 0.5 / self.steps))
+
+    def solve(self, field: Field, noise: Tensor) -> Tensor:
+        """Carry (B, 15, 219) noise to tau 1."""
+        x, width = noise, 1 / self.steps
+        for step in range(self.steps):
+            if self.method == "euler":
+                x = x + width * field(step, x)
+            else:
+                middle = x + width / 2 * field(2 * step, x)
+                x = x + width * field(2 * step + 1, middle)
+        return x
+
+
+PROFILES: Final = {"default": Solver("midpoint", 2), "paper": Solver("midpoint", 30)}
+
+
+def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+    """x(tau); tau (B,) against (B, 15, 219)."""
+    tau = tau[:, None, None]
+    return (1 - (1 - SIGMA_MIN) * tau) * noise + tau * clean
+
+
+def target(clean: Tensor, noise: Tensor) -> Tensor:
+    """The velocity that carries this noise to this future."""
+    return clean - (1 - SIGMA_MIN) * noise
+
+
+def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
+    """The velocity that a model's output means. tau (B,) below 1."""
+    if prediction == "velocity":
+        return output
+    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
+
+
+def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
+    """The clean future that a model's output means."""
+    if prediction == "clean":
+        return output
+    return (1 - (1 - SIGMA_MIN) * tau[:, None, None]) * output + (1 - SIGMA_MIN) * noisy
+
+
+def noise_of(keys: Sequence[Sequence[int]]) -> Tensor:
+    """(B, 15, 219) standard normal numbers; each row depends on its own key of non-negative integers alone."""
+    rows = [np.random.default_rng(tuple(key)).standard_normal((FUTURE, STATE_SIZE), np.float32) for key in keys]
+    return torch.from_numpy(np.stack(rows))

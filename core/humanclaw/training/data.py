@@ -1,0 +1,176 @@
+"""Chunks as tensors: reading them, spoiling their histories, and bringing them to the state that the model sees.
+
+A chunk folder holds one `NAME.npz` a skill, and `base.npz` for the prior, each with root (N, 20, 3) and rotations (N, 20, 24, 3) in
+the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from humanclaw.errors import HumanclawError
+from humanclaw.motion import kinematics
+from humanclaw.motion.checkpoint import Normaliser
+from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
+
+# The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
+_LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
+_SETTLED: Final = 10
+"""Frames after which a spoilt history is forgotten."""
+
+
+@dataclass(frozen=True)
+class ChunkTensors:
+    """root: (N, 20, 3). rotations: (N, 20, 24, 3). params: (N, k) in SI. All float32 on one device."""
+
+    name: str
+    root: Tensor
+    rotations: Tensor
+    params: Tensor
+    statistics: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    def to(self, device: torch.device) -> ChunkTensors:
+        """The same chunks on another device."""
+        tensors = (tensor.to(device) for tensor in (self.root, self.rotations, self.params))
+        return ChunkTensors(self.name, *tensors, self.statistics)
+
+
+def load(folders: Sequence[Path], name: str) -> ChunkTensors:
+    """All chunks of one skill, or of `base`, from every folder that has some.
+
+    Raises HumanclawError when no folder has any.
+    """
+    files = [folder / f"{name}.npz" for folder in folders if (folder / f"{name}.npz").is_file()]
+    if not files:
+        listed = ", ".join(map(str, folders))
+        raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data chunks")
+    arrays = [_read(file) for file in files]
+    root, rotations, params = (
+        torch.from_numpy(np.concatenate([part[key] for part in arrays]).astype(np.float32))
+        for key in ("root", "rotations", "params")
+    )
+    return ChunkTensors(name, root, rotations, params, _statistics(arrays))
+
+
+def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
+    with np.load(file, allow_pickle=False) as content:
+        found = {key: content[key] for key in ("root", "rotations", "params", "real", "source")}
+    if found["root"].shape[1:] != (CHUNK, 3):
+        raise HumanclawError(f"{file} holds root {found['root'].shape}, not (N, {CHUNK}, 3).", "Make the chunks again.")
+    return found
+
+
+def _statistics(arrays: Sequence[dict[str, np.ndarray[Any, Any]]]) -> dict[str, Any]:
+    real = np.concatenate([part["real"] for part in arrays])
+    params = np.concatenate([part["params"] for part in arrays])
+    sources = Counter(str(source) for part in arrays for source in part["source"])
+    return {
+        "chunks": len(real),
+        "real": int(real.sum()),
+        "edited": int((~real.astype(bool)).sum()),
+        "sources": dict(sorted(sources.items())),
+        "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
+        "params_high": [round(float(value), 4) for value in params.max(0)] if params.size else [],
+    }
+
+
+def normaliser(chunks: ChunkTensors) -> Normaliser:
+    """Mean and deviation of each of the 219 numbers over these chunks."""
+    states = kinematics.encode(chunks.root, chunks.rotations).reshape(-1, STATE_SIZE)
+    std = states.std(0)
+    blocks = (kinematics.ROOT, kinematics.ROTATIONS, kinematics.POSITIONS, kinematics.VELOCITIES)
+    for block, least in zip(blocks, _LEAST_STD, strict=True):
+        std[block] = std[block].clamp(min=least)
+    return Normaliser(states.mean(0), std)
+
+
+def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
+    """Of chunks of standing, the history that moves least and stands most typically: root (5, 3), rotations (5, 24, 3)."""
+    root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
+    positions = kinematics.joints(root, rotations)
+    upright = positions[:, -1, 15, 1]
+    tall = upright > upright.quantile(0.5) - 0.05
+    typical = positions[tall, -1].median(0).values
+    far = (positions[:, -1] - typical).norm(dim=-1).mean(-1)
+    moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2))
+    best = int((far / far.median() + moving / moving.median() + 1e3 * ~tall).argmin())
+    return root[best], rotations[best]
+
+
+def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0) -> tuple[Tensor, Tensor]:
+    """Chunks whose histories are off, as those are that the model wrote itself, and whose futures find back.
+
+    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter. The future
+    starts where the spoilt history ends and returns to the clean one within ten frames, so that what is learned is a smooth
+    recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical frame demands.
+    """
+    device = root.device
+    share = strength * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
+    pose, drift, history = (curve.to(device)[None, :, None] for curve in _curves())
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(len(root), *shape, generator=generator, device=device)
+
+    width = rotations.shape[2] * 3
+    offset = 0.08 * normal(1, width) * pose
+    offset[..., 1] = 0  # the heading of the last history frame is 0 by definition
+    turned = offset + 0.08 * normal(1, width) * drift + 0.003 * normal(CHUNK, width) * history
+    rotations = rotations + (share * turned).reshape(rotations.shape)
+    moved = torch.tensor([0.03, 0.01, 0.03], device=device) * normal(1, 3) * drift + 0.001 * normal(CHUNK, 3) * history
+    moved[:, HISTORY - 1] = 0
+    root = root + share * moved
+    lowest = kinematics.support_height(kinematics.joints(root[:, :HISTORY], rotations[:, :HISTORY])).amin(-1)
+    return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
+
+
+def commanded(skill: str, params: Tensor, states: Tensor) -> Tensor:
+    """(B, k) parameters of chunks after their histories were spoilt, (B, 20, 219).
+
+    Where a body ends is as it was; only a rise is measured from where the spoilt history now has the pelvis.
+    """
+    sign = {"climb_upstairs": 1.0, "walk_downstairs": -1.0}.get(skill)
+    if sign is None:
+        return params
+    rise = sign * (states[:, -1, 1] - states[:, HISTORY - 1, 1])
+    return torch.cat([rise[:, None], params[:, 1:]], 1)
+
+
+def _curves() -> tuple[Tensor, Tensor, Tensor]:
+    """Over the 20 frames: a held offset that fades, a drift through the last history frame, and 1 on the history alone."""
+    frame = torch.arange(CHUNK) - (HISTORY - 1.0)
+    pose = 0.5 + 0.5 * torch.cos(torch.pi * (frame / _SETTLED).clamp(0, 1))
+    drift = frame / HISTORY * torch.exp(-frame.clamp(min=0) / 2)
+    return pose, drift, (frame <= 0).float()
+
+
+def load_all(folders: Sequence[Path]) -> ChunkTensors:
+    """Every chunk of every file: what the prior learns from. Parameters are left out.
+
+    Raises HumanclawError when the folders hold none.
+    """
+    names = sorted({file.stem for folder in folders for file in folder.glob("*.npz")})
+    if not names:
+        raise HumanclawError(f"There are no chunks in {', '.join(map(str, folders))}.", "Make chunks first.")
+    parts = [load(folders, name) for name in names]
+    root = torch.cat([part.root for part in parts])
+    sources = sum((Counter(part.statistics["sources"]) for part in parts), Counter())
+    statistics = {
+        "chunks": len(root),
+        "real": sum(part.statistics["real"] for part in parts),
+        "edited": sum(part.statistics["edited"] for part in parts),
+        "sources": dict(sorted(sources.items())),
+        "by_skill": {name: len(part) for name, part in zip(names, parts, strict=True)},
+    }
+    rotations = torch.cat([part.rotations for part in parts])
+    return ChunkTensors("base", root, rotations, root.new_zeros(len(root), 0), statistics)

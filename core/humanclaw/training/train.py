@@ -1,0 +1,388 @@
+"""Train the prior or one skill's adapter (paper, section 3.3).
+
+    python -m humanclaw.training.train base --data CHUNKS --out DIR
+    python -m humanclaw.training.train adapter walk --data CHUNKS --base base.safetensors --out DIR
+
+A run saves its whole state every two minutes and, started again with the same --out, goes on from there. Every random number of a
+step depends on the seed and the step alone, so a run that was interrupted ends with the weights of one that was not (with --steps;
+with --minutes the schedule follows the clock).
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from humanclaw.body import N_JOINTS
+from humanclaw.errors import HumanclawError
+from humanclaw.motion import flow, kinematics
+from humanclaw.motion.checkpoint import Base, Card, Normaliser, load_base, save_adapter, save_base
+from humanclaw.motion.control import Adapter, AdapterConfig, Encoder
+from humanclaw.motion.dit import SIZES, DiT, Prediction
+from humanclaw.motion.generator import shipped_base
+from humanclaw.pose import CHUNK, FUTURE, HISTORY
+from humanclaw.training import data
+from humanclaw.training.chunks import PARAMETERS
+from humanclaw.training.data import ChunkTensors
+
+LICENCES: Final = {
+    "cmu": "CMU Graphics Lab Motion Capture Database: free for all uses, no resale of the data",
+    "reactidle": "ReActIdle: MIT",
+    "hdm05": "HDM05: CC BY-SA 3.0",
+}
+_SAVE_SECONDS: Final = 120
+_REPORT_SECONDS: Final = 15
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that decides what a run learns, its data apart. minutes or steps ends it, whichever is given."""
+
+    size: str = "lite"
+    batch: int = 64
+    rate: float = 1e-3
+    minutes: float = 40.0
+    steps: int = 0
+    seed: int = 0
+    spoil: float = 1.0
+    jitter: float = 0.01
+    """Deviation of the noise on a condition, in units of its scale."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How the terms of the loss are weighed against one another. The unit of the metric terms is named with each."""
+
+    root: float = 4.0
+    rotations: float = 1.0
+    positions: float = 0.5
+    velocities: float = 0.5
+    joints: float = 0.1
+    """Forward kinematics of the predicted rotations, per (3 cm) squared."""
+    motion: float = 0.05
+    """Their one-frame differences, per (5 mm) squared; the feet count threefold, which is what keeps them from skating."""
+    outcome: float = 0.1
+    """Root at the last frame, per (1 cm) and (1 degree) squared, linear beyond: what the skills' parameters command."""
+
+
+class Loss:
+    """Flow matching, weighed by block of the state, with what the state implies for the joints and for the outcome."""
+
+    def __init__(self, normaliser: Normaliser, weights: Weights) -> None:
+        self.normaliser = normaliser
+        self.weights = weights
+        device = normaliser.mean.device
+        by_block = torch.empty(len(normaliser.mean), device=device)
+        by_block[kinematics.ROTATIONS] = weights.rotations
+        by_block[:6] = weights.root
+        by_block[kinematics.POSITIONS] = weights.positions
+        by_block[kinematics.VELOCITIES] = weights.velocities
+        self.by_block = by_block / by_block.mean()
+        self.by_joint = torch.ones(N_JOINTS, 1, device=device)
+        self.by_joint[list(kinematics.FEET)] = 3.0
+
+    def __call__(self, predicted: Tensor, wanted: Tensor, clean: Tensor, states: Tensor) -> Tensor:
+        """predicted, wanted: outputs (B, 15, 219). clean: the future that predicted means. states: (B, 20, 219) in metres."""
+        matching = (self.by_block * (predicted - wanted).square()).mean()
+        implied = self.normaliser.inverse(clean)
+        root = implied[..., kinematics.ROOT]
+        joints = kinematics.joints(root, implied[..., kinematics.ROTATIONS].reshape(-1, FUTURE, N_JOINTS, 3))
+        true = states[..., kinematics.POSITIONS].reshape(-1, CHUNK, N_JOINTS, 3)
+        steps = torch.cat([true[:, HISTORY - 1 : HISTORY], joints], 1).diff(dim=1)
+        true_steps = true[:, HISTORY - 1 :].diff(dim=1)
+        return (
+            matching
+            + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
+            + self.weights.motion * (self.by_joint * ((steps - true_steps) / 0.005).square()).mean()
+            + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
+        )
+
+
+def _outcome(error: Tensor) -> Tensor:
+    """(B, 6) root translation and rotation errors, metres and radians."""
+    units = torch.tensor([0.01] * 3 + [math.radians(1)] * 3, device=error.device)
+    return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
+
+
+Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+"""(history, noisy future, tau, condition values) to the model's output."""
+Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+"""(states, condition values, noise, tau) to the loss."""
+
+
+def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
+    """The flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a whole."""
+
+    def value(states: Tensor, values: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+        normal = loss.normaliser.forward(states)
+        future = normal[:, HISTORY:]
+        noisy = flow.noised(future, noise, tau)
+        with torch.autocast(states.device.type, torch.bfloat16):
+            output = forward(normal[:, :HISTORY], noisy, tau, values)
+        output = output.float()
+        wanted = future if prediction == "clean" else flow.target(future, noise)
+        return loss(output, wanted, flow.clean(prediction, output, noisy, tau), states)
+
+    return torch.compile(value) if fast else value
+
+
+M = TypeVar("M", bound=nn.Module)
+
+
+class Trainer(Generic[M]):
+    """One run: the trainable module, its optimiser, its running mean, and where they have got to."""
+
+    def __init__(self, module: M, chunks: ChunkTensors, recipe: Recipe) -> None:
+        self.module = module
+        self.chunks = chunks
+        self.recipe = recipe
+        self.mean = copy.deepcopy(module).eval().requires_grad_(False)
+        self.parameters = [parameter for parameter in module.parameters() if parameter.requires_grad]
+        self.optimiser = torch.optim.AdamW(self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True)
+        self.step = 0
+        self.seconds = 0.0
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1."""
+        recipe = self.recipe
+        return self.step / recipe.steps if recipe.steps else self.seconds / (60 * recipe.minutes)
+
+    def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """States (B, 20, 219) in metres, condition values (B, k), noise (B, 15, 219) and tau (B,) of the current step."""
+        device = self.chunks.root.device
+        generator = torch.Generator(device)
+        generator.manual_seed(int(np.random.SeedSequence([self.recipe.seed, self.step]).generate_state(1, np.uint64)[0] >> 1))
+        size = self.recipe.batch
+        chosen = torch.randint(len(self.chunks), (size,), generator=generator, device=device)
+        root, rotations = self.chunks.root[chosen], self.chunks.rotations[chosen]
+        states = kinematics.encode(*data.spoilt(root, rotations, generator, self.recipe.spoil))
+        values = data.commanded(self.chunks.name, self.chunks.params[chosen], states)
+        values = values + self.recipe.jitter * self.spread * torch.randn(values.shape, generator=generator, device=device)
+        noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
+        return states, values, noise, torch.rand(size, generator=generator, device=device)
+
+    @property
+    def spread(self) -> Tensor:
+        """(k,) half the range of each parameter."""
+        params = self.chunks.params
+        return (params.amax(0) - params.amin(0)) / 2 if params.numel() else params.new_zeros(params.shape[1])
+
+    def advance(self, objective: Objective) -> Tensor:
+        """One optimisation step; the loss before it."""
+        value = objective(*self.batch())
+        self._update(value)
+        return value.detach()
+
+    def _update(self, value: Tensor) -> None:
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.recipe.rate * _schedule(self.step, self.progress)
+        self.optimiser.zero_grad(set_to_none=True)
+        value.backward()  # type: ignore[no-untyped-call]
+        nn.utils.clip_grad_norm_(self.parameters, 1.0)
+        self.optimiser.step()
+        self.step += 1
+        share = max(1e-3, 1 / (1 + self.step / 5))
+        with torch.no_grad():
+            torch._foreach_lerp_(list(self.mean.parameters()), list(self.module.parameters()), share)
+
+    def save(self, path: Path) -> None:
+        """Write the whole state, all of it or nothing."""
+        content = {
+            "module": self.module.state_dict(),
+            "mean": self.mean.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+            "seconds": self.seconds,
+            "seed": self.recipe.seed,
+        }
+        partial = path.with_suffix(".partial")
+        torch.save(content, partial)
+        partial.replace(path)
+
+    def resume(self, path: Path) -> None:
+        """Go on from a saved state, if there is one. Raises HumanclawError for that of a run with another seed."""
+        if not path.is_file():
+            return
+        content = torch.load(path, weights_only=True, map_location=self.chunks.root.device)
+        if content["seed"] != self.recipe.seed:
+            raise HumanclawError(f"{path} is of a run with seed {content['seed']}.", "Use that seed or another --out.")
+        self.module.load_state_dict(content["module"])
+        self.mean.load_state_dict(content["mean"])
+        self.optimiser.load_state_dict(content["optimiser"])
+        self.step, self.seconds = content["step"], content["seconds"]
+
+
+def _schedule(step: int, progress: float) -> float:
+    """Linear warm-up over 200 steps, then a cosine down to a hundredth."""
+    return min(1.0, (step + 1) / 200) * (0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))))
+
+
+def run(trainer: Trainer[Any], problem: Objective, out: Path, export: Callable[[], None]) -> None:
+    """Train to the end of the recipe, resuming, saving and reporting on the way."""
+    out.mkdir(parents=True, exist_ok=True)
+    trainer.resume(out / "state.pt")
+    saved = reported = clock = time.monotonic()
+    total, first = 0.0, trainer.step
+    while trainer.progress < 1:
+        total += float(trainer.advance(problem))
+        now = time.monotonic()
+        trainer.seconds, clock = trainer.seconds + now - clock, now
+        if now - reported > _REPORT_SECONDS:
+            _report(trainer, total / (trainer.step - first), (trainer.step - first) / (now - reported))
+            reported, total, first = now, 0.0, trainer.step
+        if now - saved > _SAVE_SECONDS:
+            trainer.save(out / "state.pt")
+            export()
+            saved = now
+    trainer.save(out / "state.pt")
+    export()
+
+
+def _report(trainer: Trainer[Any], loss: float, rate: float) -> None:
+    done = max(trainer.progress, 1e-6)
+    left = trainer.seconds / done - trainer.seconds
+    print(
+        f"step {trainer.step:7d}  {100 * done:5.1f} %  loss {loss:.4f}  {rate:.2f} steps/s  "
+        f"{rate * trainer.recipe.batch:.0f} chunks/s  {left / 60:.1f} min left",
+        flush=True,
+    )
+
+
+def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch.device, fast: bool = False) -> Path:
+    """Train the prior on `base.npz` and the skills' chunks; the path of its checkpoint, out/base.safetensors."""
+    chunks = data.load_all(folders)
+    normaliser = data.normaliser(chunks).to(device)
+    start = data.standing(data.load(folders, "stop"))
+    torch.manual_seed(recipe.seed)
+    model = DiT(SIZES[recipe.size]).to(device)
+    trainer = Trainer(model, chunks.to(device), recipe)
+    path = out / "base.safetensors"
+
+    def forward(history: Tensor, noisy: Tensor, tau: Tensor, values: Tensor) -> Tensor:
+        output: Tensor = model(history, noisy, model.modulations(tau))
+        return output
+
+    def export() -> None:
+        save_base(path, trainer.mean, normaliser, start, _card(trainer, Weights(), "base"))
+
+    problem = objective(forward, Loss(normaliser, Weights()), model.config.prediction, fast)
+    run(trainer, problem, out, export)
+    return path
+
+
+def train_adapter(
+    skill: str, folders: Sequence[Path], base: Base, out: Path, recipe: Recipe, device: torch.device, fast: bool = False
+) -> Path:
+    """Train the adapter of one skill on the frozen base; the path of its checkpoint, out/adapter.safetensors."""
+    chunks = data.load(folders, skill).to(device)
+    torch.manual_seed(recipe.seed)
+    frozen, normaliser = base.model.to(device), base.normaliser.to(device)
+    adapter = Adapter(frozen, adapter_config(skill, chunks.params)).to(device)
+    trainer = Trainer(adapter, chunks, recipe)
+    path = out / "adapter.safetensors"
+
+    def forward(history: Tensor, noisy: Tensor, tau: Tensor, values: Tensor) -> Tensor:
+        residual = adapter.residual(adapter.condition(values), adapter.modulations(frozen, tau))
+        output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
+        return output
+
+    def export() -> None:
+        save_adapter(path, trainer.mean, base.digest, _card(trainer, Weights(), skill))
+
+    problem = objective(forward, Loss(normaliser, Weights()), frozen.config.prediction, fast)
+    run(trainer, problem, out, export)
+    return path
+
+
+def adapter_config(skill: str, params: Tensor) -> AdapterConfig:
+    """The encoder of a skill, built in or your own, centred and scaled to the range of its data."""
+    width = params.shape[1]
+    names = PARAMETERS.get(skill, tuple(f"p{index}" for index in range(width)))
+    # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
+    encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
+    if len(names) != width:
+        raise HumanclawError(f"{skill} has {len(names)} parameters; its chunks have {width}.", "Make the chunks again.")
+    low, high = (params.amin(0), params.amax(0)) if width else (params.new_zeros(0), params.new_zeros(0))
+    scale = ((high - low) / 2).clamp(min=1e-3)
+    return AdapterConfig(skill, encoder, names, _rounded((low + high) / 2), _rounded(scale))
+
+
+def _rounded(values: Tensor) -> tuple[float, ...]:
+    return tuple(round(float(value), 5) for value in values)
+
+
+def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
+    recipe = {**asdict(trainer.recipe), "name": name, "loss": asdict(weights), "done_steps": trainer.step}
+    statistics = trainer.chunks.statistics
+    used = sorted({licence for key, licence in LICENCES.items() if any(key in s.lower() for s in statistics["sources"])})
+    return Card(recipe, statistics, tuple(used))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    options = _parser().parse_args(arguments)
+    torch.set_num_threads(options.threads)
+    device = torch.device(options.device if options.device != "auto" else "cuda" if torch.cuda.is_available() else "cpu")
+    recipe = Recipe(
+        options.size, options.batch, options.rate, options.minutes, options.steps, options.seed, options.spoil, options.jitter
+    )
+    try:
+        if options.what == "base":
+            path = train_base(options.data, options.out, recipe, device, options.compile)
+        else:
+            base = load_base(options.base)
+            path = train_adapter(options.skill, options.data, base, options.out, recipe, device, options.compile)
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if options.export:
+        _copy(path, options.export)
+    return 0
+
+
+def _copy(path: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    partial = to.with_name(to.name + ".partial")
+    partial.write_bytes(path.read_bytes())
+    partial.replace(to)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw.training.train", description=__doc__.splitlines()[0] if __doc__ else "")
+    what = parser.add_subparsers(dest="what", required=True)
+    for name in ("base", "adapter"):
+        one = what.add_parser(name)
+        if name == "adapter":
+            one.add_argument("skill")
+            one.add_argument("--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default")
+        one.add_argument("--data", type=Path, action="append", required=True, help="folder of chunks; may be given several times")
+        one.add_argument("--out", type=Path, required=True, help="folder of the run; a run that is there goes on")
+        one.add_argument("--export", type=Path, help="copy the finished checkpoint to this file")
+        one.add_argument("--size", choices=list(SIZES), default="lite", help="shape of the base")
+        one.add_argument("--minutes", type=float, default=40.0 if name == "base" else 8.0)
+        one.add_argument("--steps", type=int, default=0, help="end after this many steps, whatever the time")
+        one.add_argument("--batch", type=int, default=64)
+        one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
+        one.add_argument("--seed", type=int, default=0)
+        one.add_argument("--spoil", type=float, default=1.0, help="strength of the offsets on histories")
+        one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their scale")
+        one.add_argument("--threads", type=int, default=1)
+        one.add_argument("--device", default="auto")
+        one.add_argument("--compile", action="store_true", help="compile the model first: half a minute, then a third faster")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+"""HumanCLAW harness: any model that litellm can reach decides what the body does, and verifies it (paper, section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.interfaces import DecisionMaker, Verifier
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_decision_makers(register: RegisterFactory) -> None:
+    register("litellm", _decision_maker, "a vision-language model of any provider that litellm knows")
+
+
+@hookimpl
+def humanclaw_verifiers(register: RegisterFactory) -> None:
+    register("litellm", _verifier, "asks a model the skill's checklist about the current view (paper, appendix A)")
+
+
+def _decision_maker(options: Mapping[str, Any]) -> DecisionMaker:
+    from humanclaw_litellm.decision import ModelDecisionMaker
+    from humanclaw_litellm.settings import Settings
+
+    return ModelDecisionMaker(Settings.of(options))
+
+
+def _verifier(options: Mapping[str, Any]) -> Verifier:
+    from humanclaw_litellm.settings import Settings
+    from humanclaw_litellm.verifier import ModelVerifier
+
+    return ModelVerifier(Settings.of_verifier(options))

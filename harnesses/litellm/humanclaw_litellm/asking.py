@@ -1,0 +1,112 @@
+"""How to ask for structured answers: with tools, with a JSON schema, or with words, whichever the model can do."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, get_args
+
+from humanclaw.errors import ProviderError
+from humanclaw_litellm.client import Client, Completion, RefusalError
+from humanclaw_litellm.settings import Mode, ModelError, Settings
+
+Json = dict[str, Any]
+MODES: Final[tuple[Mode, ...]] = get_args(Mode)
+
+
+@dataclass(frozen=True)
+class Form:
+    """What an answer looks like: one of these tools, in OpenAI's format, or else one object of this schema."""
+
+    tools: tuple[Json, ...]
+    schema: Json
+
+    def request(self, mode: Mode) -> Json:
+        """The parameters of a request that asks for it."""
+        if mode == "prompt":
+            return {}
+        if mode == "schema":
+            named = {"name": "answer", "schema": self.schema}
+            return {"response_format": {"type": "json_schema", "json_schema": named}}
+        must = {"tool_choice": "required"} if mode == "tools" else {}
+        return {"tools": list(self.tools), **must, "parallel_tool_calls": False}
+
+
+@dataclass(frozen=True)
+class Reply:
+    """An answer, the mode that it was asked for in, and the digest of all that was sent."""
+
+    completion: Completion
+    mode: Mode
+    prompt_digest: str
+
+    @property
+    def raw(self) -> str:
+        """The answer as it came, as JSON."""
+        calls = [{"name": name, "arguments": arguments} for name, arguments in self.completion.calls]
+        answer = {
+            "mode": self.mode,
+            "model": self.completion.model,
+            "finish_reason": self.completion.finish_reason,
+            "content": self.completion.text,
+            "thoughts": self.completion.thoughts,
+            "tool_calls": calls,
+        }
+        return json.dumps(answer, ensure_ascii=False)
+
+
+class Asker:
+    """Finds the first mode in which a model can answer, and keeps to it.
+
+    A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It is
+    settled by the first answer that does.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._client = Client(settings)
+        self._left: list[Mode] = list(MODES) if settings.mode == "auto" else [settings.mode]
+        self._settled = False
+
+    @property
+    def mode(self) -> Mode:
+        return self._left[0]
+
+    def check(self) -> None:
+        """Raises ModelError if the model cannot be reached."""
+        self._client.check()
+
+    def ask(self, form: Form, messages: Callable[[Mode], list[Json]]) -> Reply:
+        """messages: the conversation for a mode. Raises ProviderError, and ModelError if every mode is refused."""
+        while True:
+            sent, request = messages(self.mode), form.request(self.mode)
+            try:
+                return Reply(self._client.complete(sent, request), self.mode, _digest(sent, request))
+            except RefusalError as refusal:
+                self._refused(str(refusal))
+
+    def heard(self, reply: Reply, understood: bool) -> None:
+        """Tell whether the reply held an answer."""
+        completion = reply.completion
+        said_something = bool(completion.text.strip()) and not completion.calls and not completion.cut_off
+        if understood:
+            self._settled = True
+        elif said_something and not self._settled and len(self._left) > 1:
+            tools = ("tools", "tools_auto")
+            self._left = [
+                mode for mode in self._left if mode != reply.mode and (reply.mode not in tools or mode not in tools)
+            ]
+
+    def _refused(self, reason: str) -> None:
+        if self._settled:
+            raise ProviderError(f"the provider refused a request: {reason}")
+        if len(self._left) == 1:
+            raise ModelError(
+                f"the provider refuses the requests: {reason}.", "Use a model that takes pictures, or other params."
+            )
+        self._left.pop(0)
+
+
+def _digest(messages: list[Json], request: Json) -> str:
+    return hashlib.sha256(json.dumps([messages, request], sort_keys=True, default=str).encode()).hexdigest()

@@ -1,0 +1,108 @@
+"""The decision maker: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from humanclaw.contract import Skill
+from humanclaw.errors import CallError, HumanclawError
+from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past
+from humanclaw.tools import Envelope, answer_schema, openai_tools, read_call, read_text
+from humanclaw_litellm.asking import Asker, Form, Reply
+from humanclaw_litellm.client import Completion
+from humanclaw_litellm.prompts import Json, step_content, system_prompt
+from humanclaw_litellm.settings import Mode, ModelError, Settings
+
+
+@dataclass(frozen=True)
+class _Episode:
+    context: EpisodeContext
+    skills: tuple[Skill, ...]
+    form: Form
+
+
+class ModelDecisionMaker:
+    """Asks a model for one call a step. An answer that holds no call is still a Decision: the loop explains it to the model."""
+
+    privileged = False
+
+    def __init__(self, settings: Settings) -> None:
+        self.name = settings.model
+        self._settings = settings
+        self._asker = Asker(settings)
+        self._episode: _Episode | None = None
+        self._note = ""
+
+    @property
+    def mode(self) -> Mode:
+        """How the model is asked at present."""
+        return self._asker.mode
+
+    def begin(self, context: EpisodeContext) -> None:
+        """Raises ModelError if the model cannot be reached or if there is no skill to call."""
+        self._asker.check()
+        skills = usable(context)
+        mid_level = self._settings.mid_level
+        form = Form(tuple(openai_tools(skills, mid_level=mid_level)), answer_schema(skills, mid_level))
+        self._episode, self._note = _Episode(context, skills, form), ""
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the key."""
+        if self._episode is None:
+            raise HumanclawError("a decision maker must begin an episode before it decides.", "Call begin first.")
+        episode = self._episode
+        content = step_content(episode.context, observation, history, self._note, self._settings)
+
+        def messages(mode: Mode) -> list[Json]:
+            schema = episode.form.schema if mode in ("schema", "prompt") else None
+            system = system_prompt(episode.context, episode.skills, self._settings, schema)
+            return [{"role": "system", "content": system}, {"role": "user", "content": content}]
+
+        reply = self._asker.ask(episode.form, messages)
+        found, self._note = read(reply.completion)
+        self._asker.heard(reply, bool(found))
+        return _decision(found, reply)
+
+
+def usable(context: EpisodeContext) -> tuple[Skill, ...]:
+    """The skills that can run: an untrained one is not offered."""
+    skills = tuple(skill for skill in context.skills.values() if skill.trained)
+    if not skills:
+        raise ModelError("no installed skill has a trained adapter.", "Install skills or train their adapters.")
+    return skills
+
+
+def read(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str]:
+    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer."""
+    if completion.calls:
+        return _read_calls(completion)
+    if completion.cut_off:
+        return (), "The last answer was cut off before its call: be brief."
+    try:
+        return tuple(read_text(completion.text)), ""
+    except CallError as fault:
+        return (), str(fault) if "{" in completion.text else ""
+
+
+def _read_calls(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str]:
+    """Among several calls an unreadable one still counts, so that none of the others is executed in its stead."""
+    found, faults = [], []
+    for name, arguments in completion.calls:
+        try:
+            found.append(read_call(name, arguments))
+        except CallError as fault:
+            faults.append(str(fault))
+            found.append((Envelope(), Call(name)))
+    return (() if faults and len(found) == 1 else tuple(found)), " ".join(faults)
+
+
+def _decision(found: Sequence[tuple[Envelope, Call]], reply: Reply) -> Decision:
+    said = found[0][0] if found else Envelope()
+    return Decision(
+        tuple(call for _, call in found),
+        **vars(said),
+        raw=reply.raw,
+        prompt_digest=reply.prompt_digest,
+        usage=reply.completion.usage,
+    )

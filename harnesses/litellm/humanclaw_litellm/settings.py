@@ -1,0 +1,101 @@
+"""The options of a run that concern the model."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
+
+from humanclaw.errors import HumanclawError
+
+Mode = Literal["tools", "tools_auto", "schema", "prompt"]
+"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""
+
+
+class ModelError(HumanclawError):
+    """The model cannot be used as it was asked for, and what to do about it."""
+
+
+def _without_credentials(url: str) -> str:
+    if urlsplit(url).username or urlsplit(url).query:
+        raise ValueError("it must hold no user, password or query, because options are recorded; use auth_env")
+    return url
+
+
+def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
+    taken = sorted({"api_key", "messages", "model", "tools", "stream", "extra_headers"} & set(params))
+    if taken:
+        raise ValueError(f"{taken[0]} cannot be set here")
+    return params
+
+
+Params = Annotated[dict[str, Any], AfterValidator(_without_keys)]
+
+
+class Settings(BaseModel):
+    """How to reach a model and what to show it."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    model: Annotated[str, Field(min_length=1)]
+    """As litellm writes it: provider/name."""
+    api_base: Annotated[str, AfterValidator(_without_credentials)] = ""
+    auth_env: str = ""
+    """Environment variable that holds the key; by default the provider's own."""
+    mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
+    history: Annotated[int, Field(ge=0)] = 20
+    """Past steps told in words."""
+    images: Annotated[int, Field(ge=1)] = 1
+    """Pictures shown, the current view included."""
+    mid_level: bool = True
+    """Whether the model keeps a mid-level goal (an ablation of the paper)."""
+    temperature: Annotated[float, Field(ge=0)] | None = None
+    max_tokens: Annotated[int, Field(ge=1)] | None = None
+    timeout: Annotated[float, Field(gt=0)] = 120.0
+    """Seconds that one request may take."""
+    num_retries: Annotated[int, Field(ge=0)] = 5
+    backoff: Annotated[float, Field(ge=0)] = 1.0
+    """Seconds before the first retry; each further wait doubles, up to a minute."""
+    params: Params | Json[Params] = {}
+    """Further parameters of litellm.completion, such as {"reasoning_effort": "low"}."""
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> Self:
+        """Read the options of a run; those of other parts are passed over, misspelt ones refused. Raises ModelError."""
+        given = {key: value for key, value in options.items() if value is not None}
+        if "model" not in given:
+            raise ModelError("no model is named.", "Name one with --model, such as --model openai/gpt-4o-mini.")
+        for key in set(given) - set(cls.model_fields):
+            cls._refuse_near_miss(key)
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            raise _explain(error) from None
+
+    @classmethod
+    def of_verifier(cls, options: Mapping[str, Any]) -> Self:
+        """The same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and so on."""
+        own = {key.removeprefix("verifier_"): value for key, value in options.items() if key.startswith("verifier_")}
+        shared = {key: value for key, value in options.items() if not key.startswith("verifier_")}
+        if own.get("model") and "api_base" not in own:
+            shared.pop("api_base", None)
+            shared.pop("auth_env", None)
+        return cls.of(shared | own)
+
+    @classmethod
+    def _refuse_near_miss(cls, key: str) -> None:
+        if key == "api_key":
+            raise ModelError(
+                "a key must not be an option, because options are recorded.", "Name its variable: auth_env."
+            )
+        near = difflib.get_close_matches(key.removeprefix("verifier_"), cls.model_fields, n=1, cutoff=0.8)
+        if near and not key.startswith("verifier_"):
+            raise ModelError(f"there is no option {key!r}.", f"Did you mean {near[0]}?")
+
+
+def _explain(error: ValidationError) -> ModelError:
+    first = error.errors(include_input=False)[0]
+    return ModelError(f"option {first['loc'][0]} is not valid: {first['msg']}.")

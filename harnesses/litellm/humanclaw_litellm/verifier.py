@@ -1,0 +1,121 @@
+"""The skill-specific spatial response verifier (paper, section 3.2 and appendix A): a second, short look at the current view."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from humanclaw.contract import Check, Skill
+from humanclaw.errors import CallError, HumanclawError, ProviderError
+from humanclaw.interfaces import Answer, Call, EpisodeContext, Observation, Usage, Verdict
+from humanclaw.tools import call_schema, json_objects, read_answer
+from humanclaw_litellm.asking import Asker, Form
+from humanclaw_litellm.client import Completion
+from humanclaw_litellm.decision import usable
+from humanclaw_litellm.prompts import Json, verifier_content, verifier_prompt
+from humanclaw_litellm.settings import Mode, Settings
+
+_YES: Final = {"yes": True, "true": True, "no": False, "false": False}
+
+
+class ModelVerifier:
+    """Puts a skill's checklist to a model that sees the current view and no history.
+
+    It fails open: if no verdict can be had, the call passes and the verdict says why. A skill without checks passes unasked.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.name = f"litellm:{settings.model}"
+        self._settings = settings
+        self._asker = Asker(settings)
+        self._skills: tuple[Skill, ...] = ()
+
+    def begin(self, context: EpisodeContext) -> None:
+        """Raises ModelError if the model cannot be reached."""
+        self._asker.check()
+        self._skills = usable(context)
+
+    def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
+        """Raises ModelError if the provider does not take the model or the key: that is to be mended, not passed over."""
+        if not self._skills:
+            raise HumanclawError("a verifier must begin an episode before it verifies.", "Call begin first.")
+        if not skill.checks:
+            return Verdict(True)
+        checks = _numbered(skill)
+        form = _form(checks, self._skills)
+
+        def messages(mode: Mode) -> list[Json]:
+            system = verifier_prompt(self._skills, form.schema if mode in ("schema", "prompt") else None)
+            content = verifier_content(observation, call, skill, goal, checks.items())
+            return [{"role": "system", "content": system}, {"role": "user", "content": content}]
+
+        try:
+            reply = self._asker.ask(form, messages)
+        except ProviderError as fault:
+            return Verdict(True, failed_open=str(fault))
+        found = _object(reply.completion)
+        self._asker.heard(reply, found is not None)
+        return _verdict(found, checks, call, reply.completion.usage)
+
+
+def _numbered(skill: Skill) -> dict[str, Check]:
+    """Checks under names that every provider takes as a property's."""
+    return {f"check_{number}": check for number, check in enumerate(skill.checks, start=1)}
+
+
+def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
+    asked: Json = {}
+    for key, check in checks.items():
+        asked[f"{key}_evidence"] = {"type": "string", "description": "What in the picture decides it."}
+        asked[f"{key}_answer"] = {"type": "string", "enum": ["yes", "no"], "description": check.question}
+    schema = {
+        "type": "object",
+        "properties": {**asked, **call_schema(skills)},
+        "required": list(asked),
+        "additionalProperties": False,
+    }
+    function = {
+        "name": "verdict",
+        "description": "Report the answers, and what to do instead if any is no.",
+        "parameters": schema,
+    }
+    return Form(({"type": "function", "function": function},), schema)
+
+
+def _object(completion: Completion) -> Json | None:
+    """The verdict's object, wherever the model put it; None if there is none that is whole."""
+    for _, arguments in completion.calls:
+        return next(json_objects(arguments), None)
+    return next((item for item in json_objects(completion.text) if any(key.endswith("_answer") for key in item)), None)
+
+
+def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
+    if found is None:
+        return Verdict(True, failed_open="the verifier's answer held no verdict", usage=usage)
+    answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
+    if all(answer.passed for answer in answers):
+        left = [check.id for check, key in zip(checks.values(), checks, strict=True) if _passed(found, key) is None]
+        return Verdict(True, None, answers, f"no answer to {', '.join(left)}" if left else "", usage)
+    other = _replacement(found)
+    if other is None or other == call:
+        return Verdict(True, None, answers, "checks failed, but no other call was named", usage)
+    return Verdict(False, other, answers, usage=usage)
+
+
+def _answer(key: str, check: Check, found: Mapping[str, Any]) -> Answer | None:
+    passed = _passed(found, key)
+    return None if passed is None else Answer(check.id, passed, str(found.get(f"{key}_evidence", "")))
+
+
+def _passed(found: Mapping[str, Any], key: str) -> bool | None:
+    return _YES.get(str(found.get(f"{key}_answer", "")).strip().lower().rstrip("."))
+
+
+def _replacement(found: Mapping[str, Any]) -> Call | None:
+    """The call named in place of the proposal. It is not checked here: the loop holds every call to its schema."""
+    if not found.get("skill"):
+        return None
+    try:
+        return read_answer({"skill": found["skill"], "parameters": found.get("parameters")})[1]
+    except CallError:
+        return None

@@ -1,0 +1,70 @@
+"""A scripted model behind a real HTTP server, real skills, and a view."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+
+import numpy as np
+import pytest
+
+import humanclaw_litellm
+from humanclaw import Plugins
+from humanclaw.episode import EpisodeSpec
+from humanclaw.interfaces import EpisodeContext, Observation
+from humanclaw.testing.openai_server import OpenAIServer
+
+GOAL = "Find the couch and sit on it."
+
+
+@pytest.fixture(autouse=True)
+def no_keys(monkeypatch, tmp_path):
+    """No key of the person who runs the tests is used, and no file .env of theirs."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("OPENAI_API_KEY", "ANTHROPIC_API_KEY", "OPENAI_BASE_URL", "OPENAI_API_BASE"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="session")
+def plugins():
+    host = Plugins()
+    for name in ("walk", "step_back", "turn", "sit", "stop"):
+        host.add(importlib.import_module(f"humanclaw_skill_{name}"), name)
+    host.add(humanclaw_litellm, "litellm")
+    return host
+
+
+@pytest.fixture(scope="session")
+def skills(plugins):
+    """The skills as if trained: nothing here runs the motion model."""
+    return {name: dataclasses.replace(skill, adapter=None) for name, skill in plugins.skills.items()}
+
+
+@pytest.fixture
+def context(skills):
+    return EpisodeContext(EpisodeSpec(id="one", instruction=GOAL, scene="house:0"), skills, seed=0)
+
+
+@pytest.fixture
+def begin(plugins, context):
+    """begin(server, **options): a part that talks to the server and has begun the episode."""
+
+    def make(server: OpenAIServer, kind: str = "decision_makers", about: EpisodeContext = context, **options):
+        given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 10}
+        part = plugins.make(kind, "litellm", given | options)
+        part.begin(about)
+        return part
+
+    return make
+
+
+@pytest.fixture
+def view():
+    """view(step): what the body sees: a picture of smooth colours, another one each step."""
+    ramp = np.linspace(0, 200, 512).astype(np.uint8)
+
+    def observe(step: int = 0, feedback: str = "") -> Observation:
+        rgb = np.stack(np.broadcast_arrays(ramp[:, None], ramp[None, :], np.uint8(20 * step)), axis=-1)
+        return Observation(step, GOAL, np.ascontiguousarray(rgb), feedback)
+
+    return observe

@@ -1,0 +1,257 @@
+"""The decision maker, against a scripted model behind a real HTTP server."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanclaw import Keyframes, skill
+from humanclaw.errors import CallError
+from humanclaw.interfaces import Call, EpisodeContext, Past
+from humanclaw.loop import check
+from humanclaw.testing.openai_server import OpenAIServer, call, calls, message, no_choices, refusing, text
+from humanclaw.tools import ENVELOPE
+
+SAID = {
+    "visible_state": "a couch 3 m ahead",
+    "progress": "approach",
+    "mid_level_change": "revise",
+    "mid_level_goal": "reach the couch",
+    "reasoning": "the way is free",
+}
+WALK = {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
+
+
+def answer(name="walk", **params):
+    """A decision as a JSON text."""
+    return json.dumps({**SAID, "skill": name, "parameters": params})
+
+
+def after(decision, observation, feedback="Executed it."):
+    return Past(observation.step, decision, decision.calls[0], feedback, observation.rgb)
+
+
+# -- what the model is told and shown ----------------------------------------------------------------------------------
+def test_a_scripted_model_walks_and_then_stops(begin, view, skills):
+    with OpenAIServer([call("walk", **SAID, **WALK), call("stop", **SAID)]) as server:
+        maker = begin(server)
+        first = maker.decide(view(0), ())
+        second = maker.decide(view(1, "Executed it."), [after(first, view(0))])
+    assert check(first, skills) == Call("walk", WALK)
+    assert check(second, skills) == Call("stop")
+    assert {key: getattr(first, key) for key in SAID} == SAID
+    assert len(server.requests) == 2
+
+
+def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        begin(server).decide(view(3), ())
+    (picture,) = server.requests[0].images
+    assert picture.shape == (512, 512, 3)
+    assert np.abs(picture.astype(int) - view(3).rgb.astype(int)).mean() < 3
+    assert server.requests[0].messages[-1]["role"] == "user"
+
+
+def test_every_tool_asks_for_the_envelope_first_and_for_its_own_parameters_last(begin, view, skills):
+    with OpenAIServer([call("stop")]) as server:
+        begin(server).decide(view(), ())
+    for tool in server.requests[0].tools:
+        own = list(skills[tool["name"]].schema["properties"])
+        assert list(tool["parameters"]["properties"]) == [*ENVELOPE, *own]
+    assert server.requests[0].tool_names == list(skills)
+
+
+def test_the_prompt_speaks_of_the_skills_that_there_are_and_of_no_others(begin, view, context):
+    @skill(checks=["Is anybody in view?"])
+    def nod(times: int = 1) -> Keyframes:
+        """Nod the head to agree."""
+        return Keyframes.cycle("head", "x", 20, 0.5, times)
+
+    alone = EpisodeContext(context.spec, {"nod": nod}, 0)
+    with OpenAIServer([call("nod", times=2)]) as server:
+        decision = begin(server, about=alone).decide(view(), ())
+    told = server.requests[0].text
+    assert all(
+        words in told for words in ("## nod", "Nod the head to agree.", "times (integer)", "Is anybody in view?")
+    )
+    assert not any(name in told for name in ("turn_in_place", "sit_in_place", "walk(", "## stop", "Calling stop"))
+    assert decision.calls == (Call("nod", {"times": 2}),)
+
+
+def test_a_skill_without_its_trained_adapter_is_not_offered(begin, view, plugins, skills, context, tmp_path):
+    mixed = skills | {"walk": replace(skills["walk"], adapter=tmp_path / "missing.safetensors")}
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, about=EpisodeContext(context.spec, mixed, 0)).decide(view(), ())
+    assert "walk" not in server.requests[0].tool_names
+    assert "## walk\n" not in server.requests[0].text
+
+
+def test_the_system_prompt_is_the_same_in_every_step(begin, view):
+    with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
+        maker = begin(server)
+        first = maker.decide(view(0), ())
+        maker.decide(view(1), [after(first, view(0))])
+    one, two = (request.role("system") for request in server.requests)
+    assert one == two
+    assert "Find the couch and sit on it." in one
+
+
+def test_the_history_tells_what_was_seen_thought_done_and_what_came_of_it(begin, view):
+    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
+        maker = begin(server)
+        first = maker.decide(view(0), ())
+        maker.decide(view(1, "You moved 2 cm."), [after(first, view(0), "You moved 2 cm.")])
+    told = server.requests[1].role("user")
+    assert all(words in told for words in SAID.values())
+    assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in told
+    assert told.count("You moved 2 cm.") == 1
+    assert "Step 2 of 100" in told
+
+
+@pytest.mark.parametrize(("history", "shown"), [(0, []), (2, [3, 4]), (20, [1, 2, 3, 4])])
+def test_only_as_many_past_steps_are_told_as_asked_for(begin, view, history, shown):
+    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
+        maker = begin(server, history=history)
+        first = maker.decide(view(0), ())
+        maker.decide(view(4), [after(first, view(step), f"result {step + 1}") for step in range(4)])
+    told = server.requests[1].role("user")
+    assert [number for number in (1, 2, 3, 4) if f"result {number}" in told] == shown
+
+
+def test_earlier_views_come_first_if_more_pictures_are_asked_for(begin, view):
+    with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
+        maker = begin(server, images=3)
+        first = maker.decide(view(0), ())
+        maker.decide(view(4), [after(first, view(step)) for step in range(4)])
+    blue = [picture[..., 2].mean() for picture in server.requests[1].images]
+    assert blue == pytest.approx([40, 60, 80], abs=3)
+
+
+def test_without_the_mid_level_nobody_speaks_of_it(begin, view):
+    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
+        maker = begin(server, mid_level=False)
+        first = maker.decide(view(0), ())
+        maker.decide(view(1), [after(first, view(0))])
+    assert all("mid" not in request.text.replace("middle", "") for request in server.requests)
+    assert all("mid_level_goal" not in tool["parameters"]["properties"] for tool in server.requests[0].tools)
+
+
+def test_the_sampling_options_are_sent_as_given(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, temperature=0.0, max_tokens=300, params={"seed": 7}).decide(view(), ())
+    body = server.requests[0].body
+    assert (body["temperature"], body["max_tokens"], body["seed"]) == (0.0, 300, 7)
+
+
+# -- answers that hold no single call ----------------------------------------------------------------------------------
+def handed_back(begin, view, skills, reply):
+    """The decision that a reply becomes, and what the loop says of it."""
+    with OpenAIServer([reply]) as server:
+        decision = begin(server, mode="tools").decide(view(), ())
+    with pytest.raises(CallError) as fault:
+        check(decision, skills)
+    return decision, str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("reply", "words"),
+    [
+        (calls(("walk", WALK), ("stop", {})), "2 calls"),
+        (calls(("walk", WALK), ("stop", '{"reaso')), "2 calls"),
+        (calls(("stop", '{"reasoning": "the goal is')), "no call"),
+        (calls(("walk", "[1, 2]")), "no call"),
+        (text("I would walk to the couch."), "no call"),
+        (text(answer("stop")[:-1]), "no call"),
+        (text(answer("stop"), finish_reason="length"), "no call"),
+        (message({"role": "assistant", "content": None}), "no call"),
+        (no_choices(), "no call"),
+        (call("wlak", **WALK), "Did you mean walk"),
+        (call("walk", **{**WALK, "z_cm": 9000}), "9000"),
+        (call("walk", **{**WALK, "z_cm": "40"}), "z_cm"),
+        (call("walk", **{**WALK, "z_cm": None}), "z_cm"),
+        (calls(("walk", '{"x_cm": 0, "z_cm": NaN, "yaw_deg": 0}')), "no call"),
+    ],
+)
+def test_what_is_not_one_legal_call_is_handed_back_and_never_executed(begin, view, skills, reply, words):
+    decision, told = handed_back(begin, view, skills, reply)
+    assert words in told
+    assert json.loads(decision.raw)["mode"] == "tools"
+
+
+def test_a_call_that_was_cut_off_is_explained_with_the_next_question(begin, view):
+    with OpenAIServer([calls(("walk", '{"x_cm": 0, "z_')), call("walk", **WALK), call("stop")]) as server:
+        maker = begin(server)
+        for feedback in ("", "Nothing was executed.", "Executed it."):
+            maker.decide(view(0, feedback), ())
+    assert "not valid JSON" in server.requests[1].role("user")
+    assert "Nothing was executed." in server.requests[1].role("user")
+    assert "not valid JSON" not in server.requests[2].role("user")
+
+
+def test_words_before_a_call_do_no_harm(begin, view, skills):
+    with OpenAIServer([calls(("walk", {**SAID, **WALK}), text="Let me walk.")]) as server:
+        decision = begin(server).decide(view(), ())
+    assert check(decision, skills) == Call("walk", WALK)
+    assert "Let me walk." in decision.raw
+
+
+def test_a_call_that_is_written_as_text_counts(begin, view, skills):
+    with OpenAIServer([text(f"<think>{{}}</think>Sure:\n```json\n{answer(**WALK)}\n```")]) as server:
+        decision = begin(server).decide(view(), ())
+    assert check(decision, skills) == Call("walk", WALK)
+    assert decision.mid_level_goal == "reach the couch"
+
+
+# -- models without tools ----------------------------------------------------------------------------------------------
+def test_a_model_without_tools_is_asked_with_a_schema_and_remembered(begin, view, skills):
+    with OpenAIServer(refusing("tools", [text(answer(**WALK))] * 2)) as server:
+        maker = begin(server)
+        decisions = [maker.decide(view(), ()) for _ in range(2)]
+    assert [check(decision, skills) for decision in decisions] == [Call("walk", WALK)] * 2
+    assert json.loads(decisions[0].raw)["mode"] == maker.mode == "schema"
+    asked = server.requests[-1].body["response_format"]["json_schema"]["schema"]["properties"]
+    assert list(asked) == [*ENVELOPE, "skill", "parameters"]
+    assert len(server.requests) == 4  # Tools twice, required and then optional; the schema; and the schema at once.
+
+
+def test_a_model_without_tools_and_schemas_is_asked_in_words(begin, view, skills):
+    with OpenAIServer(refusing("tools", refusing("response_format", [text(answer(**WALK))]))) as server:
+        maker = begin(server)
+        decision = maker.decide(view(), ())
+    assert check(decision, skills) == Call("walk", WALK)
+    assert maker.mode == "prompt"
+    assert '"z_cm"' in server.requests[-1].role("system")
+    assert len(server.requests[-1].images) == 1
+
+
+def test_a_server_that_takes_tools_but_knows_only_words_is_asked_otherwise_next(begin, view):
+    with OpenAIServer([text("I see a couch."), text("Still a couch."), text(answer(**WALK)), text("Oh.")]) as server:
+        maker = begin(server)
+        found = []
+        for _ in range(4):
+            found.append((maker.mode, len(maker.decide(view(), ()).calls)))
+    assert found == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
+
+
+def test_a_model_that_has_called_a_tool_once_is_not_asked_otherwise_when_it_fails_to(begin, view):
+    with OpenAIServer([call("walk", **WALK), text("Hm."), call("stop")]) as server:
+        maker = begin(server)
+        for _ in range(3):
+            maker.decide(view(), ())
+    assert all("tools" in request.body for request in server.requests)
+
+
+def test_the_mode_can_be_chosen(begin, view):
+    with OpenAIServer([text(answer(**WALK))]) as server:
+        begin(server, mode="prompt").decide(view(), ())
+    assert not {"tools", "response_format"} & set(server.requests[0].body)
+
+
+# -- records -----------------------------------------------------------------------------------------------------------
+def test_the_prompt_digest_names_what_was_sent(begin, view):
+    with OpenAIServer([call("stop")] * 3) as server:
+        maker = begin(server)
+        one, same, other = (maker.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
+    assert one == same != other
+    assert len(one) == 64

@@ -1,0 +1,246 @@
+"""What happens when the provider fails, what a request costs, and where a key may never appear."""
+
+import logging
+import os
+import subprocess
+import sys
+import time
+import traceback
+
+import pytest
+
+from humanclaw.errors import HumanclawError, ProviderError
+from humanclaw.testing.openai_server import (
+    OpenAIServer,
+    Reply,
+    call,
+    delayed,
+    dropped,
+    refusing,
+    status,
+    truncated,
+    without_usage,
+)
+from humanclaw_litellm.settings import ModelError, Settings
+
+KEY = "planted-0123456789-key"
+
+
+def test_a_request_over_the_rate_limit_is_made_again(begin, view):
+    with OpenAIServer([status(429), status(503), call("stop")]) as server:
+        decision = begin(server).decide(view(), ())
+    assert decision.calls[0].skill == "stop"
+    assert len(server.requests) == 3
+
+
+def test_the_provider_says_how_long_to_wait(begin, view):
+    with OpenAIServer([status(429, headers={"Retry-After": "0.5"}), call("stop")]) as server:
+        maker = begin(server)
+        began = time.monotonic()
+        maker.decide(view(), ())
+    assert 0.5 <= time.monotonic() - began < 5
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [status(500), status(529), dropped(), truncated(call("stop")), Reply({"choices": None}), Reply({"nothing": 1})],
+    ids=["500", "529", "dropped", "truncated", "null", "empty"],
+)
+def test_a_fault_that_lasts_is_a_provider_error_after_just_the_retries_asked_for(begin, view, fault):
+    with OpenAIServer([fault] * 9) as server:
+        with pytest.raises(ProviderError, match="openai/anything at http://127"):
+            begin(server, num_retries=2).decide(view(), ())
+        assert len(server.requests) == 3
+
+
+def test_an_answer_that_does_not_come_in_time_is_a_provider_error(begin, view):
+    with OpenAIServer([delayed(30, call("stop"))] * 2) as server:
+        with pytest.raises(ProviderError, match="timed out"):
+            begin(server, num_retries=1, timeout=0.3).decide(view(), ())
+        assert len(server.requests) == 2
+
+
+def test_nobody_listening_is_a_provider_error(begin, view):
+    with OpenAIServer([]) as server:
+        maker = begin(server, num_retries=1)
+    with pytest.raises(ProviderError, match="Connection error"):
+        maker.decide(view(), ())
+
+
+def test_a_wrong_key_or_model_at_first_is_for_the_user_to_mend(begin, view):
+    for code, words in ((401, "key"), (403, "key"), (404, "name")):
+        with OpenAIServer([status(code)] * 2) as server:
+            with pytest.raises(ModelError, match=words) as fault:
+                begin(server).decide(view(), ())
+            assert fault.value.remedy
+            assert len(server.requests) == 1
+
+
+def test_the_same_after_a_first_success_is_the_providers_fault(begin, view):
+    with OpenAIServer([call("stop"), status(401)]) as server:
+        maker = begin(server)
+        maker.decide(view(), ())
+        with pytest.raises(ProviderError):
+            maker.decide(view(), ())
+
+
+def test_a_used_up_quota_is_not_asked_again(begin, view):
+    with OpenAIServer([status(429, "insufficient_quota: you exceeded your quota")] * 2) as server:
+        with pytest.raises(ModelError, match="quota"):
+            begin(server).decide(view(), ())
+        assert len(server.requests) == 1
+
+
+def test_a_provider_that_refuses_every_way_of_asking_is_for_the_user_to_mend(begin, view):
+    with (
+        OpenAIServer(refusing("messages", [])) as server,
+        pytest.raises(ModelError, match="does not support messages"),
+    ):
+        begin(server).decide(view(), ())
+
+
+def test_a_refusal_once_a_way_of_asking_is_settled_is_a_provider_error(begin, view):
+    with OpenAIServer([call("stop"), status(400, "no")]) as server:
+        maker = begin(server)
+        maker.decide(view(), ())
+        with pytest.raises(ProviderError, match="refused"):
+            maker.decide(view(), ())
+
+
+def test_an_option_that_the_model_does_not_take_is_refused_rather_than_left_out(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        with pytest.raises(ModelError, match="temperature"):
+            begin(server, model="openai/gpt-5", temperature=0.5).decide(view(), ())
+        assert server.requests == []
+
+
+# -- keys --------------------------------------------------------------------------------------------------------------
+def test_a_local_server_needs_no_key(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        assert begin(server).decide(view(), ()).calls[0].skill == "stop"
+
+
+def test_a_missing_key_is_told_before_the_first_request(plugins, context):
+    maker = plugins.make("decision_makers", "litellm", {"model": "openai/gpt-4o-mini"})
+    with pytest.raises(ModelError, match=r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"):
+        maker.begin(context)
+
+
+def test_a_model_of_no_known_provider_is_told_before_the_first_request(plugins, context):
+    maker = plugins.make("decision_makers", "litellm", {"model": "nonsense"})
+    with pytest.raises(ModelError, match=r"no provider is known for model 'nonsense'\. Write provider/name"):
+        maker.begin(context)
+
+
+def test_a_key_is_taken_from_the_variable_that_is_named(begin, view, monkeypatch):
+    monkeypatch.setenv("MY_SERVER", KEY)
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, auth_env="MY_SERVER").decide(view(), ())
+        with pytest.raises(ModelError, match="OTHER, which is not set"):
+            begin(server, auth_env="OTHER")
+    assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"
+
+
+@pytest.mark.parametrize("variable", ["OPENAI_API_KEY", "MY_SERVER"])
+def test_a_key_appears_in_no_answer_error_or_log(begin, view, monkeypatch, caplog, variable):
+    monkeypatch.setenv(variable, KEY)
+    caplog.set_level(logging.INFO)
+    chatty = [call("walk", reasoning=f"the key is {KEY}"), status(500, f"bad key {KEY}"), status(400, f"bad key {KEY}")]
+    named = {} if variable == "OPENAI_API_KEY" else {"auth_env": variable}
+    with OpenAIServer(chatty) as server:
+        maker = begin(server, **named)
+        decision = maker.decide(view(), ())
+        with pytest.raises(ProviderError, match=r"bad key \[redacted\]") as fault:
+            maker.decide(view(), ())
+    assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"  # So the key was in play.
+    trace = "".join(traceback.format_exception(fault.value))
+    seen = [repr(decision), trace, caplog.text, server.requests[0].text]
+    assert not [text for text in seen if KEY in text]
+
+
+# -- costs -------------------------------------------------------------------------------------------------------------
+def test_tokens_are_the_providers_count(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert (usage.tokens_in, usage.tokens_out, usage.estimated, usage.cost) == (1000, 100, False, 0.0)
+
+
+def test_a_missing_count_is_estimated_and_says_so(begin, view):
+    with OpenAIServer([without_usage(call("stop", reasoning="x" * 400))]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.estimated
+    assert len(server.requests[0].text) / 6 < usage.tokens_in < len(str(server.requests[0].body))
+    assert 90 < usage.tokens_out < 130
+
+
+def test_the_cost_is_tokens_times_the_listed_price(begin, view):
+    import litellm
+
+    price = litellm.model_cost["gpt-4o-mini"]
+    with OpenAIServer([call("stop")]) as server:
+        usage = begin(server, model="openai/gpt-4o-mini").decide(view(), ()).usage
+    expected = 1000 * price["input_cost_per_token"] + 100 * price["output_cost_per_token"]
+    assert usage.cost == pytest.approx(expected) != 0
+
+
+def test_a_cost_that_the_provider_tells_is_believed(begin, view):
+    reply = call("stop")
+    priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": 0.25}})
+    with OpenAIServer([priced]) as server:
+        assert begin(server).decide(view(), ()).usage.cost == 0.25
+
+
+# -- options -----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "Name one with --model"),
+        ({"model": "m", "temprature": 1}, "Did you mean temperature"),
+        ({"model": "m", "history": -1}, "option history is not valid"),
+        ({"model": "m", "mode": "magic"}, "option mode is not valid"),
+        ({"model": "m", "api_key": KEY}, "options are recorded"),
+        ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
+        ({"model": "m", "params": {"api_key": KEY}}, "api_key cannot be set here"),
+    ],
+)
+def test_an_option_that_cannot_be_meant_is_refused_in_one_sentence(options, words):
+    with pytest.raises(HumanclawError, match=words) as fault:
+        Settings.of(options)
+    assert KEY not in str(fault.value)
+
+
+def test_options_may_come_as_text_and_those_of_other_parts_are_passed_over():
+    settings = Settings.of({"model": "m", "history": "3", "mid_level": "false", "profile": "paper", "timeout": None})
+    assert (settings.history, settings.mid_level, settings.timeout) == (3, False, 120.0)
+
+
+def test_the_verifier_can_have_a_model_of_its_own():
+    shared = {"model": "big", "api_base": "http://127.0.0.1:1/v1", "temperature": 0.5}
+    assert Settings.of_verifier(shared) == Settings.of(shared)
+    own = Settings.of_verifier(shared | {"verifier_model": "small"})
+    assert (own.model, own.api_base, own.temperature) == ("small", "", 0.5)
+
+
+# -- manners -----------------------------------------------------------------------------------------------------------
+def test_the_plugin_loads_without_litellm_and_a_failing_run_prints_and_fetches_nothing_of_its_own():
+    script = """
+import sys, humanclaw_litellm
+places = set()
+sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
+assert "litellm" not in sys.modules
+from humanclaw.testing.openai_server import OpenAIServer, status
+from humanclaw_litellm.client import Client
+from humanclaw_litellm.settings import Settings
+with OpenAIServer([status(500)]) as server:
+    client = Client(Settings(model="openai/anything", api_base=server.url, num_retries=0))
+    client.check()
+    try:
+        client.complete([{"role": "user", "content": "Hello"}], {})
+    except Exception as error:
+        print(type(error).__name__, places)
+"""
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, env=env, check=False
+    )
+    assert (done.stdout, done.stderr) == ("ProviderError {'127.0.0.1'}\n", "")

@@ -1,0 +1,108 @@
+"""The verifier, against a scripted model behind a real HTTP server."""
+
+import json
+
+import pytest
+
+from humanclaw.interfaces import Call
+from humanclaw.testing.openai_server import OpenAIServer, call, calls, no_choices, refusing, status, text
+from humanclaw_litellm.settings import ModelError
+
+WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
+
+
+def verdict(*answers, **rest):
+    """The arguments of a verdict: yes or no to each check in turn."""
+    numbered = {f"check_{number}_answer": answer for number, answer in enumerate(answers, start=1)}
+    seen = {f"check_{number}_evidence": "a wall" for number, _ in enumerate(answers, start=1)}
+    return seen | numbered | rest
+
+
+@pytest.fixture
+def verify(begin, view, skills):
+    """verify(reply, ...): the verdict on a call, and the requests that were made for it."""
+
+    def ask(*replies, about=WALK, **options):
+        with OpenAIServer(replies) as server:
+            judge = begin(server, "verifiers", num_retries=1, **options)
+            return judge.verify(view(), about, skills[about.skill], "reach the couch"), server.requests
+
+    return ask
+
+
+@pytest.fixture
+def yes(skills):
+    return ["yes"] * len(skills["walk"].checks)
+
+
+def test_a_call_that_passes_every_check_is_accepted(verify, yes, skills):
+    found, requests = verify(call("verdict", **verdict(*yes)))
+    assert (found.accepted, found.replacement, found.failed_open) == (True, None, "")
+    assert [(answer.check, answer.passed) for answer in found.answers] == [(c.id, True) for c in skills["walk"].checks]
+    assert found.usage.tokens_in == 1000
+    assert len(requests) == 1
+
+
+def test_a_failed_check_puts_another_call_in_its_place(verify, yes):
+    other = {"skill": "turn_in_place", "parameters": {"yaw_deg": 30}}
+    found, _ = verify(call("verdict", **verdict("no", *yes[1:], **other)))
+    assert (found.accepted, found.replacement) == (False, Call("turn_in_place", {"yaw_deg": 30}))
+    assert (found.answers[0].passed, found.answers[0].note) == (False, "a wall")
+
+
+def test_the_model_sees_one_view_this_checklist_and_nothing_of_the_past(verify, yes, skills):
+    _, (request,) = verify(call("verdict", **verdict(*yes)))
+    assert len(request.images) == 1
+    assert request.images[0].shape == (512, 512, 3)
+    told = request.role("user")
+    assert all(check.question in told for check in skills["walk"].checks)
+    assert not any(check.question in request.text for check in skills["stop"].checks)
+    assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in told
+    assert "reach the couch" in told
+    assert len(request.messages) == 2
+
+
+def test_a_replacement_can_be_any_skill_of_the_pool_with_its_parameters(verify, yes, skills):
+    _, (request,) = verify(call("verdict", **verdict(*yes)))
+    properties = request.tools[0]["parameters"]["properties"]
+    assert properties["skill"]["enum"] == list(skills)
+    assert {"yaw_deg", "h_cm", "z_cm"} <= set(properties["parameters"]["properties"])
+    assert list(properties)[-2:] == ["skill", "parameters"]
+
+
+def test_a_skill_without_checks_passes_unasked(verify, skills):
+    assert not skills["step_back"].checks
+    found, requests = verify(about=Call("step_back", {"z_cm": 20}))
+    assert found.accepted
+    assert requests == []
+
+
+@pytest.mark.parametrize(
+    ("replies", "reason"),
+    [
+        ([status(500)] * 2, "gave no answer"),
+        ([no_choices()], "held no verdict"),
+        ([text("Looks fine to me.")], "held no verdict"),
+        ([calls(("verdict", '{"check_1_answer": "n'))], "held no verdict"),
+        ([call("verdict", check_1_answer="maybe")], "no answer to path_clear"),
+        ([call("verdict", **verdict("no"))], "no other call"),
+        ([call("verdict", **verdict("no", skill="walk", parameters=dict(WALK.params)))], "no other call"),
+    ],
+)
+def test_without_a_usable_verdict_the_call_passes_and_the_record_says_why(verify, replies, reason):
+    found, _ = verify(*replies)
+    assert found.accepted
+    assert reason in found.failed_open
+
+
+def test_a_wrong_key_is_not_passed_over(verify):
+    with pytest.raises(ModelError, match="key"):
+        verify(status(401))
+
+
+def test_a_model_without_tools_verifies_in_words(begin, view, skills):
+    answer = text(json.dumps(verdict("no", skill="stop", parameters={})))
+    with OpenAIServer(refusing("tools", refusing("response_format", [answer]))) as server:
+        found = begin(server, "verifiers").verify(view(), WALK, skills["walk"], "")
+    assert found.replacement == Call("stop")
+    assert "check_1_answer" in server.requests[-1].role("system")

@@ -1,0 +1,270 @@
+"""Walls, floors, ceilings, doors and windows of a plan, as pieces at their places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanclaw_houses import textures as t
+from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.plan import CEILING, WALL, Area, Opening, Plan, Wall, room_at
+from humanclaw_houses.shapes import Shape, box, post, sheet
+from humanclaw_houses.style import Style
+from humanclaw_houses.textures import Tile
+
+SKIRTING = 0.08
+_CELL = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A piece somewhere: x, y, z of its origin, and its heading in radians."""
+
+    piece: Piece
+    x: float
+    y: float
+    z: float
+    yaw: float = 0.0
+    room: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Finish:
+    """What the walls and the floor of a room are covered with."""
+
+    wall: Tile
+    floor: Tile
+
+
+def draw_finishes(plan: Plan, style: Style) -> Mapping[str, Finish]:
+    """A finish for every room; the boards of hall, living and dining room are the same throughout."""
+    rng = style.rng
+    boards = t.planks(t.pick(rng, t.WOODS[:3] + t.WOODS[4:]), rng)
+    paints = [t.plain(t.PAINTS[k], rng) for k in rng.permutation(len(t.PAINTS))]
+    finishes = {}
+    for number, area in enumerate(plan.areas):
+        wall = paints[number % len(paints)]
+        if area.kind in ("bathroom", "laundry"):
+            finishes[area.name] = Finish(_bath_tiles(rng), _floor_tiles(rng))
+        elif area.kind == "kitchen":
+            finishes[area.name] = Finish(wall, _floor_tiles(rng) if rng.random() < 0.6 else boards)
+        elif area.kind in ("bedroom", "kids") and rng.random() < 0.5:
+            finishes[area.name] = Finish(wall, t.carpet(t.pick(rng, ((176, 166, 150), (128, 136, 146), (150, 128, 112))), rng))
+        else:
+            finishes[area.name] = Finish(wall, boards)
+    return finishes
+
+
+def _bath_tiles(rng: np.random.Generator) -> Tile:
+    return t.ceramic(t.pick(rng, ((226, 236, 238), (236, 234, 226), (206, 222, 226), (220, 232, 220))), rng, 8)
+
+
+def _floor_tiles(rng: np.random.Generator) -> Tile:
+    return t.ceramic(t.pick(rng, ((196, 190, 180), (150, 152, 156), (214, 206, 192))), rng, 4)
+
+
+def build(plan: Plan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[Placed]:
+    """Everything that does not move and is not furniture."""
+    outside = t.plain((206, 198, 186), style.rng)
+    for area in plan.areas:
+        yield _floor(area, finishes[area.name])
+        yield _ceiling(area, style)
+    for number, wall in enumerate(plan.walls):
+        tiles = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
+        yield _wall(plan, wall, number, tiles, style)
+        for index, opening in enumerate(wall.openings):
+            yield from _fill(wall, opening, f"{number}_{index}", style)
+
+
+def _cells(length: float) -> int:
+    return max(1, round(length / _CELL))
+
+
+def _floor(area: Area, finish: Finish) -> Placed:
+    """A slab 0.2 m thick whose top is at 0."""
+    m = Model()
+    w, d = area.x1 - area.x0, area.z1 - area.z0
+    for chart in _tiled((-w / 2, 0.2, d / 2), (w, 0, 0), (0, 0, -d)):
+        m.add(chart, finish.floor)
+    m.add(box((w, 0.2, d), (0, 0, 0), skip="t"), finish.floor)
+    m.solid((w, 0.2, d), (0, 0, 0))
+    return Placed(m.piece(f"floor_{area.name}", "floor"), (area.x0 + area.x1) / 2, -0.2, (area.z0 + area.z1) / 2, room=area.name)
+
+
+def _tiled(corner: tuple[float, float, float], along: tuple[float, float, float], up: tuple[float, float, float]) -> Iterator[Shape]:
+    """A rectangle as quads of about a tile each, so that a tile repeats and no uv leaves 0..1."""
+    start, side, rise = np.array(corner), np.array(along), np.array(up)
+    columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
+    for i in range(columns):
+        for j in range(rows):
+            place = start + side * i / columns + rise * j / rows
+            yield Shape((sheet(_point(place), _point(side / columns), _point(rise / rows)),))
+
+
+def _point(array: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def _ceiling(area: Area, style: Style) -> Placed:
+    m = Model()
+    w, d = area.x1 - area.x0, area.z1 - area.z0
+    columns, rows = _cells(w), _cells(d)
+    m.add(Shape((sheet((-w / 2, 0, -d / 2), (w, 0, 0), (0, 0, d), (columns, rows)),)), style.white)
+    m.add(box((w, 0.1, d), (0, 0, 0), skip="b"), style.white)
+    middle = (area.x0 + area.x1) / 2, (area.z0 + area.z1) / 2
+    return Placed(m.piece(f"ceiling_{area.name}", "ceiling"), middle[0], CEILING, middle[1], room=area.name)
+
+
+# -- walls -------------------------------------------------------------------------------------------------------------
+def _wall(plan: Plan, wall: Wall, number: int, tiles: list[Tile], style: Style) -> Placed:
+    """Both faces, the reveals of the openings, the top, skirting, and a collision box for every solid stretch.
+
+    Built along x with the low room at -Z; turned for walls along z, whose low room is at -X.
+    """
+    m = Model()
+    middle = (wall.start + wall.end) / 2
+    for low in (True, False):
+        start, end = _face_ends(plan, wall, low)
+        stretches = _stretches(wall, start - middle, end - middle, middle)
+        for x0, x1, y0, y1 in stretches:
+            _face(m, low, (x0, x1, y0, y1), tiles[0 if low else 1])
+            if y0 == 0 and (wall.low if low else wall.high):
+                side = -1 if low else 1
+                m.add(box((x1 - x0, SKIRTING, 0.012), ((x0 + x1) / 2, 0, side * (WALL / 2 + 0.006)), "b"), style.white)
+    reach = WALL / 2
+    for x0, x1, y0, y1 in _stretches(wall, wall.start - middle - reach, wall.end - middle + reach, middle):
+        m.solid((x1 - x0, y1 - y0, WALL), ((x0 + x1) / 2, y0, 0))
+    m.add(box((wall.end - wall.start + WALL, 0.004, WALL), (0, CEILING - 0.004, 0), "bfk"), style.black)
+    for opening in wall.openings:
+        _reveal(m, opening, opening.at - middle, style)
+    x, z = wall.point(middle)
+    piece = _centred(m, f"wall_{number}")
+    yaw = 0.0 if wall.axis == "x" else -np.pi / 2
+    return Placed(piece[0], *_shift(x, z, piece[1], yaw), yaw, room=wall.low or wall.high)
+
+
+def _centred(m: Model, name: str) -> tuple[Piece, tuple[float, float]]:
+    """A piece, and where the model's origin went by being centred."""
+    points = m.points()
+    cx, cz = ((points[:, k].min() + points[:, k].max()) / 2 for k in (0, 2))
+    return m.piece(name, "wall"), (float(cx), float(cz))
+
+
+def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple[float, float, float]:
+    """Where to put a centred piece so that its model's origin is at (x, z)."""
+    ox, oz = offset
+    cos, sin = np.round(np.cos(yaw)), np.round(np.sin(yaw))
+    return float(x + cos * ox + sin * oz), 0.0, float(z - sin * ox + cos * oz)
+
+
+def _face_ends(plan: Plan, wall: Wall, low: bool) -> tuple[float, float]:
+    """Where a face of a wall begins and ends: at the face of a crossing wall, at the node where the wall runs on straight, or
+    half a thickness beyond it at an outer corner."""
+    across, ends = (-1 if low else 1), []
+    for node, away in ((wall.start, -1), (wall.end, 1)):
+        here = room_at(plan.areas, *wall.point(node - away * 1e-3, across * 1e-3))
+        beside = room_at(plan.areas, *wall.point(node + away * 1e-3, across * 1e-3))
+        beyond = room_at(plan.areas, *wall.point(node + away * 1e-3, -across * 1e-3))
+        if here != beside:
+            ends.append(node - away * WALL / 2)
+        else:
+            ends.append(node if beyond != beside else node + away * WALL / 2)
+    return ends[0], ends[1]
+
+
+def _stretches(wall: Wall, start: float, end: float, middle: float) -> list[tuple[float, float, float, float]]:
+    """x0, x1, y0, y1 of the solid rectangles between start and end, around the openings."""
+    parts, x = [], start
+    for hole in sorted(wall.openings, key=lambda hole: hole.at):
+        left, right = hole.at - hole.width / 2 - middle, hole.at + hole.width / 2 - middle
+        parts.append((x, left, 0.0, CEILING))
+        if hole.bottom > 0:
+            parts.append((left, right, 0.0, hole.bottom))
+        parts.append((left, right, hole.top, CEILING))
+        x = right
+    parts.append((x, end, 0.0, CEILING))
+    return [part for part in parts if part[1] - part[0] > 1e-6]
+
+
+def _face(m: Model, low: bool, span: tuple[float, float, float, float], tile: Tile) -> None:
+    x0, x1, y0, y1 = span
+    z = -WALL / 2 if low else WALL / 2
+    corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if low else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
+    for chart in _tiled(corner, along, (0, y1 - y0, 0)):
+        m.add(chart, tile)
+
+
+def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
+    """The inner faces of an opening, and a white frame around it on both sides."""
+    half, high = hole.width / 2, hole.top - hole.bottom
+    depth = WALL
+    m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (0, 0, -depth), (0, high, 0)),)), style.white)
+    m.add(Shape((sheet((x + half, hole.bottom, -depth / 2), (0, 0, depth), (0, high, 0)),)), style.white)
+    m.add(Shape((sheet((x - half, hole.top, -depth / 2), (hole.width, 0, 0), (0, 0, depth)),)), style.white)
+    if hole.bottom > 0:
+        m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (hole.width, 0, 0), (0, 0, -depth)),)), style.white)
+    for z in (-1, 1):
+        face = z * (WALL / 2 + 0.008)
+        for side in (-1, 1):
+            m.add(box((0.06, high + (0.06 if hole.bottom == 0 else 0.12), 0.016), (x + side * (half + 0.03), hole.bottom - (0.06 if hole.bottom else 0), face)), style.white)
+        m.add(box((hole.width, 0.06, 0.016), (x, hole.top, face)), style.white)
+        if hole.bottom > 0:
+            m.add(box((hole.width, 0.06, 0.03), (x, hole.bottom - 0.06, z * (WALL / 2 + 0.015))), style.white)
+
+
+# -- what fills the openings -------------------------------------------------------------------------------------------
+def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed]:
+    x, z = wall.point(hole.at)
+    inside_high = wall.low == ""
+    yaw = (0.0 if inside_high else np.pi) if wall.axis == "x" else (np.pi / 2 if inside_high else -np.pi / 2)
+    if hole.kind == "window":
+        yield Placed(_window(style, f"window_{name}", hole), x, hole.bottom, z, yaw, wall.low or wall.high)
+    elif hole.kind == "front_door":
+        yield Placed(_front_door(style, f"front_door_{name}", hole), x, 0.0, z, yaw, wall.low or wall.high)
+    elif hole.leaf:
+        yield _leaf(wall, hole, name, style)
+
+
+def _window(style: Style, name: str, hole: Opening) -> Piece:
+    """A frame with a bright pane, in two casements if it is wide."""
+    m = Model()
+    w, h = hole.width, hole.top - hole.bottom
+    m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
+    m.add(Shape((sheet((w / 2, 0, -0.01), (-w, 0, 0), (0, h, 0)),)), style.steel)
+    bars = [-w / 2 + 0.025, w / 2 - 0.025] + ([0.0] if w > 0.9 else [])
+    for x in bars:
+        m.add(box((0.05, h, 0.04), (x, 0, 0.0), "bt"), style.white)
+    for y in (0.0, h - 0.05):
+        m.add(box((w, 0.05, 0.04), (0, y, 0.0)), style.white)
+    m.add(box((0.02, 0.1, 0.03), (0.045 if w > 0.9 else w / 2 - 0.07, h * 0.45, 0.03)), style.chrome)
+    m.solid((w, h, 0.08), (0, 0, 0))
+    return m.piece(name, "window")
+
+
+def _front_door(style: Style, name: str, hole: Opening) -> Piece:
+    """The closed door of the house."""
+    m = Model()
+    tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
+    m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
+    m.add(box((0.13, 0.02, 0.03), (hole.width / 2 - 0.13, 1.02, 0.06)), style.brass)
+    m.add(post(0.018, 0.02).moved((0, 1.5, 0.03), (90, 0, 0)), style.brass)
+    return m.piece(name, "door")
+
+
+def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
+    """A door leaf that stands open at a right angle to its wall."""
+    m = Model()
+    length, thick = hole.width - 0.03, 0.04
+    m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
+    for side in (-1, 1):
+        m.add(box((0.03, 0.02, 0.12), (side * 0.045, 1.0, length / 2 - 0.1)), style.chrome)
+    piece = m.piece(f"door_{name}", "door")
+    across = -1 if hole.opens_low else 1
+    # The leaf leaves the doorway free: it hangs beside the clear width, not in it.
+    along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)
+    x, z = wall.point(along, across * (WALL / 2 + 0.012 + length / 2))
+    yaw = (0.0 if across > 0 else np.pi) if wall.axis == "x" else (np.pi / 2 if across > 0 else -np.pi / 2)
+    return Placed(piece, x, 0.0, z, yaw, wall.low if hole.opens_low else wall.high)

@@ -1,0 +1,56 @@
+"""Televisions."""
+
+from __future__ import annotations
+
+from humanclaw_houses import textures as t
+from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.shapes import Shape, box, post, sheet
+from humanclaw_houses.style import Style
+
+
+def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
+    """A flat screen whose bottom is at y and whose front is at z; its height."""
+    height = round(0.5625 * width, 3)
+    m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
+    m.add(box((width * 0.55, height * 0.5, 0.03), (0, y + 0.06, z - 0.06)), style.black)
+    glass = sheet((-width / 2 + 0.014, y + 0.03, z + 0.002), (width - 0.028, 0, 0), (0, height - 0.044, 0))
+    m.add(Shape((glass,)), t.screen(style.rng, on=style.chance(0.35)))
+    m.add(box((0.07, 0.008, 0.004), (0, y + 0.01, z)), style.steel)
+    return height
+
+
+def tv(style: Style, name: str, width: float = 1.1) -> Piece:
+    """A television on its own foot."""
+    m = Model()
+    _panel(m, style, width, 0.075, 0.06)
+    m.add(box((0.09, 0.1, 0.03), (0, 0.012, 0.02)), style.black)
+    m.box((width * 0.42, 0.014, 0.2), (0, 0, 0.02), style.black)
+    return m.piece(name, "tv")
+
+
+def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
+    """A television to hang on a wall: its back is the wall."""
+    m = Model()
+    _panel(m, style, width, 0.0, 0.09)
+    m.box((0.3, 0.2, 0.06), (0, 0.15, 0.03), style.black, solid=False)
+    return m.piece(name, "tv")
+
+
+def floor_tv(style: Style, name: str, width: float = 1.1) -> Piece:
+    """A television on a mast with a round plate on the floor."""
+    m = Model()
+    _panel(m, style, width, 0.7, 0.03)
+    m.add(post(0.03, 1.0, (0, 0.02, -0.05)), style.steel)
+    m.add(post(0.24, 0.02, (0, 0, -0.03), segments=20), style.black)
+    m.solid((0.06, 0.75, 0.06), (0, 0, -0.05))
+    return m.piece(name, "tv")
+
+
+def laptop(style: Style, name: str) -> Piece:
+    m = Model()
+    m.box((0.33, 0.018, 0.23), (0, 0, 0), style.steel)
+    m.add(Shape((sheet((-0.145, 0.0185, 0.02), (0.29, 0, 0), (0, 0, -0.11)),)), style.black)
+    lid = box((0.33, 0.22, 0.01), (0, 0, 0)) + Shape((sheet((-0.15, 0.015, 0.006), (0.3, 0, 0), (0, 0.19, 0)),))
+    m.add(Shape(lid.charts[:6]).moved((0, 0.014, -0.115), (-18, 0, 0)), style.steel, "hull")
+    m.add(Shape(lid.charts[6:]).moved((0, 0.014, -0.115), (-18, 0, 0)), t.screen(style.rng, on=False))
+    return m.piece(name, "laptop", mass=1.6, friction=0.5)

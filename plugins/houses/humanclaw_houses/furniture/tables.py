@@ -1,0 +1,143 @@
+"""Tables, desks, nightstands and consoles."""
+
+from __future__ import annotations
+
+from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.shapes import box, post, soft_box, turned
+from humanclaw_houses.style import Style
+from humanclaw_houses.textures import Tile
+
+
+def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile, thick: float = 0.035) -> None:
+    w, h, d = size
+    leg = 0.055 if h > 0.6 else 0.045
+    m.box((w, thick, d), (0, h - thick, 0), tile)
+    m.add(box((w - 0.1, 0.06, d - 0.1), (0, h - thick - 0.06, 0)), tile)
+    for x in (-1, 1):
+        for z in (-1, 1):
+            m.box((leg, h - thick, leg), (x * (w / 2 - leg / 2 - 0.02), 0, z * (d / 2 - leg / 2 - 0.02)), tile, skip="t")
+    m.top(w, d, h)
+
+
+def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
+    """A table for two, four or six; a round one for four at times."""
+    m = Model()
+    tile = style.choice(style.wood, style.wood, style.second_wood)
+    if seats == 4 and style.chance(0.3):
+        r = style.between(0.52, 0.58)
+        m.add(post(r, 0.035, (0, 0.715, 0), segments=24), tile, "hull")
+        m.add(turned([(0.26, 0), (0.25, 0.03), (0.06, 0.08), (0.05, 0.6), (0.12, 0.715)]), tile)
+        m.solid((0.36, 0.05, 0.36), (0, 0, 0))
+        m.solid((0.12, 0.66, 0.12), (0, 0.05, 0))
+        m.top(1.3 * r, 1.3 * r, 0.75)
+    else:
+        w = {2: style.between(0.75, 0.85), 4: style.between(1.2, 1.35), 6: style.between(1.6, 1.8)}[seats]
+        _table(m, style, (w, 0.75, style.between(0.78, 0.9)), tile)
+    return m.piece(name, "table")
+
+
+def coffee_table(style: Style, name: str) -> Piece:
+    m = Model()
+    tile = style.choice(style.wood, style.second_wood, style.white)
+    w, h, d = style.between(0.85, 1.15), style.between(0.38, 0.44), style.between(0.48, 0.58)
+    if style.chance(0.35):
+        m.add(post(0.38, 0.03, (0, h - 0.03, 0), segments=20), tile, "hull")
+        for x, z in ((-0.22, -0.22), (0.22, -0.22), (-0.22, 0.22), (0.22, 0.22)):
+            m.box((0.035, h - 0.03, 0.035), (x, 0, z), style.black)
+        m.top(0.5, 0.5, h)
+    else:
+        _table(m, style, (w, h, d), tile)
+        m.box((w - 0.12, 0.02, d - 0.12), (0, 0.14, 0), tile)
+    return m.piece(name, "coffee_table")
+
+
+def side_table(style: Style, name: str) -> Piece:
+    m = Model()
+    h = style.between(0.48, 0.55)
+    m.add(post(0.22, 0.025, (0, h - 0.025, 0), segments=18), style.wood, "hull")
+    m.add(post(0.02, h - 0.03, (0, 0.01, 0)), style.black)
+    m.add(post(0.15, 0.015, segments=16), style.black)
+    m.solid((0.2, 0.02, 0.2), (0, 0, 0))
+    m.solid((0.04, h - 0.05, 0.04), (0, 0.02, 0))
+    m.top(0.3, 0.3, h)
+    return m.piece(name, "side_table")
+
+
+def nightstand(style: Style, name: str) -> Piece:
+    """A small chest beside a bed."""
+    m = Model()
+    w, h, d = style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38
+    _chest(m, style, (w, h, d), 2, 1, style.wood)
+    return m.piece(name, "nightstand")
+
+
+def dresser(style: Style, name: str) -> Piece:
+    m = Model()
+    w, h = style.between(0.9, 1.3), style.between(0.78, 0.9)
+    _chest(m, style, (w, h, 0.45), 3, 2, style.choice(style.wood, style.second_wood, style.white))
+    return m.piece(name, "dresser")
+
+
+def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, columns: int, tile: Tile) -> None:
+    """Drawers with fronts, gaps and handles, on a plinth."""
+    w, h, d = size
+    m.add(box((w - 0.04, 0.08, d - 0.06), (0, 0, -0.02)), style.black)
+    m.box((w, h - 0.08, d - 0.02), (0, 0.08, -0.01), tile)
+    m.solid((w - 0.04, 0.08, d - 0.06), (0, 0, -0.02))
+    high, wide = (h - 0.11) / rows, (w - 0.02) / columns
+    for i in range(rows):
+        for j in range(columns):
+            x, y = (j - (columns - 1) / 2) * wide, 0.09 + i * high
+            m.add(box((wide - 0.012, high - 0.012, 0.018), (x, y, d / 2 - 0.011), "k"), tile)
+            m.add(box((min(0.14, wide / 2), 0.014, 0.02), (x, y + high / 2, d / 2 + 0.006)), style.steel)
+    m.top(w, d - 0.04, h)
+
+
+def desk(style: Style, name: str) -> Piece:
+    """A desk with drawers on one side."""
+    m = Model()
+    w, d, h, tile = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74, style.choice(style.wood, style.second_wood, style.white)
+    m.box((w, 0.03, d), (0, h - 0.03, 0), tile)
+    side = 1 if style.chance(0.5) else -1
+    m.box((0.4, h - 0.09, d - 0.06), (side * (w / 2 - 0.22), 0.06, 0), tile)
+    for k in range(3):
+        m.add(box((0.37, 0.19, 0.015), (side * (w / 2 - 0.22), 0.07 + 0.205 * k, d / 2 - 0.025)), tile)
+        m.add(box((0.12, 0.012, 0.02), (side * (w / 2 - 0.22), 0.16 + 0.205 * k, d / 2 - 0.012)), style.steel)
+    for z in (-1, 1):
+        m.box((0.045, h - 0.03, 0.045), (-side * (w / 2 - 0.04), 0, z * (d / 2 - 0.04)), tile)
+    m.top(w, d, h)
+    return m.piece(name, "desk")
+
+
+def console(style: Style, name: str) -> Piece:
+    """A narrow table for a hall."""
+    m = Model()
+    _table(m, style, (style.between(0.7, 1.0), 0.8, 0.28), style.wood, 0.03)
+    return m.piece(name, "console_table")
+
+
+def tv_stand(style: Style, name: str, width: float) -> Piece:
+    """A low board on legs, open below, so that feet go under it and one can step up to the screen."""
+    m = Model()
+    tile, d, h, gap = style.choice(style.wood, style.second_wood, style.white, style.black), 0.36, style.between(0.44, 0.52), 0.16
+    m.box((width, h - gap, d - 0.02), (0, gap, -0.01), tile)
+    for x in (-1, 1):
+        for z in (-1, 1):
+            m.box((0.04, gap, 0.04), (x * (width / 2 - 0.08), 0, z * (d / 2 - 0.06)), style.black, skip="t")
+    parts = 3
+    for k in range(parts):
+        x, wide = (k - (parts - 1) / 2) * (width - 0.02) / parts, (width - 0.02) / parts
+        front = style.black if k == 1 else tile
+        m.add(box((wide - 0.012, h - gap - 0.04, 0.016), (x, gap + 0.02, d / 2 - 0.012), "k"), front)
+        if k != 1:
+            m.add(box((0.016, 0.09, 0.018), (x + wide * 0.3 * (1 - k), gap + 0.1, d / 2 + 0.004)), style.steel)
+    m.top(width, d - 0.04, h)
+    return m.piece(name, "tv_stand")
+
+
+def cushion_block(style: Style, name: str) -> Piece:
+    """A pouffe."""
+    m = Model()
+    m.add(soft_box((0.48, 0.36, 0.48), (0, 0, 0), 0.08, 0.02), style.second_cloth)
+    m.solid((0.46, 0.36, 0.46), (0, 0, 0))
+    return m.piece(name, "pouffe", mass=3.0, friction=0.6)

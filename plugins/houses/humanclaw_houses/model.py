@@ -1,0 +1,170 @@
+"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that things can stand on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+from humanclaw.scene import Asset, Mesh
+from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
+from humanclaw_houses.textures import SIZE, Pixels, Tile
+
+Solid = Literal["", "box", "hull"]
+
+
+@dataclass(frozen=True)
+class Top:
+    """A level rectangle of an asset that things can be put on, in its own frame. Metres."""
+
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+    y: float
+    room: float = 1.0
+    """Free height over it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """An asset and what a furnisher needs to know about it."""
+
+    asset: Asset
+    tops: tuple[Top, ...] = ()
+    mass: float = 0.0
+    """Kilograms; 0 for what cannot be moved."""
+    friction: float = 0.5
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Width, height and depth of the mesh. Metres."""
+        low, high = self.low, self.high
+        return tuple(np.asarray(high - low, float).tolist())  # type: ignore[return-value]
+
+    @property
+    def low(self) -> Array:
+        return np.asarray(self.asset.mesh.vertices.min(axis=0), float)
+
+    @property
+    def high(self) -> Array:
+        return np.asarray(self.asset.mesh.vertices.max(axis=0), float)
+
+
+class Model:
+    """Gathers the parts of one asset."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Chart, Tile]] = []
+        self._hulls: list[Array] = []
+        self._tops: list[Top] = []
+
+    def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
+        """A part; solid: what of it collides, its bounding box or its convex hull."""
+        self._parts += [(chart, tile) for chart in shape.charts]
+        if solid == "box":
+            low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+            self._hulls.append(corners(low, high))
+        elif solid == "hull":
+            self._hulls.append(convex(shape.vertices))
+
+    def box(self, size: Point, at: Point, tile: Tile, *, solid: bool = True, skip: str = "") -> None:
+        """A box that stands on `at`."""
+        self.add(box(size, at, skip), tile)
+        if solid:
+            self.solid(size, at)
+
+    def solid(self, size: Point, at: Point) -> None:
+        """A collision box that stands on `at` and is not seen."""
+        half = np.array([size[0] / 2, 0.0, size[2] / 2])
+        self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
+
+    def top(self, width: float, depth: float, y: float, x: float = 0.0, z: float = 0.0, room: float = 1.0) -> None:
+        """Declare a level rectangle about (x, z)."""
+        self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room))
+
+    def points(self) -> Array:
+        """(N, 3) vertices so far."""
+        return np.concatenate([chart.vertices for chart, _ in self._parts])
+
+    def piece(
+        self, name: str, category: str, *, seat: float | None = None, mass: float = 0.0, friction: float = 0.5
+    ) -> Piece:
+        """The finished asset, moved so that its footprint is centred on the origin."""
+        points = self.points()
+        shift = -np.array([(points[:, 0].min() + points[:, 0].max()) / 2, 0.0, (points[:, 2].min() + points[:, 2].max()) / 2])
+        hulls = tuple(exact(hull + shift) for hull in self._hulls)
+        asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
+        sx, _, sz = shift
+        tops = tuple(Top(t.x0 + sx, t.z0 + sz, t.x1 + sx, t.z1 + sz, t.y, t.room) for t in self._tops)
+        return Piece(asset, tops, mass, friction)
+
+
+def exact(points: Array) -> NDArray[np.float32]:
+    """Rounded to hundredths of a millimetre, so that the last bit of a sine cannot change a digest."""
+    return np.asarray(np.round(points, 5) + 0.0, np.float32)
+
+
+def corners(low: Array, high: Array) -> Array:
+    """(8, 3) corners of a box."""
+    pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return np.where(pick == 1, high, low)
+
+
+def convex(points: Array, tolerance: float = 0.004) -> Array:
+    """(K, 3) vertices of the convex hull, thinned where that moves the surface by less than the tolerance."""
+    hull = Manifold.hull_points(np.round(points, 5)).simplify(tolerance)
+    return np.asarray(hull.to_mesh64().vert_properties[:, :3], float)
+
+
+def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
+    """One mesh of many charts: their tiles side by side in an atlas and their uv fitted into them."""
+    tiles = list({id(tile): tile for _, tile in parts}.values())
+    texture, cells = atlas(tiles)
+    vertices, faces, uvs, count = [], [], [], 0
+    for number, (chart, tile) in enumerate(parts):
+        vertices.append(chart.vertices + shift)
+        faces.append(chart.faces + count)
+        uvs.append(_fit(chart, tile, number) * cells[id(tile)][1] + cells[id(tile)][0])
+        count += len(chart.vertices)
+    triangles = np.asarray(np.concatenate(faces), np.int32)
+    return Mesh(exact(np.concatenate(vertices)), triangles, exact(np.concatenate(uvs)), texture)
+
+
+def _fit(chart: Chart, tile: Tile, number: int) -> Array:
+    """(N, 2) uv in 0..1 of the tile: the whole of it, or as much as the chart covers, cut at a place that varies by part."""
+    uv = chart.uv - chart.uv.min(axis=0)
+    span = np.maximum(uv.max(axis=0), 1e-9)
+    if tile.grain and span[0] > span[1]:
+        uv, span = uv[:, ::-1], span[::-1]
+    if tile.fit:
+        return np.asarray(uv / span)
+    share = np.minimum(span / tile.metres, 1.0)
+    offset = np.array([0.37 * number % 1.0, 0.61 * number % 1.0]) * (1.0 - share)
+    return np.asarray(uv / span * share + offset)
+
+
+def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]]:
+    """A picture of all tiles in a grid, and for each by its identity the corner and the extent of its cell in uv."""
+    side = max(len(tile.pixels) for tile in tiles)
+    columns = int(np.ceil(np.sqrt(len(tiles))))
+    rows = int(np.ceil(len(tiles) / columns))
+    picture = np.zeros((rows * side, columns * side, 3), np.uint8)
+    cells = {}
+    # Half a pixel stays free at each border of a cell: a sample on the edge must not fall into the neighbour.
+    inset = 0.5 / np.array([columns * side, rows * side])
+    for number, tile in enumerate(tiles):
+        row, column = divmod(number, columns)
+        scale = side // len(tile.pixels)
+        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1)
+        picture[row * side : (row + 1) * side, column * side : (column + 1) * side] = large
+        corner = np.array([column / columns, 1 - (row + 1) / rows])
+        cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset
+    return picture, cells
+
+
+__all__ = ["SIZE", "Model", "Piece", "Top", "atlas", "bake", "convex", "corners", "exact"]

@@ -1,0 +1,205 @@
+"""Surfaces that furniture is made of: boxes, lofts through rounded rings, tubes and leaves.
+
+A shape is a list of charts. Vertices are shared within a chart and never between charts, so that a renderer which averages
+normals shades a chart smooth and its borders sharp. Frame: metres, Y up; (u, v) in metres until a model fits them into a tile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """One smooth sheet. vertices (N, 3), faces (M, 3) counter-clockwise from outside, uv (N, 2) in metres."""
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    uv: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    charts: tuple[Chart, ...]
+
+    @property
+    def vertices(self) -> Array:
+        return np.concatenate([chart.vertices for chart in self.charts])
+
+    def __add__(self, other: Shape) -> Shape:
+        return Shape(self.charts + other.charts)
+
+    def moved(self, at: Point = (0.0, 0.0, 0.0), turn: Point = (0.0, 0.0, 0.0)) -> Shape:
+        """Turned about x, then y, then z by so many degrees, and then carried to a place."""
+        matrix = _turn(turn)
+        return Shape(tuple(replace(c, vertices=c.vertices @ matrix.T + np.array(at)) for c in self.charts))
+
+
+def _turn(degrees: Point) -> Array:
+    matrix = np.eye(3)
+    for axis, angle in enumerate(np.radians(degrees)):
+        if angle:
+            first, second = [(1, 2), (2, 0), (0, 1)][axis]
+            step = np.eye(3)
+            step[first, first] = step[second, second] = np.cos(angle)
+            step[first, second], step[second, first] = -np.sin(angle), np.sin(angle)
+            matrix = step @ matrix
+    return matrix
+
+
+def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
+    """A flat grid from a corner along two sides; its outside is along x up."""
+    side, rise = np.array(along, float), np.array(up, float)
+    u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
+    points = np.array(corner, float) + u.reshape(-1, 1) * side + v.reshape(-1, 1) * rise
+    uv = np.stack([u.ravel() * np.linalg.norm(side), v.ravel() * np.linalg.norm(rise)], -1)
+    return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), uv)
+
+
+def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    start = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)[None, :]).ravel()
+    first = np.stack([start, start + 1, start + columns + 1], -1)
+    second = np.stack([start, start + columns + 1, start + columns], -1)
+    return np.concatenate([first, second])
+
+
+def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
+    """A box that stands on `at`, which is the middle of its bottom. skip: sides to leave out, of 'bottom top left right
+    back front' by their first letters, with k for back."""
+    w, h, d = size
+    x, y, z = at[0] - w / 2, at[1], at[2] - d / 2
+    sides = {
+        "f": sheet((x, y, z + d), (w, 0, 0), (0, h, 0)),
+        "k": sheet((x + w, y, z), (-w, 0, 0), (0, h, 0)),
+        "l": sheet((x + w, y, z + d), (0, 0, -d), (0, h, 0)),
+        "r": sheet((x, y, z), (0, 0, d), (0, h, 0)),
+        "t": sheet((x, y + h, z + d), (w, 0, 0), (0, 0, -d)),
+        "b": sheet((x, y, z), (w, 0, 0), (0, 0, d)),
+    }
+    return Shape(tuple(chart for key, chart in sides.items() if key not in skip))
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A closed curve at a height: |x / rx|^power + |z / rz|^power = 1 about (x, z). power 2 is an ellipse, 8 nearly a rectangle."""
+
+    y: float
+    rx: float
+    rz: float
+    power: float = 2.0
+    x: float = 0.0
+    z: float = 0.0
+
+    def points(self, segments: int) -> Array:
+        angle = np.linspace(0, 2 * np.pi, segments + 1)
+        cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
+        x = self.x + self.rx * np.sign(cos) * np.abs(cos) ** (2 / self.power)
+        z = self.z + self.rz * np.sign(sin) * np.abs(sin) ** (2 / self.power)
+        return np.stack([x, np.full_like(x, self.y), z], -1)
+
+
+def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
+    """A skin through rings from the lowest to the highest (or inward, for hollow things), with flat ends."""
+    rows = np.array([ring.points(segments) for ring in rings])
+    around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
+    u = np.concatenate([[0.0], np.cumsum(around)])
+    rise = np.linalg.norm(np.diff(rows, axis=0), axis=-1).mean(axis=1)
+    v = np.concatenate([[0.0], np.cumsum(rise)])
+    uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), -1).reshape(-1, 2)
+    # Angles run from +X to +Z, clockwise from above, so rows go the other way round to face outward.
+    side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv)
+    charts = [side]
+    if bottom:
+        charts.append(_lid(rows[0, :-1], up=False))
+    if top:
+        charts.append(_lid(rows[-1, :-1], up=True))
+    return Shape(tuple(charts))
+
+
+def _lid(points: Array, up: bool) -> Chart:
+    count = len(points)
+    ring = np.arange(count)
+    fan = np.stack([np.full(count, count), ring, (ring + 1) % count], -1)
+    vertices = np.concatenate([points, points.mean(axis=0, keepdims=True)])
+    uv = vertices[:, [0, 2]] * [1, -1]
+    return Chart(vertices, fan[:, ::-1] if up else fan, uv)
+
+
+def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0, segments: int = 16) -> Shape:
+    """A cushion: a box with rounded edges that stands on `at`; crown raises the middle of its top."""
+    w, h, d = size
+    r = min(radius, 0.49 * min(w, h, d))
+    power = max(3.0, min(12.0, 0.75 * min(w, d) / r))
+    levels = [(0.0, r), (0.3 * r, 0.3 * r), (r, 0.0), (h - r, 0.0), (h - 0.3 * r, 0.3 * r), (h, r)]
+    rings = [Ring(at[1] + y, w / 2 - cut, d / 2 - cut, power, at[0], at[2]) for y, cut in levels]
+    if crown:
+        rings += [Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in ((0.8, 0.55), (1, 0.2))]
+    return loft(rings, segments)
+
+
+def post(radius: float, height: float, at: Point = (0.0, 0.0, 0.0), top: float | None = None, segments: int = 8) -> Shape:
+    """A round bar that stands on `at`; top: its radius at the upper end."""
+    end = radius if top is None else top
+    rings = [Ring(at[1], radius, radius, 2, at[0], at[2]), Ring(at[1] + height, end, end, 2, at[0], at[2])]
+    return loft(rings, segments)
+
+
+def turned(profile: Sequence[tuple[float, float]], at: Point = (0.0, 0.0, 0.0), segments: int = 14, top: bool = True) -> Shape:
+    """What a lathe makes of (radius, height) points from the bottom up."""
+    return loft([Ring(at[1] + y, r, r, 2, at[0], at[2]) for r, y in profile], segments, top=top)
+
+
+def tube(path: Sequence[Point], radius: float, segments: int = 6) -> Shape:
+    """A bent bar through points."""
+    points = np.array(path, float)
+    charts: list[Chart] = []
+    for start, end in zip(points[:-1], points[1:], strict=True):
+        charts += _bar(start, end, radius, segments).charts
+    return Shape(tuple(charts))
+
+
+def _bar(start: Array, end: Array, radius: float, segments: int) -> Shape:
+    way = end - start
+    length = float(np.linalg.norm(way))
+    up = way / length
+    side = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+    frame = np.stack([side, up, np.cross(side, up)])
+    bar = post(radius, length, segments=segments)
+    return Shape(tuple(replace(c, vertices=c.vertices @ frame + start) for c in bar.charts))
+
+
+def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 1.0), segments: int = 14) -> Shape:
+    """A ball that stands on `at`, squashed along the axes."""
+    rows = max(4, segments // 2)
+    angle = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)[1:-1]
+    angle = np.concatenate([[-np.pi / 2 + 0.06], angle, [np.pi / 2 - 0.06]])
+    sx, sy, sz = (radius * s for s in squash)
+    rings = [
+        Ring(at[1] + sy * (1 + float(np.sin(a))), sx * float(np.cos(a)), sz * float(np.cos(a)), 2, at[0], at[2]) for a in angle
+    ]
+    return loft(rings, segments)
+
+
+def blade(base: Point, heading: float, length: float, width: float, rise: float, droop: float, rows: int = 4) -> Shape:
+    """A leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop` degrees."""
+    t = np.linspace(0, 1, rows + 1)
+    pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
+    reach = np.concatenate([[0], np.cumsum(np.cos(pitch))]) * length / rows
+    height = np.concatenate([[0], np.cumsum(np.sin(pitch))]) * length / rows
+    half = width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 0.985)) ** 0.8
+    out = np.array([np.sin(heading), 0.0, np.cos(heading)])
+    across = np.array([np.cos(heading), 0.0, -np.sin(heading)])
+    spine = np.array(base) + reach[:, None] * out + height[:, None] * np.array([0.0, 1.0, 0.0])
+    edge = half[:, None] * across
+    points = np.stack([spine - edge, spine + edge], 1).reshape(-1, 3)
+    uv = np.stack([np.tile([0.0, 1.0], rows + 1), np.repeat(t, 2)], -1)
+    faces = _grid_faces(rows + 1, 2)
+    return Shape((Chart(points, faces, uv), Chart(points.copy(), faces[:, ::-1], uv)))

@@ -1,0 +1,258 @@
+"""Procedural texture tiles: wood, cloth, tiles, plaster, screens, pictures.
+
+A tile is a small picture that a surface is covered with. Everything comes from a generator that is passed in; noise is blurred
+in integers, so that a tile is the same on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Colour = tuple[int, int, int]
+Pixels = NDArray[np.uint8]
+Field = NDArray[np.float64]
+
+SIZE = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """What a surface is covered with."""
+
+    pixels: Pixels
+    """(H, H, 3), first row at the top."""
+    metres: float = 1.0
+    """The length that the tile covers."""
+    grain: bool = False
+    """The pattern runs from bottom to top of the tile and is laid along the longer side of a face."""
+    fit: bool = False
+    """The tile is a picture of the whole face: it is stretched over it instead of being cut from."""
+
+
+def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int = SIZE) -> Field:
+    """(size, size) periodic noise with mean 0 and standard deviation 1, blurred over so many rows and columns."""
+    field = rng.integers(0, 256, (size, size))
+    for axis, reach in enumerate(blur):
+        for _ in range(2 if reach > 1 else 0):
+            field = sum((np.roll(field, k, axis) for k in range(1, reach)), start=field)
+    real = field.astype(float)
+    return np.asarray((real - real.mean()) / real.std())
+
+
+def _shade(colour: Colour, field: Field) -> Pixels:
+    """A colour made lighter and darker: 0.1 in the field is ten per cent."""
+    picture = np.asarray(colour, float) * (1.0 + field[..., None])
+    return np.asarray(np.clip(np.round(picture), 0, 255), np.uint8)
+
+
+def _blank(colour: Colour, size: int = SIZE) -> Pixels:
+    return np.full((size, size, 3), colour, np.uint8)
+
+
+def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.012) -> Tile:
+    """Paint, plastic, ceramic or metal."""
+    return Tile(_shade(colour, noise * _noise(rng, (4, 4))))
+
+
+def wood(colour: Colour, rng: np.random.Generator, contrast: float = 0.09) -> Tile:
+    """Grain along the tile: long streaks, a little fine fibre, and slow changes of tone."""
+    field = 0.6 * _noise(rng, (24, 2)) + 0.25 * _noise(rng, (8, 1)) + 0.5 * _noise(rng, (32, 8))
+    return Tile(_shade(colour, contrast * field), metres=0.8, grain=True)
+
+
+def cloth(colour: Colour, rng: np.random.Generator, contrast: float = 0.045) -> Tile:
+    """Woven cloth: threads both ways under soft blotches."""
+    field = 0.6 * _noise(rng, (5, 1)) + 0.6 * _noise(rng, (1, 5)) + 0.7 * _noise(rng, (12, 12))
+    return Tile(_shade(colour, contrast * field), metres=0.9)
+
+
+def leather(colour: Colour, rng: np.random.Generator) -> Tile:
+    return Tile(_shade(colour, 0.06 * _noise(rng, (3, 3)) + 0.05 * _noise(rng, (14, 14))), metres=0.9)
+
+
+def stripes(first: Colour, second: Colour, rng: np.random.Generator, count: int = 4) -> Tile:
+    """Stripes along the tile, on cloth or wallpaper."""
+    column = (np.arange(SIZE) * 2 * count // SIZE) % 2
+    picture = np.where(column[None, :, None] == 1, np.array(first), np.array(second)) * np.ones((SIZE, 1, 1))
+    return Tile(_grade(picture, 0.02 * _noise(rng, (3, 3))), metres=0.9, grain=True)
+
+
+def checks(first: Colour, second: Colour, rng: np.random.Generator, count: int = 4) -> Tile:
+    """A tartan of two colours that mix where they cross."""
+    band = ((np.arange(SIZE) * 2 * count // SIZE) % 2).astype(float)
+    share = ((band[:, None] + band[None, :]) / 2)[..., None]
+    return Tile(_grade(np.array(first) * share + np.array(second) * (1 - share), 0.02 * _noise(rng, (2, 2))), metres=0.9)
+
+
+def _grade(picture: NDArray[np.floating], field: Field) -> Pixels:
+    return np.asarray(np.clip(np.round(picture * (1.0 + field[..., None])), 0, 255), np.uint8)
+
+
+def ceramic(colour: Colour, rng: np.random.Generator, across: int = 4, metres: float = 1.2) -> Tile:
+    """Square tiles with joints, each a shade of its own."""
+    size = 128
+    cell = size // across
+    shade = np.kron(0.02 * rng.standard_normal((across, across)), np.ones((cell, cell)))
+    row = np.arange(size) % cell == 0
+    joint = row[:, None] | row[None, :]
+    return Tile(_shade(colour, np.where(joint, -0.16, shade)), metres=metres)
+
+
+def planks(colour: Colour, rng: np.random.Generator, boards: int = 8, metres: float = 1.2) -> Tile:
+    """Floor boards, each with its own tone and its own end joint."""
+    size = 128
+    width = size // boards
+    tone = np.repeat(0.05 * rng.standard_normal(boards), width)[None, :] * np.ones((size, 1))
+    field = tone + 0.035 * _noise(rng, (32, 2), size)
+    field[:, np.arange(size) % width == 0] = -0.2
+    for board, row in enumerate(rng.integers(0, size, boards)):
+        field[row, board * width : (board + 1) * width] = -0.2
+    return Tile(_shade(colour, field), metres=metres)
+
+
+def carpet(colour: Colour, rng: np.random.Generator) -> Tile:
+    return Tile(_shade(colour, 0.03 * _noise(rng, (2, 2)) + 0.025 * _noise(rng, (10, 10))), metres=1.2)
+
+
+def marble(colour: Colour, rng: np.random.Generator) -> Tile:
+    field = _noise(rng, (10, 10))
+    veins = np.exp(-((field / 0.12) ** 2))
+    return Tile(_shade(colour, 0.02 * _noise(rng, (6, 6)) - 0.13 * veins), metres=1.0)
+
+
+def sky(rng: np.random.Generator) -> Tile:
+    """What a window shows: a bright sky with clouds over a line of green."""
+    height = np.linspace(0.0, 1.0, SIZE)[:, None, None]
+    picture = (1 - height) * np.array([150, 195, 240]) + height * np.array([225, 238, 248])
+    clouds = np.clip(_noise(rng, (6, 14)), 0, 1.5)[..., None] / 1.5
+    picture = picture * (1 - 0.6 * clouds) + 255 * 0.6 * clouds
+    line = 50 + np.round(2.0 * _noise(rng, (1, 9))[0]).astype(int)
+    garden = np.arange(SIZE)[:, None] > line[None, :]
+    picture[garden] = np.array([128, 165, 110])
+    return Tile(_grade(picture, np.zeros((SIZE, SIZE))), fit=True)
+
+
+def screen(rng: np.random.Generator, on: bool) -> Tile:
+    """A television picture, or the dark glass of one that is switched off with the window reflected in it."""
+    across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
+    if not on:
+        glare = np.clip(1 - np.abs(across + 0.6 * down - 0.75) / 0.22, 0, 1) * (1 - down)
+        return Tile(_grade(np.array([22.0, 24.0, 28.0]) + 55.0 * glare[..., None], 0 * across), fit=True)
+    sea = np.where(down[..., None] < 0.55, [70.0, 130.0, 205.0], [24.0, 78.0, 130.0])
+    sun = np.hypot(across - rng.uniform(0.3, 0.7), (down - 0.5) * 0.6) < 0.12
+    sea[sun & (down < 0.55)] = [255, 205, 90]
+    sea[down > 0.86] = [20, 22, 40]
+    sea[(down > 0.9) & (down < 0.95) & (across > 0.08) & (across < 0.5)] = [230, 230, 235]
+    return Tile(_grade(sea, 0.03 * _noise(rng, (1, 9))), fit=True)
+
+
+def painting(rng: np.random.Generator) -> Tile:
+    """An abstract or a landscape inside a pale mount."""
+    picture = _landscape(rng) if rng.random() < 0.5 else _abstract(rng)
+    picture[:6], picture[-6:], picture[:, :6], picture[:, -6:] = (240.0,) * 4
+    return Tile(_grade(picture, 0.02 * _noise(rng, (2, 2))), fit=True)
+
+
+def _landscape(rng: np.random.Generator) -> Field:
+    picture = np.ones((SIZE, SIZE, 1)) * np.array(SKIES[rng.integers(len(SKIES))], float)
+    for level, shade in zip((26, 36, 47), (0.75, 0.6, 0.42), strict=True):
+        line = level + np.round(4 * _noise(rng, (1, 12))[0])
+        picture[np.arange(SIZE)[:, None] > line[None, :]] = shade * np.array(HILLS[rng.integers(len(HILLS))], float)
+    return picture
+
+
+def _abstract(rng: np.random.Generator) -> Field:
+    picture = np.ones((SIZE, SIZE, 1)) * np.array([236.0, 228.0, 214.0])
+    for _ in range(7):
+        row, column = rng.integers(4, 44, 2)
+        high, wide = rng.integers(8, 30, 2)
+        picture[row : row + high, column : column + wide] = ACCENTS[rng.integers(len(ACCENTS))]
+    return picture
+
+
+def books(rng: np.random.Generator) -> Tile:
+    """A row of spines that fills a shelf."""
+    picture = np.zeros((SIZE, SIZE, 3))
+    column = 0
+    while column < SIZE:
+        wide = int(rng.integers(3, 8))
+        top = int(rng.integers(0, 16))
+        picture[:, column : column + wide] = [48, 38, 30]
+        picture[top:, column : column + wide] = ACCENTS[rng.integers(len(ACCENTS))]
+        picture[top + 8 : top + 12, column : column + wide] *= 1.25
+        picture[:, column] *= 0.5
+        column += wide
+    return Tile(_grade(picture, 0 * picture[..., 0]), fit=True)
+
+
+def leaf(colour: Colour, rng: np.random.Generator) -> Tile:
+    """A leaf from stalk to tip with its rib."""
+    rib = np.exp(-(((np.arange(SIZE) - SIZE / 2) / 2.5) ** 2))[None, :] * np.ones((SIZE, 1))
+    tone = np.linspace(0.12, -0.12, SIZE)[:, None]
+    return Tile(_shade(colour, 0.22 * rib + tone + 0.05 * _noise(rng, (6, 6))), fit=True)
+
+
+def panel_door(colour: Colour, rng: np.random.Generator) -> Tile:
+    """A door leaf or cupboard front with two sunken panels."""
+    field = 0.02 * _noise(rng, (16, 2))
+    for low, high in ((5, 28), (34, 59)):
+        field[low:high, [10, 11]] = field[[low, low + 1], 10:54] = -0.22
+        field[low:high, [52, 53]] = field[[high - 1, high], 10:54] = 0.1
+    return Tile(_shade(colour, field), fit=True)
+
+
+def oriental(colour: Colour, accent: Colour, rng: np.random.Generator) -> Tile:
+    """A rug: borders, and a lozenge in the middle."""
+    ring = np.minimum(np.arange(SIZE), np.arange(SIZE)[::-1])
+    edge = np.minimum(ring[:, None], ring[None, :])
+    lozenge = (SIZE - ring[:, None] - ring[None, :]) // 5
+    pick = (edge // 3 == 1) | (edge // 2 == 5) | ((edge > 14) & (lozenge % 3 == 0))
+    picture = np.where(pick[..., None], np.array(accent, float), np.array(colour, float))
+    return Tile(_grade(picture, 0.04 * _noise(rng, (2, 2))), fit=True)
+
+
+def burner(rng: np.random.Generator) -> Tile:
+    """A glass hob seen from above: four rings."""
+    picture = np.ones((SIZE, SIZE, 1)) * np.array([28.0, 28.0, 31.0])
+    rows, columns = np.meshgrid(np.arange(SIZE), np.arange(SIZE), indexing="ij")
+    for row, column, radius in ((17, 17, 11), (17, 47, 9), (47, 17, 9), (47, 47, 11)):
+        distance = np.hypot(rows - row, columns - column)
+        picture[(distance < radius) & (distance > radius - 2.2)] = [150, 60, 50]
+    return Tile(_grade(picture, 0 * picture[..., 0]), fit=True)
+
+
+def porthole(rng: np.random.Generator) -> Tile:
+    """The front of a washing machine."""
+    picture = np.ones((SIZE, SIZE, 1)) * np.array([238.0, 239.0, 241.0])
+    rows, columns = np.meshgrid(np.arange(SIZE), np.arange(SIZE), indexing="ij")
+    distance = np.hypot(rows - 37, columns - 32)
+    picture[distance < 22] = [165, 168, 172]
+    picture[distance < 17] = [45, 52, 62]
+    picture[6:11, 6:24] = [205, 207, 210]
+    picture[5:12, 44:56] = [60, 62, 66]
+    return Tile(_grade(picture, 0 * picture[..., 0]), fit=True)
+
+
+def pick(rng: np.random.Generator, colours: Sequence[Colour]) -> Colour:
+    return colours[int(rng.integers(len(colours)))]
+
+
+SKIES: Sequence[Colour] = ((160, 200, 232), (244, 205, 160), (200, 214, 224))
+HILLS: Sequence[Colour] = ((130, 170, 120), (120, 140, 190), (196, 150, 96), (96, 150, 140))
+ACCENTS: Sequence[Colour] = (
+    (172, 62, 54), (46, 96, 138), (218, 168, 62), (70, 120, 88), (116, 78, 120), (206, 110, 70), (60, 66, 78),
+    (226, 214, 190), (150, 172, 184), (120, 42, 48),
+)  # fmt: skip
+WOODS: Sequence[Colour] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
+FABRICS: Sequence[Colour] = (
+    (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116), (128, 92, 118),
+)  # fmt: skip
+LEATHERS: Sequence[Colour] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
+PAINTS: Sequence[Colour] = (
+    (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216, 214),
+    (222, 222, 222), (196, 210, 206), (238, 226, 204),
+)  # fmt: skip

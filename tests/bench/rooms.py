@@ -1,0 +1,67 @@
+"""A hand-made scene for the tests of routes and agents: two rooms, a wall with a doorway, a few pieces of furniture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanclaw.pose import quaternion_from_matrix, yaw_matrix
+from humanclaw.scene import Asset, Mesh, Placement, Room, Scene, SceneObject
+
+CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)], np.float32)
+QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+FACES = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))], np.int32)
+
+
+def block(x: float, y: float, z: float, at: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
+    """(8, 3) corners of a box of this size whose bottom's centre is at a point."""
+    return (CORNERS * np.array([x, y, z]) + np.array(at)).astype(np.float32)
+
+
+def asset(name: str, category: str, *parts: np.ndarray, seat: float | None = None) -> Asset:
+    vertices = np.concatenate(parts)
+    faces = np.concatenate([FACES + 8 * index for index in range(len(parts))])
+    mesh = Mesh(vertices, faces, np.zeros((len(vertices), 2), np.float32), np.full((2, 2, 3), 128, np.uint8))
+    return Asset(name, category, mesh, tuple(parts), seat)
+
+
+def thing(
+    number: int, kind: Asset, x: float, z: float, yaw: float = 0.0, y: float = 0.0, **more: object
+) -> SceneObject:
+    turn = quaternion_from_matrix(yaw_matrix(yaw))
+    return SceneObject(number, kind.name, kind.category, (x, y, z), tuple(map(float, turn)), **more)  # type: ignore[arg-type]
+
+
+def scene(*placed: tuple[Asset, SceneObject], rooms: tuple[Room, ...] = (), start: Placement | None = None) -> Scene:
+    assets = {kind.name: kind for kind, _ in placed}
+    return Scene("test:rooms", assets, tuple(one for _, one in placed), rooms, start or Placement(1.0, 1.0, 0.0))
+
+
+def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:
+    """Two rooms of 4 m x 6 m (x from 0 to 8, z from 0 to 6); the wall between them at x = 4 has a doorway at z = 4.5.
+
+    Living room (x > 4): a couch (id 20) at its far wall that looks back along -X, a TV (21) high on the wall at z = 0.
+    Bedroom (x < 4): a bed (22), its head at the wall x = 0. Start at (1, 1) facing +Z.
+    """
+    low, high = 4.5 - door / 2, 4.5 + door / 2
+    pieces = {
+        "wall_w": (block(0.1, 2.5, 6.2), -0.05, 3.0), "wall_e": (block(0.1, 2.5, 6.2), 8.05, 3.0),
+        "wall_s": (block(8.2, 2.5, 0.1), 4.0, -0.05), "wall_n": (block(8.2, 2.5, 0.1), 4.0, 6.05),
+        "wall_a": (block(0.1, 2.5, low), 4.0, low / 2), "wall_b": (block(0.1, 2.5, 6 - high), 4.0, (6 + high) / 2),
+    }  # fmt: skip
+    walls = [asset(name, "wall", shape) for name, (shape, _, _) in pieces.items()]
+    placed = [(kind, thing(i, kind, *pieces[kind.name][1:])) for i, kind in enumerate(walls, start=1)]
+    lintel = asset("lintel", "wall", block(0.1, 0.5, door))
+    ground = asset("ground", "floor", block(8.2, 0.1, 6.2))
+    couch = asset("couch", "couch", block(2.0, 0.42, 0.9), block(2.0, 0.4, 0.25, (0, 0.42, -0.325)), seat=0.42)
+    tv = asset("tv", "tv", block(1.0, 0.6, 0.08))
+    bed = asset("bed", "bed", block(1.6, 0.5, 2.0), block(1.6, 0.4, 0.1, (0, 0.5, -0.95)), seat=0.5)
+    placed += [
+        (lintel, thing(10, lintel, 4.0, 4.5, y=2.0)),
+        (ground, thing(11, ground, 4.0, 3.0, y=-0.1)),
+        (couch, thing(20, couch, 7.5, 2.5, -np.pi / 2)),
+        (tv, thing(21, tv, 6.0, 0.05, y=0.9)),
+        (bed, thing(22, bed, 1.05, 4.6, np.pi / 2)),
+        *extra,
+    ]
+    rooms = (Room("bedroom", "bedroom", 0, 0, 4, 6), Room("living room", "living_room", 4, 0, 8, 6))
+    return scene(*placed, rooms=rooms)

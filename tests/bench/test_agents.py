@@ -1,0 +1,148 @@
+"""Agents that need no model, on a body that moves as told, give or take ten per cent."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from rooms import asset, block, thing, two_rooms
+from walker import PICTURE, SKILLS, Walker, play
+
+from humanclaw.bench.agents import OracleAgent, RandomAgent, StillAgent, in_view
+from humanclaw.bench.routes import FloorPlan
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw.geometry import distance_to_box
+from humanclaw.interfaces import DecisionMaker, EpisodeContext, Observation
+from humanclaw.scene import Scene
+
+
+def episode(scene: Scene, category: str, *targets: int, sit: bool = False) -> EpisodeSpec:
+    return EpisodeSpec(
+        id="test", instruction=f"Find a {category}.", scene=scene.name, target_category=category, target_ids=targets,
+        interact=sit,
+    )  # fmt: skip
+
+
+def reach(walker: Walker, target: int) -> float:
+    return float(distance_to_box(walker.state().body.joints()[-1], *walker.scene.aabb(target)).min())
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("category", "target"), [("couch", 20), ("bed", 22)])
+def test_the_oracle_sits_down_on_the_target_and_stops(category: str, target: int, seed: int) -> None:
+    walker = Walker(two_rooms(), (target,), seed)
+    log = play(OracleAgent(), walker, episode(walker.scene, category, target, sit=True))
+    low, high = walker.scene.aabb(target)
+    assert log[-1][1].skill == "stop"
+    assert walker.sat
+    assert low[0] < walker.x < high[0]
+    assert low[2] < walker.z < high[2]
+    assert len(log) < 40
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("category", "target"), [("tv", 21), ("couch", 20)])
+def test_the_oracle_stops_within_twenty_centimetres(category: str, target: int, seed: int) -> None:
+    walker = Walker(two_rooms(), (target,), seed)
+    log = play(OracleAgent(), walker, episode(walker.scene, category, target))
+    assert log[-1][1].skill == "stop"
+    assert reach(walker, target) <= 0.2
+
+
+def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
+    chair = asset("chair", "chair", block(0.5, 0.45, 0.5))
+    scene = two_rooms(0.9, (chair, thing(30, chair, 2.5, 2.0)), (chair, thing(31, chair, 7.0, 5.5)))
+    walker = Walker(scene, (30, 31))
+    play(OracleAgent(), walker, episode(scene, "chair", 30, 31))
+    assert reach(walker, 30) <= 0.2
+
+
+def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() -> None:
+    # A glass pane that the scene does not tell of stands across the direct way to the bed.
+    pane = asset("pane", "wall", block(1.2, 1.0, 0.1))
+    known, real = two_rooms(), two_rooms(0.9, (pane, thing(30, pane, 1.2, 2.2)))
+    walker = Walker(known, (22,), solid=FloorPlan.of(real))
+    log = play(OracleAgent(), walker, episode(known, "bed", 22, sit=True))
+    assert walker.sat
+    assert any("in my way" in decision.reasoning for decision, _ in log)
+
+
+def test_the_oracle_says_that_it_sees_the_target_when_and_only_when_it_is_in_view() -> None:
+    walker = Walker(two_rooms(), (20,))
+    log = play(OracleAgent(), walker, episode(walker.scene, "couch", 20, sit=True))
+    told = [decision.visible_state for decision, _ in log]
+    assert "No couch is in view" in told[0]
+    assert any(re.search(r"A couch is ahead", words) for words in told)
+    assert "No couch is in view" in told[-1], "it sits with its back to the couch"
+
+
+def test_the_oracle_looks_at_a_target_behind_it_before_it_sits_down() -> None:
+    scene = two_rooms()
+    walker = Walker(scene, (20,))
+    walker.x, walker.z, walker.yaw = 6.6, 2.5, -np.pi / 2
+    log = play(OracleAgent(), walker, episode(scene, "couch", 20, sit=True))
+    assert any("A couch is" in decision.visible_state for decision, _ in log)
+    assert walker.sat
+
+
+def test_the_oracle_stops_and_says_why_without_a_target() -> None:
+    walker = Walker(two_rooms())
+    (only,) = play(OracleAgent(), walker, EpisodeSpec(id="free", instruction="Dance!", scene="test:rooms"))
+    assert only[1].skill == "stop"
+    assert "nothing that I know" in only[0].reasoning
+
+
+def test_the_oracle_stops_and_says_why_when_there_is_no_way() -> None:
+    walker = Walker(two_rooms(door=0.1), (20,))
+    (only,) = play(OracleAgent(), walker, episode(walker.scene, "couch", 20, sit=True))
+    assert only[1].skill == "stop"
+    assert "no way" in only[0].reasoning
+
+
+def test_the_oracle_wants_a_scene() -> None:
+    spec = EpisodeSpec(id="x", instruction="x", scene="x")
+    with pytest.raises(HumanclawError, match="needs the scene"):
+        OracleAgent().begin(EpisodeContext(spec, SKILLS, 0))
+
+
+def test_the_still_agent_stops_at_once() -> None:
+    walker = Walker(two_rooms(), (20,))
+    assert [call.skill for _, call in play(StillAgent(), walker, episode(walker.scene, "couch", 20))] == ["stop"]
+
+
+def trained() -> dict[str, object]:
+    """The first-party skills as if their adapters were there."""
+    from dataclasses import replace
+
+    return {name: replace(skill, adapter=None) for name, skill in SKILLS.items()}
+
+
+def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:
+    skills, spec = trained(), EpisodeSpec(id="x", instruction="x", scene="x")
+
+    def draws(seed: int) -> list[str]:
+        agent: DecisionMaker = RandomAgent()
+        agent.begin(EpisodeContext(spec, skills, seed))  # type: ignore[arg-type]
+        calls = [agent.decide(Observation(step, "x", PICTURE), ()).calls[0] for step in range(60)]
+        for call in calls:
+            SKILLS[call.skill].check(call.params)
+        return [str(call) for call in calls]
+
+    assert draws(1) == draws(1)
+    assert draws(1) != draws(2)
+    assert {text.split("(")[0] for text in draws(1)} == set(SKILLS)
+
+
+def test_a_target_counts_as_in_view_only_in_front_of_the_eyes_and_not_behind_a_wall() -> None:
+    scene = two_rooms()
+    plan, walker = FloorPlan.of(scene), Walker(scene)
+    walker.x, walker.z, walker.yaw = 5.5, 2.5, np.pi / 2
+    seen = in_view(plan, scene, walker.state(), 20)
+    assert seen is not None
+    assert abs(seen[0]) < 0.1
+    assert in_view(plan, scene, walker.state(), 22) is None
+    walker.yaw = -np.pi / 2
+    assert in_view(plan, scene, walker.state(), 20) is None
+    assert in_view(plan, scene, walker.state(), 22) is None, "the bed is behind the wall"

@@ -1,0 +1,195 @@
+"""Skills as the tools of a model: what is published in each format, and how an answer is read back."""
+
+import json
+
+import jsonschema
+import pytest
+
+from humanclaw import Keyframes, Skill, skill
+from humanclaw.errors import CallError, PluginError
+from humanclaw.interfaces import Call
+from humanclaw.tools import ENVELOPE, answer_schema, openai_tools, publish, read_answer, read_call, read_text
+
+SAID = {
+    "visible_state": "a door",
+    "progress": "search",
+    "mid_level_change": "keep",
+    "mid_level_goal": "pass the door",
+    "reasoning": "it is open",
+}
+
+
+def made(name, description="Do it.", required=(), **properties):
+    """A skill with a given schema; what it would play does not matter here."""
+    schema = {"type": "object", "properties": properties, "required": list(required), "additionalProperties": False}
+    return Skill(name, description, schema, lambda params: Keyframes.cycle("head", "x", 10, 1.0))
+
+
+STEP = made(
+    "step", "Take a step.", ["z_cm"], z_cm={"type": "integer", "minimum": 0, "maximum": 80, "description": "Far."}
+)
+TURN = made("turn", "Turn.", ["yaw_deg"], yaw_deg={"type": "integer", "minimum": -75, "maximum": 75})
+BACK = made("back", "Go back.", ["z_cm"], z_cm={"type": "integer", "minimum": 5, "maximum": 100})
+
+
+# -- publishing --------------------------------------------------------------------------------------------------------
+def test_the_envelope_comes_first_and_is_required():
+    (tool,) = openai_tools([STEP])
+    parameters = tool["function"]["parameters"]
+    assert list(parameters["properties"]) == [*ENVELOPE, "z_cm"] == parameters["required"]
+    assert parameters["properties"]["mid_level_change"]["enum"] == ["keep", "revise"]
+    assert parameters["properties"]["z_cm"] == STEP.schema["properties"]["z_cm"]
+
+
+def test_without_the_envelope_a_tool_is_the_skills_own_schema():
+    (tool,) = openai_tools([STEP], envelope=False)
+    assert tool == {
+        "type": "function",
+        "function": {"name": "step", "description": "Take a step.", "parameters": dict(STEP.schema)},
+    }
+
+
+def test_without_the_mid_level_its_fields_are_not_asked_for():
+    (tool,) = openai_tools([STEP], mid_level=False)
+    assert list(tool["function"]["parameters"]["properties"]) == ["visible_state", "progress", "reasoning", "z_cm"]
+
+
+@pytest.mark.parametrize(
+    ("form", "read"),
+    [
+        ("openai", lambda tools: [(t["function"]["name"], t["function"]["parameters"]) for t in tools]),
+        ("anthropic", lambda tools: [(t["name"], t["input_schema"]) for t in tools]),
+        ("mcp", lambda tools: [(t["name"], t["inputSchema"]) for t in tools]),
+        ("gemini", lambda tools: [(t["name"], t["parameters"]) for t in tools[0]["functionDeclarations"]]),
+    ],
+)
+def test_every_format_holds_every_skill_with_its_bounds(form, read):
+    found = read(publish([STEP, TURN], form, envelope=False))
+    assert [name for name, _ in found] == ["step", "turn"]
+    assert found[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
+    json.dumps(found, allow_nan=False)
+
+
+def test_gemini_gets_no_word_that_it_does_not_know():
+    odd = made("odd", n={"type": "integer", "enum": [1, 2], "default": 1, "$comment": "x", "title": "N"})
+    (tools,) = publish([odd], "gemini", envelope=False)
+    parameters = tools["functionDeclarations"][0]["parameters"]
+    assert "additionalProperties" not in parameters
+    assert parameters["properties"]["n"] == {"type": "integer", "description": "One of 1, 2."}
+
+
+def test_an_unknown_format_names_the_known_ones():
+    with pytest.raises(ValueError, match="openai, anthropic, gemini, mcp; got 'xml'"):
+        publish([STEP], "xml")
+
+
+def test_optional_and_referenced_types_are_flattened():
+    @skill()
+    def wave(times: int | None = None, hand: str = "left") -> Keyframes:
+        """Wave."""
+        return Keyframes.cycle("left_wrist", "x", 10, 1.0)
+
+    (tool,) = openai_tools([wave], envelope=False)
+    properties = tool["function"]["parameters"]["properties"]
+    assert properties["times"] == {"type": "integer"}
+    assert properties["hand"] == {"type": "string", "default": "left"}
+    shared = Skill(
+        "s",
+        "",
+        {"type": "object", "properties": {"a": {"$ref": "#/$defs/A"}}, "$defs": {"A": {"type": "integer"}}},
+        STEP.plan,
+    )
+    assert openai_tools([shared], envelope=False)[0]["function"]["parameters"]["properties"] == {
+        "a": {"type": "integer"}
+    }
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ({"oneOf": [{"type": "integer"}, {"type": "string"}]}, "several types"),
+        ({"type": ["integer", "string"]}, "several types"),
+        ({"$ref": "#/$defs/lost"}, "not among its"),
+    ],
+)
+def test_a_parameter_that_not_every_provider_keeps_is_refused_by_name(part, words):
+    with pytest.raises(PluginError, match=f"'n' of skill 'odd'.*({words})"):
+        openai_tools([made("odd", n=part)])
+
+
+def test_a_parameter_with_the_name_of_an_envelope_field_is_refused():
+    with pytest.raises(PluginError, match="'reasoning', a name of the envelope"):
+        openai_tools([made("odd", reasoning={"type": "string"})])
+
+
+def test_one_schema_for_all_skills_holds_the_widest_bounds():
+    schema = answer_schema([STEP, BACK, TURN])
+    assert list(schema["properties"]) == [*ENVELOPE, "skill", "parameters"]
+    assert schema["properties"]["skill"]["enum"] == ["step", "back", "turn"]
+    shared = schema["properties"]["parameters"]["properties"]
+    assert (shared["z_cm"]["minimum"], shared["z_cm"]["maximum"]) == (0, 100)
+    jsonschema.validate({**SAID, "skill": "back", "parameters": {"z_cm": 100}}, schema)
+
+
+# -- reading -----------------------------------------------------------------------------------------------------------
+def test_a_call_is_parted_from_its_envelope():
+    envelope, call = read_call("step", json.dumps({**SAID, "z_cm": 40}))
+    assert vars(envelope) == SAID
+    assert call == Call("step", {"z_cm": 40})
+
+
+def test_nothing_is_converted():
+    assert read_call("step", {"z_cm": "40"})[1].params == {"z_cm": "40"}
+    assert read_call("step", {"z_cm": 4000})[1].params == {"z_cm": 4000}
+
+
+def test_a_change_that_is_neither_keep_nor_revise_is_nothing():
+    assert read_call("step", {"mid_level_change": "REVISE "})[0].mid_level_change == "revise"
+    assert read_call("step", {"mid_level_change": "perhaps"})[0].mid_level_change == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ('{"z_cm": 4', "cut off"),
+        ("[]", "got list"),
+        ('{"z_cm": NaN}', "plain numbers"),
+        ("[" * 100_000, "not valid JSON"),
+    ],
+)
+def test_arguments_that_cannot_be_read_are_explained(arguments, words):
+    with pytest.raises(CallError, match=words):
+        read_call("step", arguments)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"skill": "step", "parameters": {"z_cm": 40}}',
+        'Well.\n```json\n{"skill": "step", "parameters": {"z_cm": 40}}\n```\nDone {ok}.',
+        '<think>{"skill": "turn", "parameters": {}}</think>{"name": "step", "arguments": "{\\"z_cm\\": 40}"}',
+        '{"skill": "step", "parameters": {"z_cm": 40, "yaw_deg": null}}',
+        '{"skill": "step", "z_cm": 40}',
+        '{"note": {"a": 1}} {"skill": "step", "parameters": {"z_cm": 40}}',
+    ],
+)
+def test_a_call_is_found_in_a_text(text):
+    assert [call for _, call in read_text(text)] == [Call("step", {"z_cm": 40})]
+
+
+def test_every_call_of_a_text_is_found_and_repetition_is_not_another():
+    one, two = '{"skill": "step", "parameters": {"z_cm": 40}}', '{"skill": "turn", "parameters": {"yaw_deg": 9}}'
+    assert [call.skill for _, call in read_text(one + two + one)] == ["step", "turn"]
+
+
+@pytest.mark.parametrize("text", ["", "I walk.", '{"skill": "step", "parameters": {"z_cm": 4', '{"thought": "none"}'])
+def test_a_text_without_a_whole_call_holds_none(text):
+    with pytest.raises(CallError, match="no complete JSON object"):
+        read_text(text)
+
+
+def test_an_answer_needs_a_name_and_an_object():
+    with pytest.raises(CallError, match="must be the name of a skill"):
+        read_answer({"parameters": {}})
+    with pytest.raises(CallError, match="must be an object"):
+        read_answer({"skill": "step", "parameters": [40]})
