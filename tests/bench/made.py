@@ -69,7 +69,7 @@ def record_episode(folder: Path, scene: Scene | None = None, *, instruction: str
                 verdict=VerdictRecord(verifier="geometry", accepted=number != 3,
                                       replacement=None if number != 3 else CallRecord(skill="walk", params={"z_cm": 60}),
                                       answers=(AnswerRecord(check="clear", passed=number != 3, note="too far"),)),
-                call=CallRecord(skill=call.skill, params=dict(call.params)), motion_frames=15,
+                call=CallRecord(skill=call.skill, params=dict(call.params) if number != 3 else {"z_cm": 60}), motion_frames=15,
                 frame_file=writer.frame(f"{number:04d}.jpg", picture(number)),
                 start=tuple(before.root[-1]), end=tuple(after.root[-1]),
                 yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),

@@ -51,6 +51,16 @@ def test_the_oracle_stops_within_twenty_centimetres(category: str, target: int, 
     assert reach(walker, target) <= 0.2
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed: int) -> None:
+    board, screen = asset("board", "tv_stand", block(1.4, 0.45, 0.5)), asset("screen", "tv", block(1.0, 0.6, 0.06))
+    scene = two_rooms(0.9, (board, thing(30, board, 2.0, 0.25)), (screen, thing(31, screen, 2.0, 0.25, y=0.45)))
+    walker = Walker(scene, (31,), seed)
+    log = play(OracleAgent(), walker, episode(scene, "tv", 31))
+    assert log[-1][1].skill == "stop"
+    assert reach(walker, 31) <= 0.2
+
+
 def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
     chair = asset("chair", "chair", block(0.5, 0.45, 0.5))
     scene = two_rooms(0.9, (chair, thing(30, chair, 2.5, 2.0)), (chair, thing(31, chair, 7.0, 5.5)))

@@ -134,6 +134,20 @@ def test_a_table_of_metrics_is_shown(page: Page) -> None:
     assert "Rates NavSR oracle 100 %" in page.text
 
 
+def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "one")
+    (tmp_path / "one" / "film.mp4").write_bytes(b"\0" * 9)
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert [video["src"] for video in page.all("video")] == ["data:video/mp4;base64,AAAAAAAAAAAA"]
+
+
+def test_a_large_film_is_linked(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "run" / "one")
+    (tmp_path / "run" / "one" / "film.gif").write_bytes(b"\0" * 4_000_001)
+    page = Page(write_report(tmp_path / "run", tmp_path / "page.html", lambda name: scene).read_text("utf-8"))
+    assert "run/one/film.gif" in [link.get("href") for link in page.all("a")]
+
+
 def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> None:
     scene = record_episode(tmp_path / "one")
     (tmp_path / "one" / "motion.npz").unlink()

@@ -125,6 +125,8 @@ class Memory:
     sits: int = 0
     arrived: bool = False
     """Whether the standing place was reached; from there on the last stretch is walked by eye."""
+    sideways: bool = False
+    """Whether it has found that its feet are too far from the target face to face."""
     seen: bool = False
     """Whether a target has been in view."""
     given_up: set[tuple[float, float]] = field(default_factory=set)
@@ -190,7 +192,7 @@ class OracleAgent:
             return False
         memory.stand = stands[int(np.argmin(prices))]
         memory.path = routes.route(memory.stand.point)
-        memory.arrived = False
+        memory.arrived = memory.sideways = False
         return memory.path is not None
 
     # on the way
@@ -202,12 +204,25 @@ class OracleAgent:
             return self._follow(pose)
         low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
         edge = np.clip(pose.point, low, high)
+        self._memory.sideways |= self._memory.blocked > 0
+        if self._memory.sideways:
+            return self._sideways(pose, edge)
         left, forward = pose.local(edge)
         error = float(np.arctan2(left, forward))
         if abs(error) > np.radians(20) and np.hypot(left, forward) > 0.05:
             return self._turn(error), "I am beside the target and turn to face it."
         gap = float(np.hypot(left, forward))
         return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
+
+    def _sideways(self, pose: Pose, edge: Array) -> tuple[Call, str]:
+        """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the chest."""
+        left, forward = pose.local(edge)
+        bearing = float(np.arctan2(left, forward))
+        side = 1.0 if bearing >= 0 else -1.0
+        error = _wrap(bearing - side * np.pi / 2)
+        if abs(error) > np.radians(20):
+            return self._turn(error), f"My feet cannot get closer to the {self._noun}: I turn my side to it."
+        return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
 
     def _seat(self, pose: Pose) -> tuple[Call, str]:
         """Go to the place in front of the seat, turn round, step back to its edge, sit down."""

@@ -35,6 +35,8 @@ WATCHED: Final = [
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
 FILM_SIZE: Final = (640, 480)
+GAP: Final = 16
+"""Between the pictures of a poster, pixels."""
 
 
 def film(
@@ -63,7 +65,9 @@ def poster(
 ) -> Path:
     """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path (PNG)."""
     replay = Replay.of(episode, scene)
-    side = (width - 16 * (moments + 1)) // (moments + 1)
+    _, _, wide, deep = house_map(scene, "house").box
+    # The map fills its column: as wide as its shape makes it at the height of both rows.
+    side = int((width - GAP * (moments + 2 + wide / deep)) / (moments + 2 * wide / deep))
     renderer.load(replay.open_scene)
     frames = np.linspace(HISTORY, len(replay.motion) - 1, moments).astype(int)
     outside = [_shot(replay, renderer, int(frame), (side, side)) for frame in frames]
@@ -73,11 +77,12 @@ def poster(
         renderer.render(replay.state(int(frame)), ego_camera(replay.state(int(frame)).body, side)).rgb
         for frame in frames
     ]
-    sheet = Image.new("RGB", (width, 2 * side + 48), "white")
+    sheet = Image.new("RGB", (width, 2 * side + 3 * GAP), "white")
     for column in range(moments):
         for row, picture in enumerate((outside[column], inside[column])):
-            sheet.paste(Image.fromarray(picture), (16 + column * (side + 16), 16 + row * (side + 16)))
-    sheet.paste(draw_map(episode, scene, (side, 2 * side + 16)), (16 + moments * (side + 16), 16))
+            sheet.paste(Image.fromarray(picture), (GAP + column * (side + GAP), GAP + row * (side + GAP)))
+    left = GAP + moments * (side + GAP)
+    sheet.paste(draw_map(episode, scene, (width - left - GAP, 2 * side + GAP)), (left, GAP))
     sheet.save(out)
     return out
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import base64
 import io
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -19,8 +20,8 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
 
 from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.pose import HISTORY, Array
-from humanclaw.records import CallRecord, RecordedEpisode, StepRecord, VerdictRecord, load_run
+from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
+from humanclaw.records import CallRecord, RecordedEpisode, StepRecord, load_run
 from humanclaw.scene import Scene, SceneObject
 
 SEEN_PIXELS: Final = 100
@@ -30,6 +31,8 @@ PICTURES: Final = 400
 """Thumbnails in one page at most, so that it stays a few megabytes."""
 DETAILED: Final = 60
 """Episodes that are shown step by step; the rest of a large run has its row in the table."""
+FILM_BYTES: Final = 4_000_000
+"""A larger film is linked and not put into the page."""
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
 """Start to end of a path: even in lightness, so that it reads on light and on dark paper."""
 
@@ -110,6 +113,15 @@ class ContactRow:
 
 
 @dataclass(frozen=True)
+class FilmView:
+    """A film beside the record: a data URI where it is small enough, else a path relative to the page."""
+
+    kind: str
+    source: str
+    inside: bool
+
+
+@dataclass(frozen=True)
 class EpisodeView:
     """One episode as the page tells it."""
 
@@ -124,6 +136,7 @@ class EpisodeView:
     strip: tuple[StepView, ...] = ()
     map: PathMap | None = None
     contacts: tuple[ContactRow, ...] = ()
+    film: FilmView | None = None
 
 
 @dataclass
@@ -156,9 +169,10 @@ def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *,
     tables: further tables for the summary, such as metrics. Raises RecordError if there is nothing to report.
     """
     episodes = load_run(run)
-    houses = Houses(scenes)
+    houses, target = Houses(scenes), out or run / "report.html"
     budget = max(6, PICTURES // min(len(episodes), DETAILED))
-    views = [_episode(e, n, houses, budget if n < DETAILED else 0) for n, e in enumerate(episodes)]
+    views = [_episode(recorded, number) for number, recorded in enumerate(episodes)]
+    views[:DETAILED] = [_detailed(view, houses, budget, target) for view in views[:DETAILED]]
     html = _environment().get_template("report.html").render(
         title=run.resolve().name,
         episodes=views,
@@ -168,7 +182,6 @@ def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *,
         totals=_totals(views),
         parts=PARTS,
     )  # fmt: skip
-    target = out or run / "report.html"
     try:
         target.write_text(html, "utf-8")
     except OSError as error:
@@ -195,32 +208,46 @@ def _seconds(value: float) -> str:
 
 
 # -- episodes ----------------------------------------------------------------------------------------------------------
-def _episode(recorded: RecordedEpisode, number: int, houses: Houses, pictures: int) -> EpisodeView:
+def _episode(recorded: RecordedEpisode, number: int) -> EpisodeView:
     reached = stages(recorded)
     usages = [a.usage for s in recorded.steps for a in s.attempts]
     usages += [s.verdict.usage for s in recorded.steps if s.verdict]
     times = {part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS}
     anchor = f"episode-{number}-{re.sub(r'[^A-Za-z0-9]+', '-', recorded.record.spec.id)}"
     tokens = sum(usage.tokens_in + usage.tokens_out for usage in usages)
-    view = EpisodeView(
-        recorded, anchor, in_words(recorded, reached), reached, times, tokens, sum(u.cost for u in usages)
-    )
-    return _detailed(view, houses, pictures) if pictures else view
+    cost = sum(usage.cost for usage in usages)
+    return EpisodeView(recorded, anchor, in_words(recorded, reached), reached, times, tokens, cost)
 
 
-def _detailed(view: EpisodeView, houses: Houses, pictures: int) -> EpisodeView:
+def _detailed(view: EpisodeView, houses: Houses, pictures: int, page: Path) -> EpisodeView:
     recorded = view.recorded
     scene, house, note = houses.of(recorded.record.spec.scene, recorded.record.scene_digest)
     chosen = set(_spread(len(recorded.steps), pictures))
     steps = tuple(_step(recorded, s, n, n in chosen, scene) for n, s in enumerate(recorded.steps))
     shown = [step for step in steps if step.picture]
-    return EpisodeView(
-        **{key: getattr(view, key) for key in ("recorded", "anchor", "words", "stages", "times", "tokens", "cost")},
+    return replace(
+        view,
         steps=steps,
         strip=tuple(shown[k] for k in _spread(len(shown), 8)),
         map=path_map(recorded, house, note),
         contacts=_contacts(recorded, scene),
+        film=_film(recorded.folder, page),
     )
+
+
+def _film(folder: Path, page: Path) -> FilmView | None:
+    """The film that `humanclaw run` left in the episode's folder, if it did."""
+    for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
+        path = folder / f"film.{kind}"
+        if path.is_file():
+            small = path.stat().st_size <= FILM_BYTES
+            link = Path(os.path.relpath(path.resolve(), page.resolve().parent)).as_posix()
+            return FilmView(kind, _data_uri(path.read_bytes(), media) if small else link, small)
+    return None
+
+
+def _data_uri(data: bytes, media: str) -> str:
+    return f"data:{media};base64,{base64.b64encode(data).decode()}"
 
 
 def _spread(count: int, wanted: int) -> list[int]:
@@ -275,7 +302,7 @@ def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
 
 
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: bool, scene: Scene | None) -> StepView:
-    kind, verdict = _verdict(step.verdict)
+    kind, verdict = _verdict(step)
     touched = {c.object_id: f"{c.joint.replace('_', ' ')} on {_name(scene, c.object_id)}" for c in step.contacts if
                c.height > 0.03}  # fmt: skip
     return StepView(
@@ -296,8 +323,10 @@ def call_text(call: CallRecord) -> str:
     return f"{call.skill}({', '.join(f'{key}={value}' for key, value in call.params.items())})"
 
 
-def _verdict(verdict: VerdictRecord | None) -> tuple[str, str]:
+def _verdict(step: StepRecord) -> tuple[str, str]:
     """Kind (none, accepted, replaced or open) and words."""
+    verdict, calls = step.verdict, step.attempts[-1].calls if step.attempts else ()
+    proposed = calls[0] if calls else None
     if verdict is None:
         return "none", ""
     if verdict.failed_open:
@@ -305,7 +334,8 @@ def _verdict(verdict: VerdictRecord | None) -> tuple[str, str]:
     if verdict.accepted or verdict.replacement is None:
         return "accepted", "accepted"
     failed = "; ".join(answer.note or answer.check for answer in verdict.answers if not answer.passed)
-    return "replaced", f"replaced by {call_text(verdict.replacement)}" + (f" ({failed})" if failed else "")
+    asked = f"in the place of {call_text(proposed)}" if proposed else "by the verifier"
+    return "replaced", asked + (f": {failed}" if failed else "")
 
 
 def _picture(path: Path, size: int = 240) -> str:
@@ -316,7 +346,7 @@ def _picture(path: Path, size: int = 240) -> str:
     with Image.open(path) as image:
         image.thumbnail((size, size), Image.Resampling.LANCZOS)
         image.convert("RGB").save(buffer, "JPEG", quality=78, optimize=True)
-    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return _data_uri(buffer.getvalue(), "image/jpeg")
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
@@ -407,8 +437,6 @@ def _outlines(scene: Scene, thing: SceneObject, floor: float) -> list[Polygon]:
     vertices = scene.vertices(thing.id)
     if not asset.hulls:
         return [_outline(vertices)]
-    from humanclaw.pose import matrix_from_quaternion
-
     turn = matrix_from_quaternion(np.array(thing.rotation))
     pieces = [hull @ turn.T + corner for hull in asset.hulls]
     return [_outline(p) for p in pieces if p[:, 1].min() < floor + 1.9 and p[:, 1].max() > floor + 0.05]

@@ -268,13 +268,19 @@ class Stand:
 
 
 def approach(plan: FloorPlan, scene: Scene, target: int, *, sit: bool = False) -> tuple[Stand, ...]:
-    """Standing places at a target, the best first as far as the place alone can tell. Empty if no body fits near it."""
+    """Standing places at a target, the best first as far as the place alone can tell. Empty if no body fits near it.
+
+    sit: places from which it can be sat on. Empty as well if the target is on another storey.
+    """
+    low, high = scene.aabb(target)
+    if not (low[1] < plan.floor + OBSTACLE_HEIGHTS[1] and high[1] > plan.floor):
+        return ()
     return tuple(_seats(plan, scene, target)) if sit else tuple(_beside(plan, scene, target))
 
 
 def near(plan: FloorPlan, scene: Scene, target: int) -> Array:
     """(N, 2) places from which a target counts as reached: the goals that geodesic distances are measured to."""
-    return np.array([[stand.x, stand.z] for stand in _beside(plan, scene, target)]).reshape(-1, 2)
+    return np.array([[stand.x, stand.z] for stand in approach(plan, scene, target)]).reshape(-1, 2)
 
 
 def _beside(plan: FloorPlan, scene: Scene, target: int) -> Iterator[Stand]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -49,7 +48,7 @@ def matrices(vectors: Tensor) -> Tensor:
 
 def joints(root: Tensor, rotations: Tensor) -> Tensor:
     """(..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) joint positions."""
-    offsets = torch.as_tensor(OFFSETS.astype(np.float32), device=root.device)
+    offsets = torch.as_tensor(OFFSETS, dtype=root.dtype, device=root.device)
     local = matrices(rotations)
     positions, turns = root[..., None, :], local[..., :1, :, :]
     for level in _LEVELS:

@@ -33,7 +33,7 @@ WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(8)
 
 T: Final = FUTURE / FPS
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
-STAND: Final = 0.953
+STAND: Final = 0.956
 """Pelvis height of a standing or passing body: the knees are never quite straight."""
 REACH: Final = 0.8195
 TOE_OUT: Final = 0.12
@@ -72,7 +72,7 @@ def cubic(u: Array, p0: Array, v0: Array, p1: Array, v1: Array) -> Array:
     return np.asarray(p0 + u * (v0 + u * ((3 * d - 2 * v0 - v1) + u * (v0 + v1 - 2 * d))))
 
 
-def smooth_minimum(a: Array, b: Array, width: float = 0.012) -> Array:
+def smooth_minimum(a: Array, b: Array, width: float = 0.01) -> Array:
     """The minimum with its corner rounded; exact where the two differ by more than width."""
     return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
 

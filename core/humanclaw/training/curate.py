@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE
+from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
 from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, forward_kinematics, heading
 from humanclaw.training.chunks import PARAMETERS, Chunks, Clip, cut
 
@@ -23,7 +23,7 @@ STRIDE: Final = 3
 IDLE_SHARE: Final = 0.25
 """Most of the base set that may be standing still: the mocap at hand is four fifths idling."""
 
-_FEET: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
+_FEET, _HANDS, _SHOULDERS = ([JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("foot", "hand", "shoulder"))
 
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
@@ -31,7 +31,7 @@ _FEET: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 class Travel:
     """What the pelvis does from the last history frame to the last: across, up, forward (N,) metres, yaw (N,) radians.
 
-    feet: (N,) mean horizontal path of the two feet, metres.
+    feet: (N,) mean horizontal path of the two feet, metres. composed: (N,) whether it ends upright with the hands below the shoulders.
     """
 
     across: Array
@@ -39,14 +39,18 @@ class Travel:
     forward: Array
     yaw: Array
     feet: Array
+    composed: Mask
 
     @classmethod
     def of(cls, root: Array, rotations: Array) -> Travel:
         """Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
         moved = root[:, -1] - root[:, HISTORY - 1]
-        feet = forward_kinematics(root, rotations)[0][:, HISTORY - 1 :, _FEET][..., [0, 2]]
+        joints = forward_kinematics(root, rotations)[0]
+        feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
         path = np.linalg.norm(np.diff(feet, axis=1), axis=-1).sum(axis=1).mean(axis=-1)
-        return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path)
+        last = joints[:, -1, :, 1]
+        composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
+        return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed)
 
     @property
     def flat(self) -> Array:
@@ -61,13 +65,13 @@ def idle(travel: Travel) -> Mask:
 
 RULES: Final[Mapping[str, Callable[[Travel], Mask]]] = MappingProxyType(
     {
-        "walk": lambda t: (t.forward > 0.15) & (t.forward < 1.25) & (np.abs(t.across) < 0.7 * t.forward) & (np.abs(t.up) < 0.08),
+        "walk": lambda t: (t.forward > 0.1) & (t.forward < 0.95) & (np.abs(t.across) < 0.7 * t.forward) & (np.abs(t.up) < 0.05),
         "side_step": lambda t: (np.abs(t.across) > 0.1) & (np.abs(t.forward) < 0.6 * np.abs(t.across)) & (np.abs(t.yaw) < 0.7),
         "step_back": lambda t: (t.forward < -0.1) & (np.abs(t.across) < 0.6 * -t.forward) & (np.abs(t.yaw) < 0.5),
         "turn_in_place": lambda t: (t.flat < 0.18) & (np.abs(t.yaw) > 0.2) & (t.feet > 0.03),
         "climb_upstairs": lambda t: (t.forward > 0.12) & (t.up > 0.05),
         "walk_downstairs": lambda t: (t.forward > 0.12) & (t.up < -0.05),
-        "stop": idle,
+        "stop": lambda t: idle(t) & t.composed,
     }
 )
 """The geometry of each skill that the data shows; sitting is not among it."""
@@ -80,7 +84,7 @@ class Limits:
 
     speed: float = 7.0
     """Any joint relative to the pelvis, m/s."""
-    acceleration: float = 150.0
+    acceleration: float = 120.0
     """Any joint, m/s^2: a glitch moves a joint for one frame and back."""
     sunk: float = 0.05
     """Depth of a sole under the floor, metres, on flat ground."""

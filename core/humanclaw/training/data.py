@@ -42,8 +42,8 @@ class ChunkTensors:
 
     def to(self, device: torch.device) -> ChunkTensors:
         """The same chunks on another device."""
-        tensors = (tensor.to(device) for tensor in (self.root, self.rotations, self.params))
-        return ChunkTensors(self.name, *tensors, self.statistics)
+        moved = (self.root.to(device), self.rotations.to(device), self.params.to(device))
+        return ChunkTensors(self.name, *moved, self.statistics)
 
 
 def load(folders: Sequence[Path], name: str) -> ChunkTensors:

@@ -24,7 +24,16 @@ from humanclaw.errors import HumanclawError
 from humanclaw.motion.checkpoint import load_base, read_header
 from humanclaw.motion.flow import PROFILES, Solver
 from humanclaw.motion.generator import DiTGenerator, shipped_base
-from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose, support_height
+from humanclaw.pose import (
+    FPS,
+    FUTURE,
+    HISTORY,
+    Motion,
+    forward_kinematics,
+    matrix_from_vector,
+    rest_pose,
+    support_height,
+)
 from humanclaw.training.chunks import PARAMETERS, Chunks, canonical, outcomes
 
 Array = NDArray[np.float64]
@@ -197,7 +206,7 @@ def _row(skill: str, rollouts: Rollouts) -> Row:
     pop, inside = acceleration(joints)
     jerks = [root_jerk(motion) for motion in rollouts.whole]
     return Row(
-        skill, _mean(ratio), float(ratio.std()) if len(ratio) else float("nan"), _mean(after), error,
+        skill, _mean(ratio), float(ratio.std()), _mean(after), error,
         skate(future), penetration(future), pop, inside, _mean(np.array(jerks)),
     )  # fmt: skip
 
@@ -205,7 +214,7 @@ def _row(skill: str, rollouts: Rollouts) -> Row:
 def _achieved(skill: str, rollouts: Rollouts) -> tuple[Array, float]:
     achieved = outcomes(skill, rollouts.root, rollouts.rotations)
     if not achieved.shape[1]:
-        return np.zeros(0), float("nan")
+        return np.full(len(achieved), np.nan), float("nan")
     primary = _PRIMARY.get(skill, 0)
     difference = achieved - rollouts.commands
     angle = np.array([name == "yaw" for name in PARAMETERS[skill]])
@@ -232,7 +241,7 @@ def milliseconds(generator: DiTGenerator, adapter: Path, values: Sequence[float]
 
 def markdown(rows: Sequence[Row]) -> str:
     """The rows as a Markdown table."""
-    heads = ("skill", "ratio", "after another", "error cm, deg", "skate cm/s", "below floor cm", "seam m/s2", "inside m/s2", "jerk m/s3")
+    heads = ("skill", "ratio", "after another", "error cm, deg", "skate cm/s", "sunk cm", "seam m/s2", "inside m/s2", "jerk m/s3")
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
     for row in rows:
         cells = (
@@ -254,7 +263,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         wanted = {skill: adapters[skill] for skill in options.skills or adapters}
         rows = fidelity(generator, wanted, options.rollouts, options.seed)
         for folder in options.data:
-            rows += [reference(skill, Chunks.load(folder / f"{skill}.npz")) for skill in wanted if (folder / f"{skill}.npz").is_file()]
+            known = [skill for skill in wanted if (folder / f"{skill}.npz").is_file()]
+            rows += [reference(skill, Chunks.load(folder / f"{skill}.npz")) for skill in known]
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

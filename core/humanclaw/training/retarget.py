@@ -219,6 +219,8 @@ _LEVEL_TILT: Final = 0.35
 """A standing foot tilted less than this is flat on the floor, radians; a lifted heel tilts more."""
 _FLAT_RANGE: Final = 0.07
 """Standing toes that differ in height by less than this stand on one floor, metres; a stair is at least 0.1."""
+_LIFTED: Final = 0.05
+"""A toe this far above a known floor is in the air however slowly it moves, metres."""
 _FADE: Final = 6
 """Frames in which a levelled foot returns to its captured tilt."""
 _UP: Final = np.array([0.0, 1.0, 0.0])
@@ -267,13 +269,21 @@ def _runs(mask: NDArray[np.bool_], least: int = 3) -> list[slice]:
     return [slice(first, last) for first, last in edges.reshape(-1, 2) if last - first >= least]
 
 
-def _standing(pose: _Pose, joint: str) -> list[slice]:
-    """When a joint of the foot stands still; the ball of the foot (`left_foot`) does so for as long as the foot bears."""
+def _slow(pose: _Pose, joint: str) -> NDArray[np.bool_]:
+    """(T,) when a joint of the foot stands still, short flickers bridged."""
     points = pose.at(joint)
     if len(points) < 3:
-        return []
-    slow = np.linalg.norm(np.gradient(points, axis=0), axis=-1) * FPS < _CONTACT_SPEED
-    return _runs(_bridged(slow, points))
+        return np.zeros(len(points), bool)
+    return _bridged(np.linalg.norm(np.gradient(points, axis=0), axis=-1) * FPS < _CONTACT_SPEED, points)
+
+
+def _bearing(pose: _Pose, side: str, floor: float | None) -> NDArray[np.bool_]:
+    """(T,) when a foot bears: its ball stands still and, where the floor is known, is not held in the air."""
+    toe = f"{side}_foot"
+    slow = _slow(pose, toe)
+    if floor is not None:
+        slow &= pose.at(toe)[:, 1] < floor + TOE_SOLE + _LIFTED
+    return _mask(_runs(slow), len(slow))
 
 
 def _between(runs: list[slice], values: Array, fade: int | None = None) -> Array:
@@ -304,10 +314,11 @@ def _mask(runs: list[slice], length: int) -> NDArray[np.bool_]:
 def _plant(pose: _Pose) -> _Pose:
     """Level the feet where they stand, hold them still there, and let the legs follow."""
     for side in ("left", "right"):
-        pose = _levelled(_calibrated(pose, side), side)
-    runs = {side: _standing(pose, f"{side}_foot") for side in ("left", "right")}
-    floor = _one_floor(pose, runs)
-    shifts = {side: _hold(pose, side, runs[side], floor) for side in runs}
+        pose = _calibrated(pose, side)
+    floor = _one_floor(pose)
+    for side in ("left", "right"):
+        pose = _levelled(pose, side, floor)
+    shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in ("left", "right")}
     # What both feet agree on is the root's error, not the legs'.
     common = float(np.median(np.concatenate([shift[:, 1] for shift in shifts.values()])))
     ankles = {side: pose.at(f"{side}_ankle") + shift for side, shift in shifts.items()}
@@ -321,10 +332,9 @@ def _plant(pose: _Pose) -> _Pose:
 
 def _calibrated(pose: _Pose, side: str) -> _Pose:
     """Make the sole level in the clip's flattest stances: sources disagree on how far above the toe an ankle lies."""
-    runs = _standing(pose, f"{side}_foot")
-    if not runs:
+    frames = np.flatnonzero(_bearing(pose, side, None))
+    if not len(frames):
         return pose
-    frames = np.concatenate([np.arange(run.start, run.stop) for run in runs])
     rise = (pose.at(f"{side}_ankle") - pose.at(f"{side}_foot"))[frames, 1]
     flattest = frames[rise <= np.percentile(rise, 10) + 0.015]
     for joint in (f"{side}_ankle", f"{side}_foot"):
@@ -334,11 +344,10 @@ def _calibrated(pose: _Pose, side: str) -> _Pose:
     return pose
 
 
-def _levelled(pose: _Pose, side: str) -> _Pose:
+def _levelled(pose: _Pose, side: str, floor: float | None) -> _Pose:
     """Lay each flat stance exactly level, and toes whenever they bear; outside the stances the correction fades away."""
-    length = len(pose.root)
-    bears = _mask(_standing(pose, f"{side}_foot"), length)
-    flat = bears & _mask(_standing(pose, f"{side}_ankle"), length)
+    bears = _bearing(pose, side, floor)
+    flat = bears & _slow(pose, f"{side}_ankle")
     for joint, stands, most in ((f"{side}_ankle", flat, _LEVEL_TILT), (f"{side}_foot", bears, 1.0)):
         turn = pose.world[:, JOINT_INDEX[joint]]
         level = _runs(stands & (np.arccos(np.clip(turn[:, 1, 1], -1.0, 1.0)) < most))
@@ -347,12 +356,13 @@ def _levelled(pose: _Pose, side: str) -> _Pose:
     return pose
 
 
-def _one_floor(pose: _Pose, runs: Mapping[str, list[slice]]) -> float | None:
-    """Height of the floor if all stances share one, else None (stairs, blocks)."""
-    heights = [float(np.median(pose.at(f"{side}_foot")[run, 1])) for side, found in runs.items() for run in found]
-    if not heights or np.subtract(*np.percentile(heights, [95, 5])) > _FLAT_RANGE:
+def _one_floor(pose: _Pose) -> float | None:
+    """Height of the floor if the feet stand on one for nine tenths of the time that they stand, else None (stairs, blocks)."""
+    toes = [pose.at(f"{side}_foot")[_bearing(pose, side, None), 1] - TOE_SOLE for side in ("left", "right")]
+    heights = np.concatenate(toes)
+    if not len(heights) or np.subtract(*np.percentile(heights, [95, 5])) > _FLAT_RANGE:
         return None
-    return float(np.median(heights)) - TOE_SOLE
+    return float(np.median(heights))
 
 
 def _hold(pose: _Pose, side: str, runs: list[slice], floor: float | None) -> Array:

@@ -1,4 +1,4 @@
-"""What a model is told and shown. The words are in the folder prompts; all that they say of skills comes from the skills."""
+"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the skills."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _dump(schema: Json | None) -> str:
 @functools.cache
 def _environment() -> jinja2.Environment:
     return jinja2.Environment(
-        loader=jinja2.PackageLoader("humanclaw_litellm", "prompts"),
+        loader=jinja2.PackageLoader("humanclaw_litellm", "templates"),
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # The output is text for a model, not a page.
         trim_blocks=True,

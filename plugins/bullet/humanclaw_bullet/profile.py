@@ -9,6 +9,9 @@ import numpy as np
 
 from humanclaw.errors import HumanclawError
 
+REFERENCE_STIFFNESS: Final = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
+YIELDING_ARMS: Final = (("ankle", 0.1), ("shoulder", 0.001), ("elbow", 0.001), ("wrist", 0.001), ("hand", 0.001))
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -32,17 +35,30 @@ class Profile:
     """Of the body's surface."""
     stiffness: float = 1.0
     """Passive joint stiffness (the paper's lambda): how little a contact turns a link away from its pose."""
-    soft: tuple[tuple[str, float], ...] = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
+    soft: tuple[tuple[str, float], ...] = YIELDING_ARMS
     """Joints whose stiffness differs, left and right."""
     inertia: float = 40.0
     """Rotational inertia of a link with stiffness 1, kg m2."""
+    arm_mass: float = 0.1
+    """Share of the arms' mass that moves with them; the chest carries the rest."""
+    arm_recovery: float = 0.2
+    """Share of what contact took from an arm's pose that it makes up for in a frame.
+
+    Soft, light and patient arms are pushed aside. Stiff ones would prop up a body that sits down beside its hands.
+    """
 
     def stiffness_of(self, joint: str) -> float:
         return dict(self.soft).get(joint.removeprefix("left_").removeprefix("right_"), self.stiffness)
 
 
 PROFILES: Final = {
-    profile.name: profile for profile in (Profile("default"), Profile("paper", horizontal_substeps=(0, 2), max_rise=2.5))
+    profile.name: profile
+    for profile in (
+        Profile("default"),
+        Profile(
+            "paper", horizontal_substeps=(0, 2), max_rise=2.5, soft=REFERENCE_STIFFNESS, arm_mass=1.0, arm_recovery=1.0
+        ),
+    )
 }
 
 

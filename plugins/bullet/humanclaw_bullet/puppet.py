@@ -24,6 +24,7 @@ from humanclaw_bullet.profile import Profile
 from humanclaw_bullet.quaternions import capped, conjugate, from_vector, multiply
 
 LINK_OF: Final = {link.joint: link for link in LINKS}
+_ARMS: Final = frozenset(link.joint for link in LINKS if link.group == "arm_hand")
 CHILDREN: Final = tuple(range(1, len(JOINTS)))
 """Joint indices of the tree's links; Bullet's link index is one less, and its base is joint 0."""
 _COLLAR_MASS: Final = 0.1
@@ -74,10 +75,16 @@ def urdf(profile: Profile) -> str:
 def _urdf_link(joint: int, profile: Profile) -> str:
     name = JOINTS[joint]
     inertia = _PELVIS_INERTIA if joint == 0 else profile.inertia * profile.stiffness_of(name)
-    mass = LINK_OF[name].mass if name in LINK_OF else _COLLAR_MASS
     diagonal = f"ixx='{inertia}' iyy='{inertia}' izz='{inertia}' ixy='0' ixz='0' iyz='0'"
-    inertial = f"<inertial><origin xyz='0 0 0'/><mass value='{mass}'/><inertia {diagonal}/></inertial>"
+    inertial = f"<inertial><origin xyz='0 0 0'/><mass value='{_mass(name, profile)}'/><inertia {diagonal}/></inertial>"
     return f"<link name='{name}'>{inertial}{_urdf_collision(name) if name in LINK_OF else ''}</link>"
+
+
+def _mass(name: str, profile: Profile) -> float:
+    if name not in LINK_OF:
+        return _COLLAR_MASS
+    moved = (1 - profile.arm_mass) * sum(LINK_OF[arm].mass for arm in _ARMS) if name == "spine3" else 0.0
+    return LINK_OF[name].mass * (profile.arm_mass if name in _ARMS else 1.0) + moved
 
 
 def _urdf_collision(name: str) -> str:
@@ -109,6 +116,7 @@ class Puppet:
     def __init__(self, client: Client, profile: Profile, pose: Pose) -> None:
         self._client, self._profile = client, profile
         self._links = [joint - 1 for joint in CHILDREN]
+        self._recovery = np.array([[profile.arm_recovery if name in _ARMS else 1.0] for name in JOINTS])
         self.body = self._build()
         self._free()
         self.place(pose)
@@ -140,6 +148,7 @@ class Puppet:
         """Put the body somewhere, at rest."""
         self._client.resetBasePositionAndOrientation(self.body, pose.root, pose.quaternions[0])
         self._client.resetBaseVelocity(self.body, [0, 0, 0], [0, 0, 0])
+        self._target = pose.quaternions
         self._set_joints(pose.quaternions[1:], np.zeros((len(CHILDREN), 3)))
 
     def pose(self) -> Pose:
@@ -148,14 +157,22 @@ class Puppet:
         joints = [state[0] for state in self._client.getJointStatesMultiDof(self.body, self._links)]
         return Pose(np.array(root), np.array([turn, *joints]))
 
-    def drive(self, target: Array, left: int, horizontal: Array | None) -> None:
-        """Command one physics step on the way to a pose (24, 4) that is due at the end of a frame, so many steps from now.
+    def aim(self, target: Array) -> None:
+        """Take up the pose (24, 4) that is due at the end of the coming frame."""
+        self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
+        self._target = target
 
-        horizontal: (3,) root velocity, its y unread; None leaves it be.
+    def drive(self, left: int, horizontal: Array | None) -> None:
+        """Command one physics step of the frame, with so many steps left in it.
+
+        A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its y
+        unread; None leaves it be.
         """
         actual = self.pose().quaternions
-        turn = vector_from_quaternion(multiply(conjugate(actual), target))
-        turn[0] = vector_from_quaternion(multiply(target[0], conjugate(actual[0])))
+        turn = vector_from_quaternion(multiply(conjugate(actual), self._target))
+        way = self._way * (left / self._profile.substeps)
+        turn = way + self._recovery * (turn - way)
+        turn[0] = vector_from_quaternion(multiply(self._target[0], conjugate(actual[0])))
         speeds = capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
         self._client.resetBaseVelocity(self.body, self._root_velocity(horizontal), speeds[0])
         self._set_joints(actual[1:], speeds[1:])

@@ -63,6 +63,7 @@ class HalfPhysics:
         self._puppet = Puppet(self._client, self._profile, pose)
         self._refuse_overlap(start)
         self._settle(pose, start)
+        self._things.lull()
         self._objects = self._things.states()
         return self.state()
 
@@ -98,9 +99,10 @@ class HalfPhysics:
         """One frame of physics; the rows of everything the body touched in any of its substeps."""
         assert self._client is not None
         rows: list[Any] = []
+        self._puppet.aim(target.quaternions)
         for substep in range(self._profile.substeps):
             horizontal = velocity if substep in self._profile.horizontal_substeps else None
-            self._puppet.drive(target.quaternions, self._profile.substeps - substep, horizontal)
+            self._puppet.drive(self._profile.substeps - substep, horizontal)
             self._client.stepSimulation()
             rows += self._client.getContactPoints(self._puppet.body)
         return rows
@@ -126,7 +128,7 @@ class HalfPhysics:
     def _touches(self, frame: int) -> list[tuple[int, int, int]]:
         assert self._client is not None
         known, found = self._things.object_of, set()
-        for body in self._things.awake():
+        for body in self._things.movable_bodies():
             for row in self._client.getContactPoints(body):
                 a, b = known.get(row[_BODY_A], 0), known.get(row[_BODY_B], 0)
                 if row[_DISTANCE] <= TOUCHING and a and b and not {a, b} & self._building:

@@ -14,6 +14,8 @@ from humanclaw.scene import Asset, Scene, SceneObject
 from humanclaw_bullet.engine import Client
 
 _BOX_TOLERANCE = 1e-5
+_STILL = 0.1
+"""Speed below which an object that has settled counts as still, m/s and rad/s."""
 
 
 def box_of(hull: Array) -> tuple[Array, Array] | None:
@@ -109,17 +111,25 @@ class Things:
             path.write_text(_wavefront(hulls), encoding="utf-8")
             return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
-    def awake(self) -> list[int]:
-        """Bullet bodies of the movable objects."""
+    def movable_bodies(self) -> list[int]:
+        """The Bullet bodies of the movable objects."""
         return [body for body, _ in self._movable.values()]
+
+    def lull(self) -> None:
+        """Let objects that lie still sleep until something touches them; asleep they cost next to nothing."""
+        for body in self.movable_bodies():
+            if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
+                self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
 
     def states(self) -> Mapping[int, Array]:
         """Movable object id to (7,) position and quaternion of the asset's own frame."""
         found = dict(self._still)
-        for key, (body, centre) in self._movable.items():
-            position, turn = self._client.getBasePositionAndOrientation(body)
-            corner = np.array(position) - matrix_from_quaternion(np.array(turn)) @ centre
-            found[key] = np.array([*corner, *turn])
+        if self._movable:
+            centres = np.array([centre for _, centre in self._movable.values()])
+            poses = [self._client.getBasePositionAndOrientation(body) for body, _ in self._movable.values()]
+            position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
+            corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
+            found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
         return found
 
 
