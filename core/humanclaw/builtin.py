@@ -27,9 +27,11 @@ def humanclaw_decision_makers(register: RegisterFactory) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import run, show
+    from humanclaw.cli import run, show, train
 
-    for command in (run.run, show.skills, show.plugins_command, show.tools, show.report):
+    for command in (
+        run.run, show.skills, show.plugins_command, show.tools, show.report, train.train, train.fidelity, train.data,
+    ):  # fmt: skip
         cli.add_command(command)
 
 

@@ -123,6 +123,7 @@ class Memory:
     blocked: int = 0
     """Steps in a row that were asked to move the body and did not."""
     sits: int = 0
+    """Sits in a row up to now."""
     arrived: bool = False
     """Whether the standing place was reached; from there on the last stretch is walked by eye."""
     sideways: bool = False
@@ -249,24 +250,23 @@ class OracleAgent:
         return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
 
     def _after_sitting(self, pose: Pose) -> tuple[Call, str]:
-        stand = self._memory.stand
-        assert stand is not None
-        assert stand.seat_height is not None
-        if self._on_seat(pose, stand):
+        memory = self._memory
+        if any(self._on_seat(pose, key) for key in self._spec.target_ids):
             return Call(self._stop), f"I am sitting on the {self._noun}: the task is complete."
-        if self._memory.sits % 2:
-            return self._sit(stand.seat_height - 0.04), f"My hips do not touch the {self._noun} yet: I sit lower."
-        if self._memory.sits >= 6:
-            return Call(self._stop), f"I cannot sit down on the {self._noun}, so I stop."
-        self._memory.sits, self._memory.path = 0, None
-        self._memory.given_up.add((stand.x, stand.z))
+        if memory.sits == 1 and memory.stand is not None and memory.stand.seat_height is not None:
+            return self._sit(memory.stand.seat_height - 0.04), f"My hips are not on the {self._noun} yet: I sit lower."
+        if memory.stand is not None:
+            memory.given_up.add((memory.stand.x, memory.stand.z))
+        memory.path = None
         return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
 
-    def _on_seat(self, pose: Pose, stand: Stand) -> bool:
-        low, high = self._scene.aabb(stand.target)
+    def _on_seat(self, pose: Pose, target: int) -> bool:
+        """Whether the hips are over a target and as low as its seat holds them."""
+        low, high = self._scene.aabb(target)
+        thing = self._scene.by_id[target]
+        seat = self._scene.assets[thing.asset].seat_height
         inside = (pose.point > low[[0, 2]]).all() and (pose.point < high[[0, 2]]).all()
-        height = float(pose.root[1]) - self._memory.plan.floor
-        return bool(inside and height <= (stand.seat_height or 0.0) + SEATED)
+        return bool(seat is not None and inside and float(pose.root[1]) <= thing.position[1] + seat + SEATED)
 
     def _arrived(self, pose: Pose, stand: Stand, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:
@@ -297,10 +297,10 @@ class OracleAgent:
         """Compare the last step with what it was to do."""
         memory = self._memory
         last = history[-1].executed if history else None
+        skills = [past.executed.skill if past.executed else "" for past in reversed(history)]
+        memory.sits = next((k for k, skill in enumerate(skills) if skill != "sit_in_place"), len(skills))
         if last is None or memory.before is None:
             return
-        if last.skill == "sit_in_place":
-            memory.sits += 1
         wanted = float(np.hypot(last.params.get("x_cm", 0), last.params.get("z_cm", 0))) / 100
         if wanted >= 0.08:
             moved = float(np.linalg.norm(pose.point - memory.before.point))

@@ -152,7 +152,7 @@ def follow(plan: FloorPlan, motion: Motion) -> Array:
     swing = np.arccos(np.clip(ways @ ways.T, -1, 1))
     chosen = _cheapest(_discomfort(plan, motion, keys, azimuth, elevation, ways), 2.5 * swing)
     offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
-    offsets = gaussian_filter1d(offsets, 14.0, axis=0, mode="nearest")
+    offsets = gaussian_filter1d(offsets, 9.0, axis=0, mode="nearest")
     offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
     return np.asarray(gaussian_filter1d(motion.root, 6.0, axis=0, mode="nearest") + offsets)
 
@@ -170,7 +170,7 @@ def _discomfort(
             for pose in joints
         ]
     )
-    return np.asarray(8.0 * hidden + behind + steep[None])
+    return np.asarray(12.0 * hidden + behind + steep[None])
 
 
 def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ The modules also run as `python -m humanclaw.training.train` on a machine that h
 from __future__ import annotations
 
 import importlib
+import sys
 
 import click
 
@@ -18,7 +19,7 @@ def _forward(name: str, module: str, explanation: str) -> click.Command:
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)
     def command(args: tuple[str, ...]) -> None:
-        importlib.import_module(module).main(list(args), f"humanclaw {name}")
+        sys.exit(importlib.import_module(module).main(list(args)))
 
     return command
 

@@ -160,7 +160,7 @@ def outcome(skill: str, chunk: Motion) -> Array:
     root, rotations = chunk.root[None], chunk.rotations[None]
     if len(chunk) != CHUNK:
         raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
-    return outcomes(skill, *canonical(root, rotations))[0]
+    return np.asarray(outcomes(skill, *canonical(root, rotations))[0])
 
 
 def outcomes(skill: str, root: Array, rotations: Array) -> Array:
@@ -218,7 +218,9 @@ class Chunks:
         n = len(self.root)
         shapes = (self.root.shape, self.rotations.shape, self.params.shape[:1], self.real.shape, self.source.shape)
         if shapes != ((n, CHUNK, 3), (n, CHUNK, N_JOINTS, 3), (n,), (n,), (n,)) or self.params.ndim != 2:
-            raise ValueError(f"chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real, source (N,); got {shapes}")
+            raise ValueError(
+                f"chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got {shapes}"
+            )
 
     @classmethod
     def of(cls, skill: str, root: Array, rotations: Array, source: str, real: bool) -> Chunks:
@@ -258,7 +260,11 @@ class Chunks:
         rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
         signs = [-1.0 if name in ("x", "yaw") else 1.0 for name in PARAMETERS[skill]]
         return replace(
-            self, root=root, rotations=rotations, params=self.params * np.array(signs, np.float32), real=np.zeros_like(self.real)
+            self,
+            root=root,
+            rotations=rotations,
+            params=self.params * np.array(signs, np.float32),
+            real=np.zeros_like(self.real),
         )
 
     def save(self, path: str | Path) -> None:

@@ -10,14 +10,14 @@ Frames as in humanclaw.pose; s is the time within a chunk, 0 to 1; (N, ...) are 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, N_JOINTS, OFFSETS, STANDING_HEIGHT
-from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, vector_from_matrix
+from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw.training import augment, ik
 from humanclaw.training.augment import CHANNELS, UPPER, Profiles, channel
 from humanclaw.training.chunks import Chunks, cut
@@ -35,7 +35,7 @@ T: Final = FUTURE / FPS
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
 STAND: Final = 0.956
 """Pelvis height of a standing or passing body: the knees are never quite straight."""
-REACH: Final = 0.8195
+REACH: Final = 0.8175
 TOE_OUT: Final = 0.12
 
 
@@ -72,7 +72,7 @@ def cubic(u: Array, p0: Array, v0: Array, p1: Array, v1: Array) -> Array:
     return np.asarray(p0 + u * (v0 + u * ((3 * d - 2 * v0 - v1) + u * (v0 + v1 - 2 * d))))
 
 
-def smooth_minimum(a: Array, b: Array, width: float = 0.01) -> Array:
+def smooth_minimum(a: Array, b: Array, width: Array) -> Array:
     """The minimum with its corner rounded; exact where the two differ by more than width."""
     return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
 
@@ -137,16 +137,24 @@ class State:
 
     @classmethod
     def standing(cls, pose: Array, next_foot: Ints) -> State:
+        """At the origin in a quiet stance, the foot that will go first a little behind."""
+        foot = np.tile([[0.085, 0.0, -0.02], [-0.085, 0.0, -0.02]], (len(pose), 1, 1))
+        foot[np.arange(len(pose)), next_foot, 2] -= 0.03
+        return cls._still(STAND, foot, TOE_OUT, next_foot, pose)
+
+    @classmethod
+    def resting(cls, n: int, next_foot: Ints) -> State:
+        """In `rest_pose`, in which a body that has not moved yet is put into a scene."""
+        foot = np.tile([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]], (n, 1, 1))
+        return cls._still(STANDING_HEIGHT, foot, 0.0, next_foot, np.repeat(augment.channels(rest_pose(3))[:1], n, 0))
+
+    @classmethod
+    def _still(cls, height: float, foot: Array, toe_out: float, next_foot: Ints, pose: Array) -> State:
         n = len(pose)
-        zero, three = np.zeros(n), np.zeros((n, 3))
-        foot = np.zeros((n, 2, 3))
-        foot[:, :, 0] = (0.085, -0.085)
-        foot[:, :, 2] = -0.02
-        foot[np.arange(n), next_foot, 2] -= 0.03
-        two = np.zeros((n, 2))
+        zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
         return cls(
-            three + [0.0, STAND, 0.0], three, three, zero, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)),
-            two + [TOE_OUT, -TOE_OUT], two, two, two, next_foot, pose, np.zeros_like(pose),
+            three + [0.0, height, 0.0], three, three, zero, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)),
+            two + [toe_out, -toe_out], two, two, two, next_foot, pose, np.zeros_like(pose),
         )  # fmt: skip
 
     @property
@@ -279,9 +287,9 @@ def _swing(c: Commands, p: Plan, planted: NDArray[np.bool_]) -> Swing:
     stairs = c.is_(UP, DOWN)
     width = pick(0.07, 0.085, 0.08, 0.085, 0.08, 0.08, 0.09, 0.085)
     width = np.where(c.is_(WALK), 0.088 - 0.025 * p.flow, width)
-    clearance = pick(0.045, 0.045, 0.035, 0.045, 0.09, 0.05, 0.03, 0.035)
-    land = np.where(p.wrong, 0.54, np.where(planted, 0.48, pick(0.37, 0.4, 0.42, 0.4, 0.42, 0.47, 0.3, 0.38)))
-    lift = np.where(p.wrong | planted, 0.6, pick(0.6, 0.58, 0.58, 0.58, 0.58, 0.62, 0.5, 0.55))
+    clearance = pick(0.045, 0.045, 0.035, 0.045, 0.07, 0.05, 0.03, 0.035)
+    land = np.where(p.wrong, 0.54, np.where(planted, 0.52, pick(0.37, 0.4, 0.42, 0.4, 0.42, 0.47, 0.3, 0.38)))
+    lift = np.where(p.wrong | planted, np.where(c.is_(UP), 0.55, 0.61), pick(0.6, 0.58, 0.58, 0.58, 0.5, 0.58, 0.5, 0.55))
     return Swing(
         pick(1.5, 0.7, 1.0, 0.7, 1.1, 0.9, 0.5, 1.0), pick(-0.65, 0.0, 0.7, 0.0, -0.1, 0.9, 0.0, -0.1), clearance,
         width, np.where(stairs & planted, 0.5, land), lift,
@@ -351,9 +359,9 @@ def _first_swing(
 def _stair(u: Array, level0: Array, level1: Array, start: Array) -> tuple[Array, Array]:
     """(N, 16) height of the ground line under a swing, which rises early and falls late, and the clearance left from the start."""
     up = (level1 > level0)[:, None]
-    ease = smoother(np.where(up, np.clip(u, 0, 1) / 0.75, (np.clip(u, 0, 1) - 0.25) / 0.75))
+    ease = smoother(np.where(up, np.clip(u, 0, 1) / 0.85, (np.clip(u, 0, 1) - 0.12) / 0.88))
     ground = level0[:, None] + (level1 - level0)[:, None] * ease
-    return ground, (start - level0)[:, None] * (1 - smoother(u))
+    return ground, (start - level0)[:, None] * (1 - smoother(u) ** 2)
 
 
 def _within_reach(target: Array, start: Array, root: Array, land: Array, p: Plan) -> Array:
@@ -391,8 +399,9 @@ def _second_swing(
     gap = np.linalg.norm((target - touch)[:, [0, 2]], axis=-1)
     effort = np.clip(np.clip(gap / 0.15, 0, 1) + np.clip(np.abs(yaw1 - yaw0) / 0.5, 0, 0.6), 0, 1)
     ground, _ = _stair(u, state.level, p.level, state.level)
-    hang = (swing.clearance * p.flow)[:, None] * smooth(u)
-    arc = (swing.clearance * effort * np.where(c.is_(UP, DOWN), 0.8, 1 - p.flow))[:, None] * bump(u)
+    drop = 0.45 * np.maximum(state.level - p.level, 0.0)  # downstairs the foot still hangs above the tread it passes
+    hang = ((swing.clearance + drop) * p.flow)[:, None] * smooth(1.6 * u)
+    arc = (swing.clearance * effort * np.where(c.is_(UP), 0.4, np.where(c.is_(DOWN), 0.0, 1 - p.flow)))[:, None] * bump(u)
     sole[..., 1] = np.where(u > 0, ground + hang + arc, landing[..., 1])
     yaw = np.where(
         u > 0, cubic(u, yaw0[:, None], zero, yaw1[:, None], zero), cubic(GRID / down, yaw0[:, None], rate0[:, None] * down, yaw0[:, None], zero)
@@ -522,15 +531,39 @@ def _hips(root: Array, orientation: Array) -> Array:
 
 
 def _lowered(root: Array, orientation: Array, where: Feet, allowance: Array) -> Array:
-    """The path with the hips no higher than legs of this length allow."""
+    """The path with the hips no higher than legs of this length allow: one round dip at the tightest moment, then what is left."""
     ankle = ik.ankle_over(where.sole, where.yaw, where.pitch + allowance)
     hips = _hips(root, orientation)
     away = np.sum((ankle - hips)[..., [0, 2]] ** 2, -1)
-    highest = ankle[..., 1] + np.sqrt(np.maximum(REACH**2 - away, 0.04)) + (root[:, None, :, 1] - hips[..., 1])
+    highest = (ankle[..., 1] + np.sqrt(np.maximum(REACH**2 - away, 0.04)) + (root[:, None, :, 1] - hips[..., 1])).min(1)
+    height = root[..., 1]
+    need = (height - highest + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
+    tightest = need.argmax(1)
+    skew = np.log(0.5) / np.log(np.clip(GRID[tightest], 0.4, 0.65))
+    depth = np.maximum(need.max(1), 0.0)[:, None]
     lowered = root.copy()
-    for side in (0, 1):
-        lowered[..., 1] = smooth_minimum(lowered[..., 1], highest[:, side])
+    lowered[..., 1] = smooth_minimum(height - depth * bump(GRID ** skew[:, None]), highest, 0.004 + 0.02 * bump(GRID))
     return lowered
+
+
+def _comfortable(root: Array, orientation: Array, where: Feet, yaw: Array, limit: float = 0.52) -> Feet:
+    """A shin that leans further over its foot than an ankle bends takes the heel along."""
+    hips = _hips(root, orientation)
+    lean = np.zeros_like(where.pitch)
+    for index, side in enumerate(("left", "right")):
+        ankle = ik.ankle_over(where.sole[:, index], where.yaw[:, index], where.pitch[:, index])
+        shin = ik.solve(ik.Limb.leg(side), hips[:, index], ankle, _pole(where.yaw[:, index], yaw))[1]
+        foot = ik.foot_orientation(where.yaw[:, index], where.pitch[:, index])
+        up = np.swapaxes(foot, -1, -2) @ shin[..., 1, None]
+        lean[:, index] = np.arctan2(up[..., 2, 0], up[..., 1, 0])
+    extra = 0.9 * _soft_excess(lean - limit, 0.2)
+    return replace(where, pitch=where.pitch + extra, bend=where.bend + extra)
+
+
+def _soft_excess(value: Array, width: float) -> Array:
+    """max(value, 0) with its corner rounded over `width` on either side."""
+    rounded = (value + width) ** 2 / (4 * width)
+    return np.asarray(np.where(value > width, value, np.where(value > -width, rounded, 0.0)))
 
 
 def _rolled(hips: Array, where: Feet, allowance: Array) -> Feet:
@@ -542,17 +575,21 @@ def _rolled(hips: Array, where: Feet, allowance: Array) -> Feet:
     return replace(where, pitch=where.pitch + extra, bend=where.bend + extra)
 
 
+def _pole(foot_yaw: Array, yaw: Array) -> Array:
+    """Knees point ahead and a little up, halfway between hips and foot."""
+    aim = yaw + 0.5 * _wrap(foot_yaw - yaw)
+    return np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
+
+
 def legs(root: Array, orientation: Array, where: Feet, yaw: Array) -> dict[str, Array]:
     """Local rotations (N, 16, 3, 3) of hip, knee, ankle and foot on both sides."""
     hips = _hips(root, orientation)
     found = {}
     for index, side in enumerate(("left", "right")):
         ankle = ik.ankle_over(where.sole[:, index], where.yaw[:, index], where.pitch[:, index])
-        aim = yaw + 0.5 * _wrap(where.yaw[:, index] - yaw)
-        pole = np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
-        thigh, shin = ik.solve(ik.Limb.leg(side), hips[:, index], ankle, pole)
+        thigh, shin = ik.solve(ik.Limb.leg(side), hips[:, index], ankle, _pole(where.yaw[:, index], yaw))
         foot = ik.foot_orientation(where.yaw[:, index], where.pitch[:, index])
-        bend = np.zeros((*aim.shape, 3))
+        bend = np.zeros((*yaw.shape, 3))
         bend[..., 0] = -np.clip(where.bend[:, index], 0.0, 0.9)
         found[f"{side}_hip"] = np.swapaxes(orientation, -1, -2) @ thigh
         found[f"{side}_knee"] = np.swapaxes(thigh, -1, -2) @ shin
@@ -577,9 +614,9 @@ def advance(state: State, c: Commands, style: Style, seats: Array, idle: Array) 
     orientation = pelvis_orientation(yaw, values[..., :3])
     rear = np.arange(2)[None] == (1 - p.first)[:, None]
     allowance = np.where(rear[..., None], 0.5 * bump(np.clip(GRID * 1.05, 0, 1)), 0.0)
-    height = root[..., 1].copy()
     root = _lowered(root, orientation, where, allowance)
     where = _rolled(_hips(root, orientation), where, allowance)
+    where = _comfortable(root, orientation, where, yaw)
     rotations = np.zeros((len(yaw), len(GRID), N_JOINTS, 3))
     rotations[:, :, 0] = vector_from_matrix(orientation)
     rotations[:, :, UPPER] = values[..., 3:].reshape(*yaw.shape, -1, 3)
@@ -629,21 +666,35 @@ def _eyes_level(pose: Array, down: float) -> Array:
     return pose
 
 
-def _play(profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator) -> tuple[Array, Array]:
-    """Root (N, 5 + 15 K, 3) and rotations (N, 5 + 15 K, 24, 3) of N bodies that carry out K commands each from a quiet stance."""
+def _play(profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0) -> tuple[Array, Array]:
+    """Root (N, 5 + 15 K, 3) and rotations (N, 5 + 15 K, 24, 3) of N bodies that carry out K commands each.
+
+    They begin in a quiet stance, a share `rested` of them in `rest_pose`.
+    """
     n = len(series[0].skill)
     style = _style(profiles, n, rng)
     seats = seat_table(style.stance[0])
-    state = State.standing(style.stance, rng.integers(0, 2, n))
+    next_foot = rng.integers(0, 2, n)
     wait = Commands.of([("stop", {})] * n)
-    state, root, rotations = advance(state, wait, style, seats, profiles.idle)
-    roots, turns = [root[:, -HISTORY:]], [rotations[:, -HISTORY:]]
+    state, root, rotations = advance(State.standing(style.stance, next_foot), wait, style, seats, profiles.idle)
+    resting = rng.random(n) < rested
+    state = _either(resting, State.resting(n, next_foot), state)
+    rest = rest_pose(HISTORY)
+    roots = [np.where(resting[:, None, None], rest.root, root[:, -HISTORY:])]
+    turns = [np.where(resting[:, None, None, None], rest.rotations, rotations[:, -HISTORY:])]
     for commands in series:
         style = replace(style, idle=style.idle + FUTURE)
         state, root, rotations = advance(state, commands, style, seats, profiles.idle)
         roots.append(root)
         turns.append(rotations)
     return np.concatenate(roots, 1), np.concatenate(turns, 1)
+
+
+def _either(which: NDArray[np.bool_], one: State, other: State) -> State:
+    def pick(a: Array, b: Array) -> Array:
+        return np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b)
+
+    return State(*(pick(getattr(one, field.name), getattr(other, field.name)) for field in fields(State)))
 
 
 def compose(clips: Sequence[Any] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
@@ -757,16 +808,21 @@ def _with_mirror(skill: str, chunks: Chunks) -> Chunks:
 
 def _batch(profiles: Profiles, rng: np.random.Generator, bodies: int = 128, length: int = 16) -> dict[str, Chunks]:
     series = sample_commands(bodies, length, rng)
-    root, rotations = _play(profiles, series, rng)
+    motions = [Motion(*pair) for pair in zip(*_play(profiles, series, rng, rested=0.3), strict=True)]
     skill = np.stack([commands.skill for commands in series], 1)
-    parts: dict[str, list[tuple[Array, Array]]] = {name: [] for name in (*SKILLS, "base")}
-    for body in range(bodies):
-        motion = Motion(root[body], rotations[body])
-        roots, turns = cut(motion, np.arange(length) * FUTURE)
-        for index, name in enumerate(SKILLS):
-            parts[name].append((roots[skill[body] == index], turns[skill[body] == index]))
-        parts["base"].append(cut(motion, rng.integers(0, len(motion) - FUTURE - HISTORY + 1, 2 * length)))
-    return {
-        name: Chunks.of(name, np.concatenate([r for r, _ in pairs]), np.concatenate([q for _, q in pairs]), "composed", False)
-        for name, pairs in parts.items()
-    }
+    whole = [cut(motion, np.arange(length) * FUTURE) for motion in motions]
+    root, rotations = np.stack([pair[0] for pair in whole]), np.stack([pair[1] for pair in whole])
+    # Who rises from a seat rises by more than the stair; what was asked for is the stair.
+    stair = np.isin(skill, (UP, DOWN)) & (root[:, :, HISTORY - 1, 1] < 0.9)
+    asked = np.stack([np.stack([commands.h, commands.d], -1) for commands in series], 1)
+    found = {}
+    for index, name in enumerate(SKILLS):
+        rows = skill == index
+        chunks = Chunks.of(name, root[rows], rotations[rows], "composed", False)
+        if index in (UP, DOWN):
+            chunks = replace(chunks, params=np.where(stair[rows][:, None], asked[rows], chunks.params).astype(np.float32))
+        found[name] = chunks
+    offsets = [rng.integers(0, len(motion) - FUTURE - HISTORY + 1, 2 * length) for motion in motions]
+    loose = [cut(motion, starts) for motion, starts in zip(motions, offsets, strict=True)]
+    found["base"] = Chunks.of("base", *(np.concatenate(part) for part in zip(*loose, strict=True)), "composed", False)
+    return found

@@ -23,7 +23,9 @@ STRIDE: Final = 3
 IDLE_SHARE: Final = 0.25
 """Most of the base set that may be standing still: the mocap at hand is four fifths idling."""
 
-_FEET, _HANDS, _SHOULDERS = ([JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("foot", "hand", "shoulder"))
+_FEET, _HANDS, _SHOULDERS = (
+    [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("foot", "hand", "shoulder")
+)
 
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
@@ -31,7 +33,8 @@ _FEET, _HANDS, _SHOULDERS = ([JOINT_INDEX[f"{side}_{part}"] for side in ("left",
 class Travel:
     """What the pelvis does from the last history frame to the last: across, up, forward (N,) metres, yaw (N,) radians.
 
-    feet: (N,) mean horizontal path of the two feet, metres. composed: (N,) whether it ends upright with the hands below the shoulders.
+    feet: (N,) mean horizontal path of the two feet, metres.
+    composed: (N,) whether it ends upright with the hands below the shoulders.
     """
 
     across: Array
@@ -49,7 +52,9 @@ class Travel:
         feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
         path = np.linalg.norm(np.diff(feet, axis=1), axis=-1).sum(axis=1).mean(axis=-1)
         last = joints[:, -1, :, 1]
-        composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
+        composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (
+            last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1)
+        )
         return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed)
 
     @property
@@ -65,8 +70,12 @@ def idle(travel: Travel) -> Mask:
 
 RULES: Final[Mapping[str, Callable[[Travel], Mask]]] = MappingProxyType(
     {
-        "walk": lambda t: (t.forward > 0.1) & (t.forward < 0.95) & (np.abs(t.across) < 0.7 * t.forward) & (np.abs(t.up) < 0.05),
-        "side_step": lambda t: (np.abs(t.across) > 0.1) & (np.abs(t.forward) < 0.6 * np.abs(t.across)) & (np.abs(t.yaw) < 0.7),
+        "walk": lambda t: (
+            (t.forward > 0.1) & (t.forward < 0.95) & (np.abs(t.across) < 0.7 * t.forward) & (np.abs(t.up) < 0.05)
+        ),
+        "side_step": lambda t: (
+            (np.abs(t.across) > 0.1) & (np.abs(t.forward) < 0.6 * np.abs(t.across)) & (np.abs(t.yaw) < 0.7)
+        ),
         "step_back": lambda t: (t.forward < -0.1) & (np.abs(t.across) < 0.6 * -t.forward) & (np.abs(t.yaw) < 0.5),
         "turn_in_place": lambda t: (t.flat < 0.18) & (np.abs(t.yaw) > 0.2) & (t.feet > 0.03),
         "climb_upstairs": lambda t: (t.forward > 0.12) & (t.up > 0.05),
@@ -84,6 +93,8 @@ class Limits:
 
     speed: float = 7.0
     """Any joint relative to the pelvis, m/s."""
+    turn: float = 1.0
+    """Any number of a rotation vector, radians a frame: a flip, or the vector's own wrap at half a turn, which cannot be learnt."""
     acceleration: float = 120.0
     """Any joint, m/s^2: a glitch moves a joint for one frame and back."""
     sunk: float = 0.05
@@ -98,13 +109,17 @@ def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None
     joints = forward_kinematics(root, rotations)[0]
     relative = np.diff(joints - joints[:, :, :1], axis=1) * FPS
     fast = np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed
+    flips = np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn
     jerky = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2 > limits.acceleration
     low = root[..., 1].min(axis=1) < (limits.lowest_pelvis if flat else 0.0)
-    return ~(fast | jerky | low | (flat & (_depth(joints) > limits.sunk)))
+    sunk = _depth(joints) > limits.sunk
+    return np.asarray(~(fast | flips | jerky | low | (flat & sunk)))
 
 
 def _depth(joints: Array) -> Array:
-    soles = [joints[..., JOINT_INDEX[f"{side}_{joint}"], 1] - drop for side in ("left", "right") for joint, drop in _DROPS]
+    soles = [
+        joints[..., JOINT_INDEX[f"{side}_{joint}"], 1] - drop for side in ("left", "right") for joint, drop in _DROPS
+    ]
     return np.asarray(-np.min(soles, axis=0).min(axis=1))
 
 
@@ -182,4 +197,6 @@ def _statistics(skill: str, chunks: Chunks, stride: int) -> Statistics:
     real = int(chunks.real.sum())
     spread = np.percentile(chunks.params, [0, 5, 50, 95, 100], axis=0).T if len(chunks) else np.zeros((0, 5))
     params = {name: tuple(map(float, row)) for name, row in zip(PARAMETERS[skill], spread, strict=False)}
-    return Statistics(len(chunks), real, len(set(chunks.source.tolist())), real * stride / FPS, MappingProxyType(params))
+    return Statistics(
+        len(chunks), real, len(set(chunks.source.tolist())), real * stride / FPS, MappingProxyType(params)
+    )

@@ -74,7 +74,7 @@ def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
 def _statistics(arrays: Sequence[dict[str, np.ndarray[Any, Any]]]) -> dict[str, Any]:
     real = np.concatenate([part["real"] for part in arrays])
     params = np.concatenate([part["params"] for part in arrays])
-    sources = Counter(str(source) for part in arrays for source in part["source"])
+    sources = Counter(str(source).split(":")[0] for part in arrays for source in part["source"])
     return {
         "chunks": len(real),
         "real": int(real.sum()),

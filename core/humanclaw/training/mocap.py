@@ -55,14 +55,18 @@ class SourceMotion:
     def __post_init__(self) -> None:
         frames, count = len(self.positions), len(self.joints)
         if frames == 0 or not self.fps > 0:
-            raise MocapError(f"{self.source or 'this motion'} holds {frames} frames at {self.fps} fps.", "Is it complete?")
+            raise MocapError(
+                f"{self.source or 'this motion'} holds {frames} frames at {self.fps} fps.", "Is it complete?"
+            )
         if self.positions.shape != (frames, count, 3) or self.rotations.shape != (frames, count, 3, 3):
             raise MocapError(
                 f"{count} joints need positions (T, {count}, 3) and rotations (T, {count}, 3, 3); "
                 f"got {self.positions.shape} and {self.rotations.shape}."
             )
         if not (np.isfinite(self.positions).all() and np.isfinite(self.rotations).all()):
-            raise MocapError(f"{self.source or 'this motion'} holds numbers that are not finite.", "Cut those frames out.")
+            raise MocapError(
+                f"{self.source or 'this motion'} holds numbers that are not finite.", "Cut those frames out."
+            )
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -113,7 +117,9 @@ def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion
         return load_amass(path, licence)
     if suffix == ".txt":
         return load_humanoid3d(path, licence)
-    raise MocapError(f"{path} has no suffix that a mocap reader knows.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
+    raise MocapError(
+        f"{path} has no suffix that a mocap reader knows.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file."
+    )
 
 
 def _read(path: Path) -> str:
@@ -213,31 +219,41 @@ def skeleton_of(amc: Path) -> Path:
     """The ASF file beside an AMC: the one whose name is the longest prefix of it."""
     matches = [asf for asf in amc.parent.glob("*.asf") if amc.stem.startswith(asf.stem)]
     if not matches:
-        raise MocapError(f"No .asf skeleton beside {amc} has a name that {amc.stem} begins with.", "Put the subject's .asf there.")
+        raise MocapError(
+            f"No .asf beside {amc} has a name that {amc.stem} begins with.", "Put the subject's .asf there."
+        )
     return max(matches, key=lambda asf: len(asf.stem))
 
 
-def load_amc(path: str | Path, skeleton: str | Path, licence: str = "") -> SourceMotion:
-    """Read an AMC motion on its ASF skeleton. Joint `x` is where bone x begins; `x_end` is the tip of a last bone. Metres."""
+def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float = 120.0) -> SourceMotion:
+    """Read an AMC motion on its ASF skeleton, in metres. AMC files do not tell their rate; 120 is that of CMU and HDM05.
+
+    Joint `x` is where bone x begins; `x_end` is the tip of a last bone.
+    """
     path, skeleton = Path(path), Path(skeleton)
     tree, bones, unit = _asf(skeleton)
     rows = _amc_rows(path)
     root = np.array([row["root"] for row in rows]) if all(len(row.get("root", ())) == 6 for row in rows) else None
     if root is None or not rows:
-        raise MocapError(f"{path}: expected frames that each have a root of six numbers.", "Is this a complete AMC file?")
+        raise MocapError(
+            f"{path}: expected frames that each have a root of six numbers.", "Is this a complete AMC file?"
+        )
     local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
     local[:, 0] = _euler("zyx", root[:, [5, 4, 3]])
     for joint, name in enumerate(tree.joints):
         if name in bones and bones[name].dof:
             local[:, joint] = _bone_rotation(path, bones[name], rows)
     positions, rotations = tree.motion(root[:, :3] * unit, local)
-    return SourceMotion(120.0, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path), licence)
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path), licence)
 
 
 def _bone_rotation(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:
     values = [row.get(bone.name, []) for row in rows]
     if any(len(value) != len(bone.dof) for value in values):
-        raise MocapError(f"{path}: bone {bone.name} needs {len(bone.dof)} numbers in every frame.", "Does the .asf belong to this .amc?")
+        raise MocapError(
+            f"{path}: bone {bone.name} needs {len(bone.dof)} numbers in every frame.",
+            "Does the .asf belong to this .amc?",
+        )
     angles = np.zeros((len(rows), 3))
     angles[:, ["xyz".index(name[1]) for name in bone.dof]] = values
     frame = _euler("zyx", bone.axis[::-1])
@@ -274,7 +290,9 @@ def _asf(path: Path) -> tuple[_Tree, dict[str, _Bone], float]:
         bones = {bone.name: bone for bone in _asf_bones(sections["bonedata"], unit)}
         return _asf_tree(bones, sections["hierarchy"]), bones, unit
     except (KeyError, IndexError, ValueError) as error:
-        raise MocapError(f"{path}: this ASF skeleton lacks or breaks {error}.", "Fetch the subject's .asf again.") from error
+        raise MocapError(
+            f"{path}: this ASF skeleton lacks or breaks {error}.", "Fetch the subject's .asf again."
+        ) from error
 
 
 def _asf_bones(lines: list[list[str]], unit: float) -> Iterator[_Bone]:
@@ -297,11 +315,11 @@ def _asf_tree(bones: dict[str, _Bone], hierarchy: list[list[str]]) -> _Tree:
     def grow(name: str) -> None:
         # A bone begins where its parent ends; ASF directions are in the world frame, and so is every zero-angle rotation.
         index, start = joints.index(name), bones[name].end if name in bones else np.zeros(3)
-        for child in children.get(name, ["" if name in bones else name]):
-            joints.append(child or f"{name}_end")
+        for child in children.get(name) or [f"{name}_end"]:
+            joints.append(child)
             parents.append(index)
             offsets.append(start)
-            if child:
+            if child in bones:
                 grow(child)
 
     grow("root")
@@ -310,7 +328,10 @@ def _asf_tree(bones: dict[str, _Bone], hierarchy: list[list[str]]) -> _Tree:
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
 def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
-    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`). AMASS is Z up; bones take our lengths, as no SMPL file is at hand."""
+    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`), which is Z up.
+
+    Bones take our own lengths, because those of a subject come from SMPL files that this package does not have.
+    """
     path = Path(path)
     try:
         with np.load(path, allow_pickle=False) as data:
@@ -318,9 +339,13 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
             rate = data["mocap_framerate"] if "mocap_framerate" in data else data["mocap_frame_rate"]
             fps = float(rate)
     except (OSError, KeyError, ValueError) as error:
-        raise MocapError(f"{path} is no AMASS motion: {error}.", "It needs poses, trans and mocap_framerate.") from error
+        raise MocapError(
+            f"{path} is no AMASS motion: {error}.", "It needs poses, trans and mocap_framerate."
+        ) from error
     if poses.ndim != 2 or poses.shape[1] < 66 or trans.shape != (len(poses), 3):
-        raise MocapError(f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}.")
+        raise MocapError(
+            f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}."
+        )
     local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
     upright = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))  # Z up to Y up
@@ -351,7 +376,9 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
     try:
         rows = np.array(json.loads(_read(path))["Frames"], float)
     except (ValueError, KeyError, TypeError) as error:
-        raise MocapError(f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Is this a humanoid3d file?") from error
+        raise MocapError(
+            f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Is this a humanoid3d file?"
+        ) from error
     if rows.ndim != 2 or rows.shape[1] != 44:
         raise MocapError(f"{path}: expected `Frames` as rows of 44 numbers; got shape {rows.shape}.")
     tree = _Tree(

@@ -54,15 +54,27 @@ NAMINGS: Final = (
 )  # fmt: skip
 """The naming conventions that are recognised: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d, SMPL."""
 
-_NEEDED: Final = ("pelvis", *(f"{side}_{limb}" for side in ("left", "right") for limb in ("hip", "knee", "ankle", "shoulder", "elbow")))
+_SIDES: Final = ("left", "right")
+_NEEDED: Final = (
+    "pelvis", *(f"{side}_{limb}" for side in _SIDES for limb in ("hip", "knee", "ankle", "shoulder", "elbow")),
+)  # fmt: skip
 _BONES: Final = {  # the joint whose orientation turns a bone, to the joint at the bone's far end
     f"{side}_{near}": f"{side}_{far}"
-    for side in ("left", "right")
-    for near, far in (("hip", "knee"), ("knee", "ankle"), ("ankle", "foot"), ("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"))
+    for side in _SIDES
+    for near, far in (
+        ("hip", "knee"),
+        ("knee", "ankle"),
+        ("ankle", "foot"),
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("wrist", "hand"),
+    )
 }
 _STRAIGHT: Final = 0.9995
 """Share of its length that a leg may stretch to: one that is never quite straight keeps its knee from snapping."""
-_LEG: Final = float(np.linalg.norm(OFFSETS[JOINT_INDEX["left_knee"]]) + np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]]))
+_LEG: Final = float(
+    np.linalg.norm(OFFSETS[JOINT_INDEX["left_knee"]]) + np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]])
+)
 
 
 def naming_of(source: SourceMotion) -> Mapping[str, str]:
@@ -71,7 +83,8 @@ def naming_of(source: SourceMotion) -> Mapping[str, str]:
     missing = [f"{name} ({best.get(name, '-')})" for name in _NEEDED if best.get(name) not in source.joints]
     if missing:
         raise MocapError(
-            f"{source.source or 'This skeleton'} has no joints for {', '.join(missing)}; it has {', '.join(source.joints[:12])} ...",
+            f"{source.source or 'This skeleton'} has no joints for {', '.join(missing)}; "
+            f"it has {', '.join(source.joints[:12])} ...",
             "Rename its joints to the SMPL names of humanclaw.body.JOINTS.",
         )
     return MappingProxyType({ours: theirs for ours, theirs in best.items() if theirs in source.joints})
@@ -175,7 +188,7 @@ def _body(source: SourceMotion) -> _Pose:
     hips = 0.5 * (points[:, cast.index["left_hip"]] + points[:, cast.index["right_hip"]])
     middle = 0.5 * (OFFSETS[JOINT_INDEX["left_hip"]] + OFFSETS[JOINT_INDEX["right_hip"]])
     root = hips - world[:, 0] @ middle
-    for side in ("left", "right"):
+    for side in _SIDES:
         world = _reach(root, world, side, points[:, cast.index[f"{side}_ankle"]])
     return _Pose(root, world)
 
@@ -183,7 +196,7 @@ def _body(source: SourceMotion) -> _Pose:
 def leg_length(source: SourceMotion) -> float:
     """Median length of thigh and shin together, in the source's unit."""
     cast = _Cast.of(source)
-    bones = [cast.bone(f"{side}_{near}", source.positions) for side in ("left", "right") for near in ("hip", "knee")]
+    bones = [cast.bone(f"{side}_{near}", source.positions) for side in _SIDES for near in ("hip", "knee")]
     return 0.5 * sum(float(np.median(np.linalg.norm(bone, axis=-1))) for bone in bones if bone is not None)
 
 
@@ -313,12 +326,12 @@ def _mask(runs: list[slice], length: int) -> NDArray[np.bool_]:
 
 def _plant(pose: _Pose) -> _Pose:
     """Level the feet where they stand, hold them still there, and let the legs follow."""
-    for side in ("left", "right"):
+    for side in _SIDES:
         pose = _calibrated(pose, side)
     floor = _one_floor(pose)
-    for side in ("left", "right"):
+    for side in _SIDES:
         pose = _levelled(pose, side, floor)
-    shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in ("left", "right")}
+    shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in _SIDES}
     # What both feet agree on is the root's error, not the legs'.
     common = float(np.median(np.concatenate([shift[:, 1] for shift in shifts.values()])))
     ankles = {side: pose.at(f"{side}_ankle") + shift for side, shift in shifts.items()}
@@ -358,7 +371,7 @@ def _levelled(pose: _Pose, side: str, floor: float | None) -> _Pose:
 
 def _one_floor(pose: _Pose) -> float | None:
     """Height of the floor if the feet stand on one for nine tenths of the time that they stand, else None (stairs, blocks)."""
-    toes = [pose.at(f"{side}_foot")[_bearing(pose, side, None), 1] - TOE_SOLE for side in ("left", "right")]
+    toes = [pose.at(f"{side}_foot")[_bearing(pose, side, None), 1] - TOE_SOLE for side in _SIDES]
     heights = np.concatenate(toes)
     if not len(heights) or np.subtract(*np.percentile(heights, [95, 5])) > _FLAT_RANGE:
         return None

@@ -36,11 +36,6 @@ from humanclaw.training import data
 from humanclaw.training.chunks import PARAMETERS
 from humanclaw.training.data import ChunkTensors
 
-LICENCES: Final = {
-    "cmu": "CMU Graphics Lab Motion Capture Database: free for all uses, no resale of the data",
-    "reactidle": "ReActIdle: MIT",
-    "hdm05": "HDM05: CC BY-SA 3.0",
-}
 _SAVE_SECONDS: Final = 120
 _REPORT_SECONDS: Final = 15
 
@@ -57,7 +52,9 @@ class Recipe:
     seed: int = 0
     spoil: float = 1.0
     jitter: float = 0.01
-    """Deviation of the noise on a condition, in units of its scale."""
+    """Noise on a condition, in units of its own deviation."""
+    licences: tuple[str, ...] = ()
+    """Of the data, for the checkpoint's header."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +147,7 @@ class Trainer(Generic[M]):
         self.mean = copy.deepcopy(module).eval().requires_grad_(False)
         self.parameters = [parameter for parameter in module.parameters() if parameter.requires_grad]
         self.optimiser = torch.optim.AdamW(self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True)
+        self.jitter = recipe.jitter * chunks.params.std(0) if chunks.params.numel() else 0.0
         self.step = 0
         self.seconds = 0.0
 
@@ -169,15 +167,10 @@ class Trainer(Generic[M]):
         root, rotations = self.chunks.root[chosen], self.chunks.rotations[chosen]
         states = kinematics.encode(*data.spoilt(root, rotations, generator, self.recipe.spoil))
         values = data.commanded(self.chunks.name, self.chunks.params[chosen], states)
-        values = values + self.recipe.jitter * self.spread * torch.randn(values.shape, generator=generator, device=device)
+        values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
         return states, values, noise, torch.rand(size, generator=generator, device=device)
 
-    @property
-    def spread(self) -> Tensor:
-        """(k,) half the range of each parameter."""
-        params = self.chunks.params
-        return (params.amax(0) - params.amin(0)) / 2 if params.numel() else params.new_zeros(params.shape[1])
 
     def advance(self, objective: Objective) -> Tensor:
         """One optimisation step; the loss before it."""
@@ -314,7 +307,8 @@ def adapter_config(skill: str, params: Tensor) -> AdapterConfig:
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
     if len(names) != width:
         raise HumanclawError(f"{skill} has {len(names)} parameters; its chunks have {width}.", "Make the chunks again.")
-    low, high = (params.amin(0), params.amax(0)) if width else (params.new_zeros(0), params.new_zeros(0))
+    # Not the extremes: standing up from a seat into a step is in the data, and is a rise that no command asks for.
+    low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
     scale = ((high - low) / 2).clamp(min=1e-3)
     return AdapterConfig(skill, encoder, names, _rounded((low + high) / 2), _rounded(scale))
 
@@ -325,9 +319,8 @@ def _rounded(values: Tensor) -> tuple[float, ...]:
 
 def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
     recipe = {**asdict(trainer.recipe), "name": name, "loss": asdict(weights), "done_steps": trainer.step}
-    statistics = trainer.chunks.statistics
-    used = sorted({licence for key, licence in LICENCES.items() if any(key in s.lower() for s in statistics["sources"])})
-    return Card(recipe, statistics, tuple(used))
+    licences = recipe.pop("licences")
+    return Card(recipe, trainer.chunks.statistics, tuple(licences))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -336,7 +329,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     torch.set_num_threads(options.threads)
     device = torch.device(options.device if options.device != "auto" else "cuda" if torch.cuda.is_available() else "cpu")
     recipe = Recipe(
-        options.size, options.batch, options.rate, options.minutes, options.steps, options.seed, options.spoil, options.jitter
+        options.size, options.batch, options.rate, options.minutes, options.steps, options.seed, options.spoil, options.jitter, tuple(options.licence)
     )
     try:
         if options.what == "base":
@@ -377,7 +370,8 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
         one.add_argument("--seed", type=int, default=0)
         one.add_argument("--spoil", type=float, default=1.0, help="strength of the offsets on histories")
-        one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their scale")
+        one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their deviation")
+        one.add_argument("--licence", action="append", default=[], help="of the data; written into the checkpoint")
         one.add_argument("--threads", type=int, default=1)
         one.add_argument("--device", default="auto")
         one.add_argument("--compile", action="store_true", help="compile the model first: half a minute, then a third faster")

@@ -122,17 +122,16 @@ def _ceiling(area: Area, style: Style) -> Placed:
 def _wall(plan: Plan, wall: Wall, number: int, tiles: list[Tile], style: Style) -> Placed:
     """Both faces, the reveals of the openings, the top, skirting, and a collision box for every solid stretch.
 
-    Built along x with the low room at -Z; turned for walls along z, whose low room is at -X.
+    Built along x; a wall along z is turned so that its x becomes z, and then its low room is at the model's +Z.
     """
     m = Model()
-    middle = (wall.start + wall.end) / 2
-    for low in (True, False):
+    middle, turn = (wall.start + wall.end) / 2, 1 if wall.axis == "x" else -1
+    for low, tile in zip((True, False), tiles, strict=True):
         start, end = _face_ends(plan, wall, low)
-        stretches = _stretches(wall, start - middle, end - middle, middle)
-        for x0, x1, y0, y1 in stretches:
-            _face(m, low, (x0, x1, y0, y1), tiles[0 if low else 1])
+        side = (-1 if low else 1) * turn
+        for x0, x1, y0, y1 in _stretches(wall, start - middle, end - middle, middle):
+            _face(m, side, (x0, x1, y0, y1), tile)
             if y0 == 0 and (wall.low if low else wall.high):
-                side = -1 if low else 1
                 m.add(box((x1 - x0, SKIRTING, 0.012), ((x0 + x1) / 2, 0, side * (WALL / 2 + 0.006)), "b"), style.white)
     reach = WALL / 2
     for x0, x1, y0, y1 in _stretches(wall, wall.start - middle - reach, wall.end - middle + reach, middle):
@@ -189,10 +188,10 @@ def _stretches(wall: Wall, start: float, end: float, middle: float) -> list[tupl
     return [part for part in parts if part[1] - part[0] > 1e-6]
 
 
-def _face(m: Model, low: bool, span: tuple[float, float, float, float], tile: Tile) -> None:
+def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Tile) -> None:
     x0, x1, y0, y1 = span
-    z = -WALL / 2 if low else WALL / 2
-    corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if low else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
+    z = side * WALL / 2
+    corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if side < 0 else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
     for chart in _tiled(corner, along, (0, y1 - y0, 0)):
         m.add(chart, tile)
 
@@ -265,6 +264,6 @@ def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
     across = -1 if hole.opens_low else 1
     # The leaf leaves the doorway free: it hangs beside the clear width, not in it.
     along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)
-    x, z = wall.point(along, across * (WALL / 2 + 0.012 + length / 2))
+    x, z = wall.point(along, across * (WALL / 2 + 0.02 + length / 2))
     yaw = (0.0 if across > 0 else np.pi) if wall.axis == "x" else (np.pi / 2 if across > 0 else -np.pi / 2)
     return Placed(piece, x, 0.0, z, yaw, wall.low if hole.opens_low else wall.high)

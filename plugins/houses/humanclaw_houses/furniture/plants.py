@@ -44,7 +44,7 @@ def _palm(m: Model, style: Style, leaf: Tile, y: float) -> None:
     m.add(post(0.03, trunk, (0, y, 0), 0.022), t.wood((120, 92, 62), style.rng), "box")
     for k, heading in enumerate(_spread(style, 16)):
         rise = 35.0 + 45.0 * (k % 4) / 3
-        m.add(blade((0, y + trunk, 0), heading, style.between(0.5, 0.65), 0.12, rise, 85.0, 5), leaf)
+        m.add(blade((0, y + trunk, 0), heading, style.between(0.4, 0.5), 0.11, rise, 85.0, 5), leaf)
 
 
 def _sword(m: Model, style: Style, leaf: Tile, y: float) -> None:
@@ -58,7 +58,7 @@ def _bush(m: Model, style: Style, leaf: Tile, y: float) -> None:
     m.add(post(0.02, 0.2, (0, y, 0)), t.wood((96, 76, 52), style.rng))
     for k, heading in enumerate(_spread(style, 64)):
         up = (k + 0.5) / 64
-        reach = 0.1 + 0.16 * float(np.sqrt(1 - (2 * up - 1) ** 2))
+        reach = 0.08 + 0.13 * float(np.sqrt(1 - (2 * up - 1) ** 2))
         base = (reach * 0.6 * float(np.sin(heading)), y + 0.06 + 0.42 * up, reach * 0.6 * float(np.cos(heading)))
         m.add(blade(base, heading, reach + 0.06, 0.1, 70.0 * up - 5, 50.0, 3), leaf)
 
@@ -69,9 +69,9 @@ def _tree(m: Model, style: Style, leaf: Tile, y: float) -> None:
     m.add(post(0.022, trunk, (0, y, 0), 0.016), bark, "box")
     for k, heading in enumerate(_spread(style, 60)):
         up = (k + 0.5) / 60
-        reach = 0.28 * float(np.sqrt(1 - (2 * up - 1) ** 2))
+        reach = 0.23 * float(np.sqrt(1 - (2 * up - 1) ** 2))
         base = (reach * float(np.sin(heading)), y + trunk - 0.12 + 0.5 * up, reach * float(np.cos(heading)))
-        m.add(blade(base, heading, 0.2, 0.11, 55.0 * up - 20, 45.0, 3), leaf)
+        m.add(blade(base, heading, 0.18, 0.11, 55.0 * up - 20, 45.0, 3), leaf)
         if k % 6 == 0:
             m.add(tube([(0, y + trunk - 0.1 + 0.1 * up, 0), base], 0.008, 5), bark)
 
@@ -82,4 +82,4 @@ def _broad(m: Model, style: Style, leaf: Tile, y: float) -> None:
         lean, high = 0.08 + 0.14 * (k % 3) / 2, 0.2 + 0.5 * ((k * 7) % 15) / 14
         tip = (lean * float(np.sin(heading)), y + high, lean * float(np.cos(heading)))
         m.add(tube([(0, y, 0), tip], 0.007, 5), stalk)
-        m.add(blade(tip, heading, style.between(0.26, 0.34), 0.22, 35.0, 75.0, 5), leaf)
+        m.add(blade(tip, heading, style.between(0.22, 0.28), 0.2, 35.0, 75.0, 5), leaf)

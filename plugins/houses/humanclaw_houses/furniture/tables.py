@@ -94,11 +94,11 @@ def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, 
 
 
 def desk(style: Style, name: str) -> Piece:
-    """A desk with drawers on one side."""
+    """A desk with drawers at its +X end; one sits at x = -0.19."""
     m = Model()
     w, d, h, tile = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74, style.choice(style.wood, style.second_wood, style.white)
     m.box((w, 0.03, d), (0, h - 0.03, 0), tile)
-    side = 1 if style.chance(0.5) else -1
+    side = 1
     m.box((0.4, h - 0.09, d - 0.06), (side * (w / 2 - 0.22), 0.06, 0), tile)
     for k in range(3):
         m.add(box((0.37, 0.19, 0.015), (side * (w / 2 - 0.22), 0.07 + 0.205 * k, d / 2 - 0.025)), tile)

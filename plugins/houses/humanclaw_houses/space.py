@@ -1,0 +1,263 @@
+"""The free room of a room: what is taken, what must stay free, and whether a body can still walk everywhere.
+
+A body that walks is a disc of radius 0.3 m: 0.28 for the body and the rest for the grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, label
+
+from humanclaw_houses.building import Placed
+from humanclaw_houses.model import Piece
+from humanclaw_houses.plan import Area, Opening, Plan, Wall
+from humanclaw_houses.shapes import Array
+
+Side = Literal["south", "north", "west", "east"]
+SIDES: Final[tuple[Side, ...]] = ("south", "north", "west", "east")
+YAW: Final = {"south": 0.0, "north": float(np.pi), "west": float(np.pi / 2), "east": float(-np.pi / 2)}
+"""The heading of a piece whose back is at that wall."""
+CELL: Final = 0.05
+BODY: Final = 0.3
+REACH: Final = 0.42
+"""How far from the middle of a standing body a thing may be and still be at hand, metres."""
+_HEAD: Final = 1.9
+
+
+@dataclass(frozen=True)
+class Rect:
+    """A rectangle of floor, metres."""
+
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+
+    def meets(self, other: Rect, gap: float = 0.0) -> bool:
+        return (
+            self.x0 < other.x1 + gap and other.x0 < self.x1 + gap and self.z0 < other.z1 + gap and other.z0 < self.z1 + gap
+        )
+
+    def within(self, other: Rect) -> bool:
+        return self.x0 >= other.x0 and self.z0 >= other.z0 and self.x1 <= other.x1 and self.z1 <= other.z1
+
+    def grown(self, by: float) -> Rect:
+        return Rect(self.x0 - by, self.z0 - by, self.x1 + by, self.z1 + by)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return (self.x0 + self.x1) / 2, (self.z0 + self.z1) / 2
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rectangle from one height to another."""
+
+    rect: Rect
+    y0: float
+    y1: float
+
+    def meets(self, other: Block, gap: float = 0.0) -> bool:
+        return self.y0 < other.y1 and other.y0 < self.y1 and self.rect.meets(other.rect, gap)
+
+
+def turn(points: Array, yaw: float) -> Array:
+    """(N, 3) points turned about y."""
+    cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
+    x, y, z = np.asarray(points, float).T
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
+
+
+def outline(points: Array, thing: Placed) -> Block:
+    """The box around some of a placed piece's own points."""
+    low, high = (f(turn(points, thing.yaw), axis=0) for f in (np.min, np.max))
+    rect = Rect(low[0] + thing.x, low[2] + thing.z, high[0] + thing.x, high[2] + thing.z)
+    return Block(rect, low[1] + thing.y, high[1] + thing.y)
+
+
+def block_of(thing: Placed) -> Block:
+    return outline(np.array([thing.piece.low, [thing.piece.low[0], 0, thing.piece.high[2]],
+                             [thing.piece.high[0], 0, thing.piece.low[2]], thing.piece.high]), thing)  # fmt: skip
+
+
+def local(thing: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
+    """A rectangle in the frame of a placed piece, as the box around it in the world."""
+    return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), thing).rect
+
+
+class Space:
+    """One room while it is being furnished."""
+
+    def __init__(self, area: Area, plan: Plan) -> None:
+        self.area = area
+        self.rect = Rect(*area.inner)
+        self.things: list[Placed] = []
+        self._taken: list[Block] = []
+        self._solid: list[Rect] = []
+        self._kept: list[Rect] = []
+        self._wanted: list[tuple[Rect, ...]] = []
+        self.windows: list[tuple[Side, Opening]] = []
+        self._doors: list[Rect] = []
+        for wall in plan.walls:
+            if area.name in (wall.low, wall.high):
+                self._add_wall(wall)
+
+    def _add_wall(self, wall: Wall) -> None:
+        high = wall.high == self.area.name
+        side: Side = ("south" if high else "north") if wall.axis == "x" else ("west" if high else "east")
+        for hole in wall.openings:
+            if hole.kind == "window":
+                self.windows.append((side, hole))
+                self._taken.append(Block(self._strip(side, hole.at, hole.width, 0.22), hole.bottom - 0.07, hole.top))
+            else:
+                self._doors.append(self._strip(side, hole.at, hole.width, 0.8))
+                self._kept.append(self._strip(side, hole.at, hole.width + 0.14, 0.8))
+            if hole.leaf and hole.opens_low == (wall.low == self.area.name):
+                edge = self._strip(side, hole.at + hole.leaf * (hole.width / 2 + 0.08), 0.16, 0.94)
+                self._taken.append(Block(edge, 0.0, 2.1))
+                self._solid.append(edge)
+
+    def _strip(self, side: Side, at: float, width: float, depth: float) -> Rect:
+        """The floor along a wall in front of a stretch of it."""
+        r, h = self.rect, width / 2
+        if side in ("south", "north"):
+            return Rect(at - h, r.z0, at + h, r.z0 + depth) if side == "south" else Rect(at - h, r.z1 - depth, at + h, r.z1)
+        return Rect(r.x0, at - h, r.x0 + depth, at + h) if side == "west" else Rect(r.x1 - depth, at - h, r.x1, at + h)
+
+    def length(self, side: Side) -> float:
+        return self.rect.x1 - self.rect.x0 if side in ("south", "north") else self.rect.z1 - self.rect.z0
+
+    def depth(self, side: Side) -> float:
+        """How far it is to the wall across."""
+        return self.length("west" if side in ("south", "north") else "south")
+
+    def at_wall(self, piece: Piece, side: Side, along: float, y: float = 0.0, gap: float = 0.015) -> Placed:
+        """A piece with its back to a wall; along: metres from the wall's end of smaller coordinate."""
+        r, out = self.rect, piece.size[2] / 2 + gap
+        x, z = {
+            "south": (r.x0 + along, r.z0 + out), "north": (r.x0 + along, r.z1 - out),
+            "west": (r.x0 + out, r.z0 + along), "east": (r.x1 - out, r.z0 + along),
+        }[side]  # fmt: skip
+        return Placed(piece, x, y, z, YAW[side], self.area.name)
+
+    def spots(self, piece: Piece, rng: np.random.Generator, sides: Iterable[Side] = SIDES, y: float = 0.0, step: float = 0.1) -> list[Placed]:
+        """Places along the walls in random order, the corners among them."""
+        half = piece.size[0] / 2 + 0.02
+        found = []
+        for side in sides:
+            room = self.length(side) - 2 * half
+            if room >= 0:
+                found += [self.at_wall(piece, side, half + k) for k in [*np.arange(0, room, step), room]]
+        placed = [Placed(p.piece, p.x, y, p.z, p.yaw, p.room) for p in found]
+        return [placed[k] for k in rng.permutation(len(placed))]
+
+    def fits(self, thing: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
+        """Inside the room, through nothing, in nobody's way, with so much free floor in front."""
+        block = block_of(thing)
+        if not block.rect.within(self.rect) or self._blocked(block, gap, ignore):
+            return False
+        if block.y0 < _HEAD and any(block.rect.meets(rect) for rect in self._kept):
+            return False
+        if not front:
+            return True
+        ahead = self.ahead(thing, front)
+        return ahead.within(self.rect) and not self._blocked(Block(ahead, 0.03, 1.2), 0.0, ignore)
+
+    def _blocked(self, block: Block, gap: float, ignore: Sequence[Block] = ()) -> bool:
+        return any(block.meets(other, gap) for other in self._taken if other not in ignore)
+
+    def is_free(self, rect: Rect) -> bool:
+        """Floor inside the room with nothing on it."""
+        return rect.within(self.rect) and not self._blocked(Block(rect, 0.03, 1.2), 0.0)
+
+    def is_free_unit(self, side: Side, along: float, width: float) -> bool:
+        """A stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor in front."""
+        start = self.rect.x0 if side in ("south", "north") else self.rect.z0
+        unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
+        if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
+            return False
+        return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
+
+    def clear_of_doors(self, thing: Placed) -> bool:
+        return not any(block_of(thing).rect.meets(door) for door in self._doors)
+
+    def rests(self, thing: Placed, host: Placed) -> bool:
+        """A thing on top of another one touches nothing else."""
+        return not self._blocked(block_of(thing), 0.01, ignore=(block_of(host),))
+
+    def ahead(self, thing: Placed, front: float) -> Rect:
+        """The floor in front of a piece, as wide as it is."""
+        w, _, d = thing.piece.size
+        return local(thing, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
+
+    def put(self, *things: Placed, keep: Sequence[Rect] = (), want: Sequence[Rect] = ()) -> bool:
+        """Place a group if the room stays walkable, and undo it if not. keep: floor to stay free. want: places of which at
+        least one must remain within reach of a walking body."""
+        before = len(self.things), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
+        for thing in things:
+            self._add(thing)
+        self._kept += keep
+        if want:
+            self._wanted.append(tuple(want))
+        low = any(block_of(thing).y0 < _HEAD and thing.piece.asset.hulls for thing in things)
+        if low and not self.walkable():
+            for items, count in zip((self.things, self._taken, self._solid, self._kept, self._wanted), before, strict=True):
+                del items[count:]  # type: ignore[attr-defined]
+            return False
+        return True
+
+    def _add(self, thing: Placed) -> None:
+        self.things.append(thing)
+        self._taken.append(block_of(thing))
+        for hull in thing.piece.asset.hulls:
+            block = outline(np.asarray(hull, float), thing)
+            if block.y0 < _HEAD and block.y1 > 0.03:
+                self._solid.append(block.rect)
+
+    def try_put(
+        self, spots: Iterable[Placed], *, front: float = 0.0, keep: bool = True, target: bool = False, gap: float = 0.01
+    ) -> Placed | None:
+        """The first of some places that fits and leaves the room walkable."""
+        for thing in spots:
+            if self.fits(thing, front, gap):
+                kept = [self.ahead(thing, front)] if front and keep else []
+                if self.put(thing, keep=kept, want=[block_of(thing).rect.grown(REACH)] if target else []):
+                    return thing
+        return None
+
+    # -- walking -------------------------------------------------------------------------------------------------------
+    def grid(self) -> np.ndarray:
+        """(rows, columns) of bool: where the middle of a walking body can be; rows along z."""
+        r = self.rect
+        shape = int((r.z1 - r.z0) / CELL), int((r.x1 - r.x0) / CELL)
+        free = np.ones((shape[0] + 2, shape[1] + 2), bool)
+        free[0] = free[-1] = free[:, 0] = free[:, -1] = False
+        for rect in self._solid:
+            rows, columns = self._cells(rect)
+            free[rows.start + 1 : rows.stop + 1, columns.start + 1 : columns.stop + 1] = False
+        return np.asarray(distance_transform_edt(free)[1:-1, 1:-1] * CELL >= BODY)
+
+    def _cells(self, rect: Rect) -> tuple[slice, slice]:
+        r = self.rect
+        limits = (
+            np.floor((rect.z0 - r.z0) / CELL), np.ceil((rect.z1 - r.z0) / CELL),
+            np.floor((rect.x0 - r.x0) / CELL), np.ceil((rect.x1 - r.x0) / CELL),
+        )  # fmt: skip
+        z0, z1, x0, x1 = (max(0, int(v)) for v in limits)
+        return slice(z0, max(z0, z1)), slice(x0, max(x0, x1))
+
+    def walkable(self) -> bool:
+        """All doors are joined by one free area, and everything wanted is in its reach."""
+        areas, count = label(self.grid())
+        if not count:
+            return False
+        seen = [set(np.unique(areas[self._cells(door)]).tolist()) - {0} for door in self._doors]
+        common = set.intersection(*seen) if seen else {int(np.bincount(areas[areas > 0]).argmax())}
+        return any(
+            all(any((areas[self._cells(rect)] == number).any() for rect in places) for places in self._wanted)
+            for number in common
+        )
