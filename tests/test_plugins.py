@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import textwrap
-from types import SimpleNamespace
 
 import pytest
 
@@ -107,9 +106,13 @@ def test_two_hosts_do_not_influence_each_other():
 
 
 def test_what_is_registered_must_be_a_skill():
-    plugin = SimpleNamespace(humanclaw_skills=hookimpl(lambda register: register("a text")))
+    class Text:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            register("a text")
+
     with pytest.raises(PluginError, match="takes a Skill or a folder; got str"):
-        Plugins().add(plugin, "text")
+        Plugins().add(Text(), "text")
 
 
 def test_a_plugin_file_that_fails_names_itself(tmp_path):

@@ -4,7 +4,6 @@ import torch
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import DiT, ModelConfig
 
-from .conftest import WALK, shaken
 
 
 def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
