@@ -12,8 +12,7 @@ from humanclaw.pose import encode, rest_pose
 WALK = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 
 
-def shaken(module, seed: int):
-    """Random numbers in every weight, so that no branch is silenced by its zero initialisation."""
+def _shaken(module, seed: int):
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in module.parameters():
@@ -22,10 +21,16 @@ def shaken(module, seed: int):
 
 
 @pytest.fixture(scope="session")
+def shaken():
+    """Puts random numbers into every weight of a module, so that no branch is silenced by its zero initialisation."""
+    return _shaken
+
+
+@pytest.fixture(scope="session")
 def base_file(tmp_path_factory) -> Path:
     """A small base with random weights."""
     path = tmp_path_factory.mktemp("base") / "base.safetensors"
-    model = shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1)
+    model = _shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1)
     standing = rest_pose(5)
     mean = torch.from_numpy(encode(standing)[-1]).float()
     start = torch.from_numpy(standing.root).float(), torch.from_numpy(standing.rotations).float()
@@ -43,7 +48,7 @@ def base(base_file):
 def walk_file(base, tmp_path_factory) -> Path:
     """An adapter with random weights for that base."""
     path = tmp_path_factory.mktemp("walk") / "adapter.safetensors"
-    save_adapter(path, shaken(Adapter(base.model, WALK), seed=2), base.digest, Card({"steps": 3}, {}, ("CC0",)))
+    save_adapter(path, _shaken(Adapter(base.model, WALK), seed=2), base.digest, Card({"steps": 3}, {}, ("CC0",)))
     return path
 
 

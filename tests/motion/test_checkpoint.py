@@ -45,13 +45,15 @@ def test_an_adapter_comes_back_and_does_the_same(base, walk_file):
 
 
 def test_a_missing_checkpoint_is_named_with_what_makes_it(base, tmp_path):
-    with pytest.raises(CheckpointError, match="no checkpoint at .*humanclaw train base"):
+    with pytest.raises(CheckpointError, match=r"no checkpoint at .*humanclaw train base"):
         load_base(tmp_path / "base.safetensors")
     with pytest.raises(CheckpointError, match="humanclaw train adapter walk"):
         load_adapter(tmp_path / "adapter.safetensors", base, "walk")
 
 
-@pytest.mark.parametrize("content", [b"", b"not a checkpoint at all", b"\x80\x04K\x01."], ids=["empty", "text", "pickle"])
+@pytest.mark.parametrize(
+    "content", [b"", b"not a checkpoint at all", b"\x80\x04K\x01."], ids=["empty", "text", "pickle"]
+)
 def test_a_broken_file_is_refused(base, tmp_path, content):
     path = tmp_path / "adapter.safetensors"
     path.write_bytes(content)

@@ -4,6 +4,7 @@ import torch
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import DiT, ModelConfig
 
+WALK = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 
 
 def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -13,7 +14,7 @@ def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
 
 
 @pytest.mark.parametrize("prediction", ["clean", "velocity"])
-def test_an_untrained_adapter_leaves_every_bit_of_the_base(prediction):
+def test_an_untrained_adapter_leaves_every_bit_of_the_base(shaken, prediction):
     base = shaken(DiT(ModelConfig(32, 3, 4, prediction=prediction)), seed=1)
     adapter = Adapter(base, WALK)
     history, noisy, tau = _inputs()
@@ -22,7 +23,7 @@ def test_an_untrained_adapter_leaves_every_bit_of_the_base(prediction):
     assert torch.equal(alone, together)
 
 
-def test_only_the_control_branch_learns():
+def test_only_the_control_branch_learns(shaken):
     base = shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1).requires_grad_(False)
     adapter = Adapter(base, WALK)
     before = {name: value.clone() for name, value in base.state_dict().items()}
@@ -33,16 +34,21 @@ def test_only_the_control_branch_learns():
         base(history, noisy, base.modulations(tau), residual).square().mean().backward()
         optimiser.step()
     assert all(torch.equal(value, before[name]) for name, value in base.state_dict().items())
-    assert all(float(layer.weight.abs().max()) > 0 for layer in adapter.weights)
+    assert all(layer.weight.count_nonzero() > 0 for layer in adapter.weights)
     assert adapter.encode[-1].weight.grad.abs().max() > 0
 
 
-def test_a_trained_branch_answers_to_its_condition():
+def test_a_trained_branch_answers_to_its_condition(shaken):
     base = shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1)
     adapter = shaken(Adapter(base, WALK), seed=2)
     history, noisy, tau = _inputs()
     outputs = [
-        base(history, noisy, base.modulations(tau), adapter.residual(adapter.condition(values), adapter.modulations(base, tau)))
+        base(
+            history,
+            noisy,
+            base.modulations(tau),
+            adapter.residual(adapter.condition(values), adapter.modulations(base, tau)),
+        )
         for values in (torch.zeros(2, 3), torch.ones(2, 3))
     ]
     assert not torch.allclose(*outputs)
@@ -54,11 +60,9 @@ def test_an_untrained_clean_model_holds_the_last_pose():
     assert torch.equal(model(history, noisy, model.modulations(tau)), history[:, -1:].expand(-1, 15, -1))
 
 
-@pytest.mark.parametrize(
-    ("encoder", "params"), [("token", ("x",)), ("mlp", ()), ("conv", ("x",))], ids=["token with", "mlp without", "unknown"]
-)
+@pytest.mark.parametrize(("encoder", "params"), [("token", ("x",)), ("mlp", ()), ("conv", ("x",))])
 def test_an_encoder_that_does_not_suit_its_parameters_is_refused(encoder, params):
-    with pytest.raises(ValueError, match=encoder):
+    with pytest.raises(ValueError, match="encoder"):
         AdapterConfig("x", encoder, params, (0.0,) * len(params), (1.0,) * len(params))
 
 

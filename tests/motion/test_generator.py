@@ -38,7 +38,9 @@ def test_the_same_key_gives_the_same_motion_bit_for_bit_and_another_key_another(
 
 
 def test_an_untrained_adapter_moves_as_the_base_does_bit_for_bit(generator, untrained_file, swaying):
-    alone, adapted = (generator.generate(swaying, path, values, (4,)) for path, values in ((None, ()), (untrained_file, AHEAD)))
+    alone, adapted = (
+        generator.generate(swaying, path, values, (4,)) for path, values in ((None, ()), (untrained_file, AHEAD))
+    )
     assert _same(alone, adapted)
 
 

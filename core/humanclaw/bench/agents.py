@@ -409,7 +409,7 @@ def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tu
     depth = offset @ camera.forward
     reach = np.tan(np.radians(camera.fov) / 2) * np.maximum(depth, 1e-6)
     inside = (depth > 0.1) & (np.abs(offset @ right) < reach) & (np.abs(offset @ camera.up) < reach)
-    shown = [point for point in points[inside] if plan.sees(camera.position, point)]
+    shown = points[inside][plan.sees(camera.position, points[inside])]
     if len(shown) < 3:
         return None
     centre = np.mean(shown, axis=0) - camera.position

@@ -164,13 +164,18 @@ def _discomfort(
     joints, yaw = motion.joints()[keys], motion.yaw()[keys]
     behind = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None] - np.pi))
     steep = np.abs(elevation - PREFERRED_ELEVATION)
-    hidden = np.array(
-        [
-            [np.mean([not plan.sees(pose[0] + DISTANCE * way, pose[j]) for j in WATCHED]) for way in ways]
-            for pose in joints
-        ]
-    )
-    return np.asarray(12.0 * hidden + behind + steep[None])
+    eyes = joints[:, None, 0] + DISTANCE * ways
+    # The floor around the feet counts a little: a picture of the body behind the top of a wall tells little.
+    ground = joints[:, None, 0] * [1, 0, 1] + [0, plan.floor + 0.05, 0] + _ring(0.8)
+    hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
+    veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
+    return np.asarray(12.0 * hidden + 1.5 * veiled + behind + steep[None])
+
+
+def _ring(radius: float) -> Array:
+    """(6, 3) points on a circle on the floor."""
+    angle = np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    return radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1)
 
 
 def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
@@ -240,7 +245,8 @@ def draw_map(episode: RecordedEpisode, scene: Scene, size: tuple[int, int]) -> I
         return [((float(a) - x) * scale + shift[0], (float(b) - z) * scale + shift[1]) for a, b in pairs]
 
     for rx, rz, rw, rd, _ in house.rooms:
-        draw.rectangle([*place(f"{rx},{rz}")[0], *place(f"{rx + rw},{rz + rd}")[0]], fill="#f3efe6")
+        # A little larger than the room, so that the floor goes on in the doorways.
+        draw.rectangle([*place(f"{rx - 8},{rz - 8}")[0], *place(f"{rx + rw + 8},{rz + rd + 8}")[0]], fill="#f3efe6")
     for outline, kind, _ in house.things:
         draw.polygon(place(outline), fill="#cfc8b9" if kind == "fixed" else "#e6dfc9", outline="#a8a294")
     for outline in house.walls:

@@ -121,12 +121,14 @@ class FloorPlan:
         """Whether a body of this radius can go straight from one point to the other."""
         return bool((self.at(self.clearance, _samples(start, end)) >= radius).all())
 
-    def sees(self, eye: Array, point: Array) -> bool:
-        """Whether nothing static stands between two (3,) world points; what is within 10 cm of the far one does not count."""
-        length = float(np.linalg.norm(point - eye))
-        share = np.linspace(0.0, max(0.0, 1.0 - 0.1 / max(length, 1e-6)), max(2, int(length / CELL)))[:, None]
-        line = eye + share * (point - eye)
-        return bool((self.at(self.tops, line[:, [0, 2]]) <= line[:, 1] - self.floor).all())
+    def sees(self, eyes: Array, points: Array) -> Mask:
+        """(...) whether nothing static stands between (..., 3) eyes and (..., 3) points; the last 10 cm do not count."""
+        eyes, points = np.broadcast_arrays(np.asarray(eyes, float), np.asarray(points, float))
+        far = np.linalg.norm(points - eyes, axis=-1)
+        steps = max(2, int(np.max(far, initial=0.0) / CELL))
+        share = np.linspace(0.0, 1.0, steps) * np.maximum(0.0, 1.0 - 0.1 / np.maximum(far, 1e-6))[..., None]
+        line = eyes[..., None, :] + share[..., None] * (points - eyes)[..., None, :]
+        return np.asarray((self.at(self.tops, line[..., [0, 2]]) <= line[..., 1] - self.floor).all(-1))
 
 
 # -- routes ------------------------------------------------------------------------------------------------------------
@@ -287,27 +289,26 @@ def _beside(plan: FloorPlan, scene: Scene, target: int) -> Iterator[Stand]:
     """Free cells nearest to the target's bounding box, on the target's side of every wall."""
     low, high = (corner[[0, 2]] for corner in scene.aabb(target))
     for radius in (RADIUS, 0.2, SQUEEZE):
-        cells = np.argwhere(plan.clearance >= radius)
-        points = plan.point(cells)
+        points = plan.point(np.argwhere(plan.clearance >= radius))
         edge = np.clip(points, low, high)
         gap = np.linalg.norm(points - edge, axis=1)
-        near_enough = gap < 1.5
-        points, edge, gap = points[near_enough], edge[near_enough], gap[near_enough]
-        order = np.argsort(gap, kind="stable")
-        open_ = [k for k in order if not _walled(plan, scene, points[k], edge[k])]
-        if open_:
-            limit = gap[open_[0]] + 0.15
-            for k in open_:
-                if gap[k] <= limit:
-                    yield Stand(
-                        target, float(points[k][0]), float(points[k][1]), _yaw(edge[k] - points[k]), float(gap[k])
-                    )
+        points, edge, gap = points[gap < 1.5], edge[gap < 1.5], gap[gap < 1.5]
+        free = ~_walled(plan, scene, points, edge)
+        if free.any():
+            chosen = np.flatnonzero(free & (gap <= gap[free].min() + 0.15))
+            for k in chosen[np.argsort(gap[chosen], kind="stable")]:
+                yield Stand(target, float(points[k, 0]), float(points[k, 1]), _yaw(edge[k] - points[k]), float(gap[k]))
             return
 
 
-def _walled(plan: FloorPlan, scene: Scene, start: Array, end: Array) -> bool:
-    owners = plan.at(plan.owners, _samples(start, end))
-    return any(scene.by_id[int(key)].category in ("wall", "window", "door") for key in np.unique(owners) if key)
+def _walled(plan: FloorPlan, scene: Scene, starts: Array, ends: Array) -> Mask:
+    """(N,) whether a wall, a window or a door stands between (N, 2) points and (N, 2) others."""
+    parts = [thing.id for thing in scene.objects if thing.category in ("wall", "window", "door")]
+    # The last 5 cm do not count: a screen hangs so close to its wall that both share a cell.
+    far = np.linalg.norm(ends - starts, axis=1)
+    share = (np.linspace(0.0, 1.0, 60) * np.maximum(0.0, 1.0 - 0.05 / np.maximum(far, 1e-6))[:, None])[..., None]
+    lines = starts[:, None] + share * (ends - starts)[:, None]
+    return np.asarray(plan.at(np.isin(plan.owners, parts), lines).any(-1))
 
 
 def _seats(plan: FloorPlan, scene: Scene, target: int) -> Iterator[Stand]:

@@ -175,7 +175,9 @@ def _write(path: Path, tensors: dict[str, Tensor], header: Mapping[str, Any]) ->
 def _read(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
     header, tensors = _open(path, remedy, weights=True)
     if header.get("kind") != kind:
-        raise CheckpointError(f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected.", remedy)
+        raise CheckpointError(
+            f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected.", remedy
+        )
     return header, tensors
 
 

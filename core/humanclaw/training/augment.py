@@ -7,9 +7,9 @@ Needs numpy alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,20 +82,30 @@ def basis(phase: Array) -> Array:
     return np.stack(parts, -1)
 
 
+class RealClip(Protocol):
+    """A named motion."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def motion(self) -> Motion: ...
+
+
 @dataclass(frozen=True)
 class Profiles:
     """gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean; speed: (S,) m/s; stance: (CHANNELS,);
-    idle: (T, CHANNELS) deviations from the stance at 30 fps."""
+    sway: (T, CHANNELS) idle deviations from the stance at 30 fps."""
 
     gait: Array
     speed: Array
     stance: Array
-    idle: Array
+    sway: Array
 
     @classmethod
-    def of(cls, clips: Sequence[Mapping[str, Any]]) -> Profiles:
-        """Measure the profiles on real clips: mappings with name, root, rotations and spans."""
-        named = {str(clip["name"]): Motion(np.asarray(clip["root"]), np.asarray(clip["rotations"])) for clip in clips}
+    def of(cls, clips: Sequence[RealClip]) -> Profiles:
+        """Measure the profiles on real clips. Raises ValueError when the clips that are known to serve are not among them."""
+        named = {clip.name: clip.motion for clip in clips}
         walks = [named[name] for name in _WALKS if name in named]
         idles = [named[name] for name in _IDLES if name in named]
         if not walks or not idles:
@@ -133,4 +143,4 @@ def _sway(idle: Motion, limit: float = 0.06, window: int = 31) -> Array:
     kernel = np.hanning(window + 2)[1:-1]
     smooth = np.stack([np.convolve(column, kernel / kernel.sum(), "valid") for column in values.T], 1)
     smooth[:, 2] = 0.0
-    return limit * np.tanh(smooth / limit)
+    return np.asarray(limit * np.tanh(smooth / limit))

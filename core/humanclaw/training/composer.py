@@ -2,53 +2,97 @@
 
 Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of its own
 command, never of a later one, because the motion model sees no more than that. A chunk begins and ends as the feet pass each
-other: one foot stands under the hips, the other hangs beside it or stands too. In its first part the one foot lands where the hips will
-be, in its second part the other one follows. Walking, turning, stairs and stopping are the same two swings with other numbers.
-Frames as in humanclaw.pose; s is the time within a chunk, 0 to 1; (N, ...) are N bodies at once. Needs numpy alone.
+other: one foot stands under the hips, the other one hangs beside it, or stands too. In the chunk's first part the hanging foot
+lands where the hips will be; in its second part the other one follows. Walking, turning, stairs, sitting down and stopping are
+the same two swings with other numbers.
+
+Shapes: N bodies move at once; a chunk has 16 instants at s = 0 ... 1, the first of which belongs to the chunk before. Frames as in
+humanclaw.pose; "floor" vectors are (x, z). Needs numpy alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, N_JOINTS, OFFSETS, STANDING_HEIGHT
-from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
+from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose
+from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw.training import augment, ik
-from humanclaw.training.augment import CHANNELS, UPPER, Profiles, channel
+from humanclaw.training.augment import UPPER, Profiles, RealClip, channel
 from humanclaw.training.chunks import Chunks, cut
+from humanclaw.training.ik import Feet
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
+Mask = NDArray[np.bool_]
 Command = tuple[str, Mapping[str, float]]
 
-SKILLS: Final = (
-    "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
-)  # fmt: skip
-WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(8)
-
-T: Final = FUTURE / FPS
+SECONDS: Final = FUTURE / FPS
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
 STAND: Final = 0.956
 """Pelvis height of a standing or passing body: the knees are never quite straight."""
-REACH: Final = 0.8175
 TOE_OUT: Final = 0.12
+AIRBORNE: Final = 0.004
+"""A foot this far above the floor hangs, metres."""
+SEATED: Final = 0.03
+"""Hips this far behind the feet sit, metres."""
+
+
+# -- what the skills differ in -----------------------------------------------------------------------------------------
+class Manner(NamedTuple):
+    """One skill's numbers; with arrays (N,) in their place, those of N bodies.
+
+    width: of each foot from the middle. clearance: of a swing. land, lift: when the first foot lands and the second one
+    leaves. lift_pitch, land_pitch: of the heel, radians for a metre of travel. vigour: of the gait's upper body at
+    1.15 m/s. lean: of the trunk. look_down: of the head. exit: share of the mean velocity that is left at the end.
+    turn_exit: the same for the turning.
+    """
+
+    width: float | Array
+    clearance: float | Array
+    land: float | Array
+    lift: float | Array
+    lift_pitch: float | Array
+    land_pitch: float | Array
+    vigour: float | Array = 0.0
+    lean: float | Array = 0.0
+    look_down: float | Array = 0.0
+    exit: float | Array = 0.0
+    turn_exit: float | Array = 0.2
+
+
+MANNERS: Final[Mapping[str, Manner]] = {
+    # Land and lift, pitches and width of the walk were read off the real walks; real backward steps land toe first.
+    "walk": Manner(0.088, 0.045, 0.37, 0.6, 1.5, -0.65, vigour=1.0, exit=1.0, turn_exit=1.0),
+    "side_step": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.25, exit=0.3),
+    "step_back": Manner(0.08, 0.035, 0.42, 0.58, 1.0, 0.7, vigour=0.6, lean=-0.02, exit=1.0),
+    "turn_in_place": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.2),
+    "climb_upstairs": Manner(0.08, 0.07, 0.42, 0.5, 1.1, -0.1, vigour=1.1, lean=0.14, look_down=0.1, exit=1.0),
+    "walk_downstairs": Manner(0.08, 0.05, 0.47, 0.58, 0.9, 0.9, vigour=1.0, lean=0.02, look_down=0.2, exit=1.0),
+    "sit_in_place": Manner(0.09, 0.03, 0.3, 0.5, 0.5, 0.0),
+    "stop": Manner(0.085, 0.035, 0.38, 0.55, 1.0, -0.1),
+}
+SKILLS: Final = tuple(MANNERS)
+WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(len(SKILLS))
+_TABLE: Final = np.array([tuple(manner) for manner in MANNERS.values()]).T
 
 
 # -- curves ------------------------------------------------------------------------------------------------------------
+def smooth(u: Array) -> Array:
+    """0 to 1 with no velocity at the ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.asarray(u * u * (3 - 2 * u))
+
+
 def smoother(u: Array) -> Array:
     """0 to 1 with no velocity and no acceleration at the ends."""
     u = np.clip(u, 0.0, 1.0)
     return np.asarray(u**3 * (10 - 15 * u + 6 * u * u))
-
-
-def smooth(u: Array) -> Array:
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u * u * (3 - 2 * u))
 
 
 def bump(u: Array) -> Array:
@@ -58,35 +102,44 @@ def bump(u: Array) -> Array:
 
 
 def quintic(u: Array, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array) -> Array:
-    """Ends at p1 with velocity v1 and no acceleration; velocities and accelerations per unit of u."""
-    d = p1 - p0 - v0 - a0 / 2
-    e, f = v1 - v0 - a0, -a0
-    c3, c4, c5 = 10 * d - 4 * e + f / 2, -15 * d + 7 * e - f, 6 * d - 3 * e + f / 2
+    """From p0 to p1 with the velocities v0 and v1 and the accelerations a0 and none, all per unit of u."""
+    d, e = p1 - p0 - v0 - a0 / 2, v1 - v0 - a0
+    c3, c4, c5 = 10 * d - 4 * e - a0 / 2, -15 * d + 7 * e + a0, 6 * d - 3 * e - a0 / 2
     return np.asarray(p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5)))))
 
 
-def cubic(u: Array, p0: Array, v0: Array, p1: Array, v1: Array) -> Array:
-    """Hermite, held at its ends outside [0, 1]; velocities per unit of u."""
+def cubic(u: Array, p0: Array, v0: Array | float, p1: Array, v1: Array | float) -> Array:
+    """From p0 to p1 with the velocities v0 and v1 per unit of u; held at the ends outside [0, 1]."""
     u = np.clip(u, 0.0, 1.0)
     d = p1 - p0
     return np.asarray(p0 + u * (v0 + u * ((3 * d - 2 * v0 - v1) + u * (v0 + v1 - 2 * d))))
 
 
-def smooth_minimum(a: Array, b: Array, width: Array) -> Array:
+def soft_minimum(a: Array, b: Array, width: Array) -> Array:
     """The minimum with its corner rounded; exact where the two differ by more than width."""
     return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
 
 
-def _turn(vector: Array, yaw: Array) -> Array:
-    """(N, 2) floor vectors (x, z) turned by yaw."""
+def turned(vector: Array, yaw: Array) -> Array:
+    """(..., 2) floor vectors turned by yaw (...)."""
     sin, cos = np.sin(yaw), np.cos(yaw)
     return np.stack([vector[..., 0] * cos + vector[..., 1] * sin, vector[..., 1] * cos - vector[..., 0] * sin], -1)
+
+
+def floor(points: Array) -> Array:
+    """(..., 3) to (..., 2)."""
+    return np.asarray(points[..., [0, 2]])
+
+
+def raised(points: Array, height: Array) -> Array:
+    """(..., 2) floor points at a height (...) to (..., 3)."""
+    return np.stack([points[..., 0], np.broadcast_to(height, points.shape[:-1]), points[..., 1]], -1)
 
 
 # -- commands and state ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Commands:
-    """One command for each of N bodies. skill (N,) indexes SKILLS; x, z, yaw, h, d (N,) in metres and radians, z positive
+    """One command for each of N bodies. skill (N,) indexes SKILLS; x, z, yaw, h, d (N,) in metres and radians: z is positive
     backwards for step_back, h the height of a stair step or of the seated pelvis."""
 
     skill: Ints
@@ -98,31 +151,38 @@ class Commands:
 
     @classmethod
     def of(cls, commands: Sequence[Command]) -> Commands:
-        unknown = sorted({name for name, _ in commands} - set(SKILLS))
+        """Raises ValueError for a skill or a parameter that there is not."""
+        keys = ("x", "z", "yaw", "h", "d")
+        unknown = sorted({f"skill {name}" for name, _ in commands if name not in SKILLS})
+        unknown += sorted({f"parameter {key}" for _, given in commands for key in given if key not in keys})
         if unknown:
-            raise ValueError(f"the composer knows {', '.join(SKILLS)}; got {', '.join(unknown)}")
-        values = {key: np.array([float(given.get(key, 0.0)) for _, given in commands]) for key in ("x", "z", "yaw", "h", "d")}
+            known = f"the skills {', '.join(SKILLS)} with {', '.join(keys)}"
+            raise ValueError(f"the composer knows {known}; got {', '.join(unknown)}")
+        values = {key: np.array([float(given.get(key, 0.0)) for _, given in commands]) for key in keys}
         return cls(np.array([SKILLS.index(name) for name, _ in commands], int), **values)
 
-    def is_(self, *skills: int) -> NDArray[np.bool_]:
+    def among(self, *skills: int) -> Mask:
         return np.isin(self.skill, skills)
+
+    @property
+    def manner(self) -> Manner:
+        return Manner(*_TABLE[:, self.skill])
 
 
 @dataclass(frozen=True)
 class State:
-    """N bodies at the end of a chunk. Velocities are per chunk, accelerations per chunk squared.
+    """N bodies at the end of a chunk; rates and velocities are per chunk.
 
-    root (N, 3), velocity (N, 3), acceleration (N, 3); yaw, yaw_rate, yaw_acceleration (N,); level (N,) of the floor; seat (N,) how far the
-    hips are behind the feet, nought when standing; foot (N, 2, 3) point under each ankle, left first, with its velocity, yaw, yaw rate,
-    pitch and pitch rate; next (N,) the foot that swings first by default; pose and pose_rate (N, CHANNELS).
+    root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet, nought
+    when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw, foot_yaw_rate,
+    foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a reason against it;
+    pose, pose_rate (N, CHANNELS).
     """
 
     root: Array
     velocity: Array
-    acceleration: Array
     yaw: Array
     yaw_rate: Array
-    yaw_acceleration: Array
     level: Array
     seat: Array
     foot: Array
@@ -143,8 +203,9 @@ class State:
         return cls._still(STAND, foot, TOE_OUT, next_foot, pose)
 
     @classmethod
-    def resting(cls, n: int, next_foot: Ints) -> State:
+    def resting(cls, next_foot: Ints) -> State:
         """In `rest_pose`, in which a body that has not moved yet is put into a scene."""
+        n = len(next_foot)
         foot = np.tile([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]], (n, 1, 1))
         return cls._still(STANDING_HEIGHT, foot, 0.0, next_foot, np.repeat(augment.channels(rest_pose(3))[:1], n, 0))
 
@@ -153,369 +214,448 @@ class State:
         n = len(pose)
         zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
         return cls(
-            three + [0.0, height, 0.0], three, three, zero, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)),
-            two + [toe_out, -toe_out], two, two, two, next_foot, pose, np.zeros_like(pose),
+            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out, -toe_out],
+            two, two, two, next_foot, pose, np.zeros_like(pose),
         )  # fmt: skip
 
     @property
-    def seated(self) -> NDArray[np.bool_]:
-        return self.seat > 0.03
+    def seated(self) -> Mask:
+        return self.seat > SEATED
+
+    @property
+    def hanging(self) -> Mask:
+        """(N,) whether the next foot is in the air."""
+        return np.asarray(self.of_foot(self.foot, self.next)[:, 1] - self.level > AIRBORNE)
+
+    def of_foot(self, values: Array, foot: Ints) -> Array:
+        """(N, 2, ...) to (N, ...) of one foot each."""
+        return np.asarray(values[np.arange(len(foot)), foot])
+
+    def where(self, which: Mask, other: State) -> State:
+        """These bodies where `which` (N,), the other ones elsewhere."""
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(State))
+        return State(*(np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs))
 
 
 @dataclass(frozen=True)
 class Style:
-    """What differs between bodies. gait (N, 1 + 2 HARMONICS, CHANNELS); stance (N, CHANNELS); idle (N,) frame of the idle sway."""
+    """What differs between bodies. gait (N, 1 + 2 HARMONICS, CHANNELS); stance (N, CHANNELS); seats (H, CHANNELS) as
+    `seat_table` gives them; sway (T, CHANNELS) and the frame of it (N,) at which each body is."""
 
     gait: Array
     stance: Array
-    idle: Ints
+    seats: Array
+    sway: Array
+    frame: Ints
+
+    def later(self, frames: int) -> Style:
+        return replace(self, frame=self.frame + frames)
 
 
-# -- where the hips go -------------------------------------------------------------------------------------------------
+# -- the plan of a chunk -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Plan:
-    """What one chunk will do: the state at its end and the amounts that shape the way there, all (N,) or (N, 2)."""
+    """Where a chunk ends, all (N,) unless said otherwise.
+
+    end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise: velocity of
+    that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot still hangs; base (N, 2):
+    the point about which the feet come to stand; first: the foot that lands first; wrong: the other foot hangs, and must
+    come down before the first one may leave.
+    """
 
     end: Array
-    end_velocity: Array
+    velocity: Array
     yaw: Array
     yaw_rate: Array
     level: Array
     height: Array
+    rise: Array
     seat: Array
+    ahead: Array
     flow: Array
-    """0 to 1: how far the second foot still hangs in the air at the end."""
-    forward: Array
-    """Commanded displacement ahead, negative backwards."""
     base: Array
-    """(N, 2) the point of the floor about which the feet come to stand."""
     first: Ints
-    wrong: NDArray[np.bool_]
-    """The hanging foot must land where it is before the other one may step."""
+    wrong: Mask
+
+    @property
+    def sits(self) -> Mask:
+        return self.seat > SEATED
+
+    @property
+    def root(self) -> Array:
+        """(N, 3) pelvis at the end."""
+        return raised(self.end, self.level + self.height)
+
+    @property
+    def facing(self) -> Array:
+        return np.stack([np.sin(self.yaw), np.cos(self.yaw)], -1)
 
 
 def seat_depth(height: Array) -> Array:
     """How far behind the feet a pelvis of this height sits (N,), metres: shins about upright, less for a high perch."""
-    return np.asarray(np.interp(height, [0.2, 0.35, 0.5, 0.6, 0.7, 0.8, STAND], [0.42, 0.43, 0.41, 0.36, 0.29, 0.2, 0.0]))
+    heights = [0.2, 0.35, 0.5, 0.6, 0.7, 0.8, STAND]
+    return np.asarray(np.interp(height, heights, [0.42, 0.43, 0.41, 0.36, 0.29, 0.2, 0.0]))
 
 
 def plan(state: State, c: Commands) -> Plan:
-    v = _turn(state.velocity[:, [0, 2]], -state.yaw)
-    still = c.is_(SIT, STOP)
-    seat = np.where(c.is_(SIT), seat_depth(c.h), np.where(c.is_(STOP), state.seat, 0.0))
-    settle = np.where(state.seated, 0.0, 1.0)[:, None] * v
-    x = np.select([c.is_(WALK, SIDE), still | c.is_(TURN)], [c.x, 0.38 * settle[:, 0]], 0.0)
-    drift = 0.38 * settle[:, 1] + state.seat - seat
-    z = np.select([c.is_(WALK), c.is_(BACK), c.is_(UP, DOWN)], [c.z, -c.z, c.d], drift)
-    step = np.stack([x, z], -1)
-    yaw = np.where(c.is_(WALK, TURN), c.yaw, 0.0)
-    asked = np.linalg.norm(step, axis=-1)
-    moving = c.is_(WALK, BACK, UP, DOWN)
-    flow = np.where(moving, smooth((np.abs(z) - 0.02) / 0.25), 0.0)
-    shuffle = c.is_(SIDE) | c.is_(TURN) | (c.is_(WALK) & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18))
-    flow = np.where(shuffle, 0.0, flow)
-    keep = np.where(moving, np.where(shuffle, 0.3, 1.0), np.where(c.is_(SIDE), 0.3, 0.0))
-    # A steady arc is tangent half a turn away from its chord; from rest the end velocity overshoots the mean a little.
-    chord = _turn(step, yaw / 2)
-    excess = 0.25 * (chord - _turn(v, yaw))
-    limit = 0.3 * asked / np.maximum(np.linalg.norm(excess, axis=-1), 1e-9)
-    exit_ = keep[:, None] * (chord + np.where(moving & ~shuffle, np.minimum(limit, 1.0), 0.0)[:, None] * excess)
-    end = state.root[:, [0, 2]] + _turn(step, state.yaw)
-    end_yaw = state.yaw + yaw
-    level = state.level + np.select([c.is_(UP), c.is_(DOWN)], [c.h, -c.h], 0.0)
-    held = state.root[:, 1] - state.level
-    height = np.where(c.is_(SIT), c.h, np.where(c.is_(STOP) & state.seated, held, STAND))
-    base = end + _turn(np.stack([np.zeros_like(seat), seat], -1), end_yaw)
-    first, wrong = _first_foot(state, c, x, yaw, shuffle)
+    """What the commands ask of the bodies in this state."""
+    step, seat, height = _displacement(state, c)
+    x, z = step.T
+    yaw = np.where(c.among(WALK, TURN), c.yaw, 0.0)
+    stair = np.select([c.among(UP), c.among(DOWN)], [c.h, -c.h], 0.0)
+    # Steps that lead sideways or round on the spot open and close the feet; crossing them would tie the legs in a knot.
+    tight = c.among(WALK) & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
+    shuffle = tight | c.among(SIDE, TURN)
+    strides = c.among(WALK, BACK, UP, DOWN) & ~shuffle
+    flow = np.where(strides, smooth((np.abs(z) - 0.02) / 0.25), 0.0)
+    end = floor(state.root) + turned(step, state.yaw)
+    base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
+    first = _first_foot(state, c, x, yaw, shuffle)
     return Plan(
-        end, _turn(exit_, state.yaw), end_yaw, np.where(c.is_(WALK), yaw * np.where(shuffle, 0.2, 1.0), 0.2 * yaw), level, height,
-        seat, flow, z, base, first, wrong,
-    )  # fmt: skip
+        end=end,
+        velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
+        yaw=state.yaw + yaw,
+        yaw_rate=yaw * np.where(tight, 0.2, c.manner.turn_exit),
+        level=state.level + stair,
+        height=height,
+        rise=stair * np.where(stair > 0, 0.5, 0.45),
+        seat=seat,
+        ahead=z,
+        flow=flow,
+        base=base,
+        first=first,
+        wrong=(first != state.next) & state.hanging,
+    )
 
 
-def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: NDArray[np.bool_]) -> tuple[Ints, NDArray[np.bool_]]:
-    """Sideways and turning the foot on that side opens the step; else the foot that hangs or stands behind goes first."""
-    push = np.where(c.is_(SIT, STOP), 0.0, x / 0.1 + yaw / 0.4)
-    sided = (shuffle & (np.abs(push) > 0.3)) | (~_hanging(state) & (np.abs(push) > 0.8))
-    first = np.where(sided, np.where(push > 0, 0, 1), state.next)
-    return first.astype(int), (first != state.next) & _hanging(state)
+def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
+    """Hips' displacement (N, 2) in the body's frame, seat and pelvis height (N,).
+
+    What a command leaves open goes to running out a walk or to standing up from a seat.
+    """
+    seat = np.select([c.among(SIT), c.among(STOP)], [seat_depth(c.h), state.seat], 0.0)
+    run_out = np.where(state.seated[:, None], 0.0, 0.38 * turned(floor(state.velocity), -state.yaw))
+    x = np.select([c.among(WALK, SIDE), c.among(SIT, STOP, TURN)], [c.x, run_out[:, 0]], 0.0)
+    z = np.select(
+        [c.among(WALK), c.among(BACK), c.among(UP, DOWN)], [c.z, -c.z, c.d], run_out[:, 1] + state.seat - seat
+    )
+    held = state.root[:, 1] - state.level
+    height = np.select([c.among(SIT), c.among(STOP) & state.seated], [c.h, held], STAND)
+    return np.stack([x, z], -1), seat, height
 
 
-def _hanging(state: State) -> NDArray[np.bool_]:
-    rows = np.arange(len(state.next))
-    return np.asarray(state.foot[rows, state.next, 1] - state.level > 0.004)
+def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: Mask, tight: Mask) -> Array:
+    """(N, 2) in the frame of the start.
+
+    A steady arc is tangent half a turn away from its chord. Who speeds up ends above the mean velocity.
+    """
+    chord = turned(step, yaw / 2)
+    gain = 0.25 * (chord - turned(turned(floor(state.velocity), -state.yaw), yaw))
+    limit = 0.3 * np.linalg.norm(step, axis=-1) / np.maximum(np.linalg.norm(gain, axis=-1), 1e-9)
+    share = np.where(tight, 0.3, c.manner.exit)[:, None]
+    return np.asarray(share * (chord + np.where(strides, np.minimum(limit, 1.0), 0.0)[:, None] * gain))
 
 
-def hip_path(state: State, p: Plan, c: Commands) -> tuple[Array, Array]:
+def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) -> Ints:
+    """The foot that hangs or stands behind, but sideways and round the one on that side."""
+    push = np.where(c.among(SIT, STOP), 0.0, x / 0.1 + yaw / 0.4)
+    sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
+    return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
+
+
+def hip_path(state: State, p: Plan) -> tuple[Array, Array]:
     """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the height."""
-    n = len(state.yaw)
-    end = np.stack([p.end[:, 0], p.level + p.height, p.end[:, 1]], -1)
-    climb = np.where(c.is_(UP), 0.5, np.where(c.is_(DOWN), 0.45, 0.0)) * (p.level - state.level)
-    velocity = np.stack([p.end_velocity[:, 0], climb, p.end_velocity[:, 1]], -1)
-    s = np.broadcast_to(GRID, (n, len(GRID)))[..., None]
-    args = (state.root, state.velocity, state.acceleration, end, velocity)
-    root = quintic(s, *(value[:, None] for value in args))
-    yaw_args = (state.yaw, state.yaw_rate, state.yaw_acceleration, p.yaw, p.yaw_rate)
-    return root, quintic(s[..., 0], *(value[:, None] for value in yaw_args))
+    end_velocity = raised(p.velocity, p.rise)
+    at = [value[:, None] for value in (state.root, state.velocity, np.zeros_like(state.root), p.root, end_velocity)]
+    turn = [value[:, None] for value in (state.yaw, state.yaw_rate, np.zeros_like(state.yaw), p.yaw, p.yaw_rate)]
+    return quintic(GRID[:, None], *at), quintic(GRID, *turn)
 
 
 # -- where the feet go -------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Feet:
-    """Both feet over a chunk: sole (N, 2, 16, 3) point under the flat ankle, yaw, pitch and bend of the toes (N, 2, 16)."""
-
-    sole: Array
-    yaw: Array
-    pitch: Array
-    bend: Array
-
-
-@dataclass(frozen=True)
 class Swing:
-    """How a skill lifts its feet, each (N,): heel pitch at lift and at landing for a metre of travel, clearance in metres, timing."""
+    """One foot of each body on its way to a new place, all (N, ...).
 
-    lift_pitch: Array
-    land_pitch: Array
-    clearance: Array
-    width: Array
-    land: Array
-    lift: Array
+    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: as the chunk before left it. target, yaw1:
+    where it will stand.
+    """
 
+    foot: Ints
+    start: Array
+    velocity: Array
+    yaw0: Array
+    yaw_rate: Array
+    pitch0: Array
+    pitch_rate: Array
+    target: Array
+    yaw1: Array
 
-def _swing(c: Commands, p: Plan, planted: NDArray[np.bool_]) -> Swing:
-    pick = lambda *values: np.array(values)[c.skill]  # noqa: E731  one value a skill, in the order of SKILLS
-    stairs = c.is_(UP, DOWN)
-    width = pick(0.07, 0.085, 0.08, 0.085, 0.08, 0.08, 0.09, 0.085)
-    width = np.where(c.is_(WALK), 0.088 - 0.025 * p.flow, width)
-    clearance = pick(0.045, 0.045, 0.035, 0.045, 0.07, 0.05, 0.03, 0.035)
-    land = np.where(p.wrong, 0.54, np.where(planted, 0.52, pick(0.37, 0.4, 0.42, 0.4, 0.42, 0.47, 0.3, 0.38)))
-    lift = np.where(p.wrong | planted, np.where(c.is_(UP), 0.55, 0.61), pick(0.6, 0.58, 0.58, 0.58, 0.5, 0.58, 0.5, 0.55))
-    return Swing(
-        pick(1.5, 0.7, 1.0, 0.7, 1.1, 0.9, 0.5, 1.0), pick(-0.65, 0.0, 0.7, 0.0, -0.1, 0.9, 0.0, -0.1), clearance,
-        width, np.where(stairs & planted, 0.5, land), lift,
-    )  # fmt: skip
+    @classmethod
+    def of(cls, state: State, p: Plan, m: Manner, foot: Ints, lag: Array | float) -> Swing:
+        """Towards the hips' end, a little behind it the faster they go, and `lag` metres."""
+        left = np.where(foot == 0, 1.0, -1.0)
+        behind = -0.02 - 0.1 * np.abs(p.ahead) * p.flow - lag
+        target = raised(p.base + turned(np.stack([left * m.width, behind], -1), p.yaw), p.level)
+        return cls(
+            foot,
+            state.of_foot(state.foot, foot),
+            state.of_foot(state.foot_velocity, foot),
+            state.of_foot(state.foot_yaw, foot),
+            state.of_foot(state.foot_yaw_rate, foot),
+            state.of_foot(state.foot_pitch, foot),
+            state.of_foot(state.foot_pitch_rate, foot),
+            target,
+            p.yaw + left * TOE_OUT,
+        )
+
+    @property
+    def travel(self) -> Array:
+        return floor(self.target - self.start)
+
+    @property
+    def distance(self) -> Array:
+        return np.asarray(np.linalg.norm(self.travel, axis=-1))
+
+    @property
+    def effort(self) -> Array:
+        """(N,) 0 to 1: how high this swing is worth lifting."""
+        turn = np.clip(np.abs(self.yaw1 - self.yaw0) / 0.5, 0, 0.6)
+        return np.clip(np.clip(self.distance / 0.15, 0, 1) + turn, 0, 1)
+
+    def settled(self, tolerance: Array, free: Mask | bool = True) -> Swing:
+        """A foot that stands where it should, give or take, stays."""
+        near = (self.distance < tolerance) & (np.abs(self.yaw1 - self.yaw0) < 0.15)
+        stay = near & (np.abs(self.target - self.start)[:, 1] < AIRBORNE) & free
+        return replace(
+            self, target=np.where(stay[:, None], self.start, self.target), yaw1=np.where(stay, self.yaw0, self.yaw1)
+        )
 
 
 def feet(state: State, p: Plan, c: Commands, root: Array) -> Feet:
-    """The first foot lands at swing.land, the second one leaves at swing.lift and hangs beside it at the end, or stands."""
-    rows = np.arange(len(p.first))
-    second = 1 - p.first
-    planted = ~_hanging(state) | (p.first != state.next)
-    swing = _swing(c, p, planted)
-    opening = _first_swing(state, p, c, swing, root, rows, p.first, planted)
-    closing = _second_swing(state, p, c, swing, rows, second)
-    left_first = p.first == 0
-    parts = []
-    for one, other in zip(opening, closing, strict=True):
-        swap = left_first.reshape(-1, *(1 for _ in one.shape[1:]))
-        parts.append(np.stack([np.where(swap, one, other), np.where(swap, other, one)], 1))
-    return Feet(*parts)
+    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or stands."""
+    m = _timed(c.manner, c, p, planted=~state.hanging | p.wrong)
+    tolerance = np.where(c.among(SIT, STOP), 0.05, np.where(state.seated, 0.1, 0.0))
+    first = _first_swing(state, p, c, m, root, tolerance)
+    second = _second_swing(state, p, c, m, tolerance)
+    left = p.first == 0
+    pairs = zip(first, second, strict=True)
+    swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
+    return Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
 
 
-def _target(p: Plan, swing: Swing, foot: Ints, lag: Array) -> Array:
-    """(N, 3) where a foot comes to stand: under the hips' end, a little behind the faster one goes."""
-    side = np.where(foot == 0, 1.0, -1.0) * swing.width
-    behind = -0.02 - 0.1 * np.abs(p.forward) * p.flow - lag
-    point = p.base + _turn(np.stack([side, behind], -1), p.yaw)
-    return np.stack([point[:, 0], p.level, point[:, 1]], -1)
-
-
-def _settled(c: Commands, start: Array, target: Array, turn: Array, tolerance: Array) -> NDArray[np.bool_]:
-    gap = np.linalg.norm((target - start)[:, [0, 2]], axis=-1)
-    return np.asarray((gap < tolerance) & (np.abs(turn) < 0.15) & (np.abs(target[:, 1] - start[:, 1]) < 0.004))
+def _timed(m: Manner, c: Commands, p: Plan, planted: Mask) -> Manner:
+    """A first foot that stands has half a swing more to do; striding feet pass closer than standing ones are apart."""
+    land = np.select([c.among(UP, DOWN) & planted, p.wrong, planted], [0.5, 0.54, 0.52], m.land)
+    lift = np.where(planted, np.where(c.among(UP), 0.55, 0.61), m.lift)
+    return m._replace(land=land, lift=lift, width=m.width - np.where(c.among(WALK), 0.025, 0.0) * p.flow)
 
 
 def _first_swing(
-    state: State, p: Plan, c: Commands, swing: Swing, root: Array, rows: Ints, foot: Ints, planted: NDArray[np.bool_]
+    state: State, p: Plan, c: Commands, m: Manner, root: Array, tolerance: Array
 ) -> tuple[Array, Array, Array, Array]:
-    start, velocity = state.foot[rows, foot], state.foot_velocity[rows, foot]
-    yaw0, rate0 = state.foot_yaw[rows, foot], state.foot_yaw_rate[rows, foot]
-    target = _target(p, swing, foot, np.zeros(len(foot)))
-    yaw1 = p.yaw + np.where(foot == 0, TOE_OUT, -TOE_OUT)
-    tolerance = np.where(c.is_(SIT, STOP), 0.05, np.where(state.seated, 0.1, 0.0))
-    stay = planted & _settled(c, start, target, yaw1 - yaw0, tolerance)
-    target = _within_reach(target, start, root, swing.land, p)
-    target, yaw1 = np.where(stay[:, None], start, target), np.where(stay, yaw0, yaw1)
-    begin = np.where(p.wrong, 0.14, np.where(planted, 0.02, 0.0))
-    span = swing.land - begin
-    u = (GRID - begin[:, None]) / span[:, None]
-    sole = cubic(u[..., None], start[:, None], (velocity * span[:, None])[:, None], target[:, None], np.zeros((1, 1, 3)))
-    gap = np.linalg.norm((target - start)[:, [0, 2]], axis=-1)
-    effort = np.clip(gap / 0.15, 0, 1) + np.clip(np.abs(yaw1 - yaw0) / 0.5, 0, 0.6)
-    ground, held = _stair(u, state.level, p.level, start[:, 1])
-    arc = np.where(planted, swing.clearance * np.clip(effort, 0, 1), 0.3 * swing.clearance * c.is_(UP, DOWN))
-    sole[..., 1] = ground + held + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
-    yaw = cubic(u, yaw0[:, None], (rate0 * span)[:, None], yaw1[:, None], np.zeros((1, 1)))
-    along = np.sum((target - start)[:, [0, 2]] * np.stack([np.sin(p.yaw), np.cos(p.yaw)], -1), -1)
-    pitch0, pitch_rate = state.foot_pitch[rows, foot], state.foot_pitch_rate[rows, foot]
-    land = swing.land_pitch * np.clip(np.abs(np.where(planted, along * 0.8, p.forward)), 0, 0.75) * np.where(stay, 0, 1)
-    touch = (swing.land - 0.05)[:, None]
-    pitch = cubic(GRID / touch, pitch0[:, None], pitch_rate[:, None] * touch, land[:, None], np.zeros((1, 1)))
-    pitch = pitch + np.where(planted, 0.8 * swing.lift_pitch * np.clip(gap, 0, 0.6), 0.0)[:, None] * bump(u * 1.15)
-    pitch = np.where(GRID > touch, land[:, None] * (1 - smooth((GRID - touch) / 0.2)), pitch)
-    return sole, yaw, pitch, np.zeros_like(pitch)
-
-
-def _stair(u: Array, level0: Array, level1: Array, start: Array) -> tuple[Array, Array]:
-    """(N, 16) height of the ground line under a swing, which rises early and falls late, and the clearance left from the start."""
-    up = (level1 > level0)[:, None]
-    ease = smoother(np.where(up, np.clip(u, 0, 1) / 0.85, (np.clip(u, 0, 1) - 0.12) / 0.88))
-    ground = level0[:, None] + (level1 - level0)[:, None] * ease
-    return ground, (start - level0)[:, None] * (1 - smoother(u) ** 2)
-
-
-def _within_reach(target: Array, start: Array, root: Array, land: Array, p: Plan) -> Array:
-    """From rest or in a change the hips are not yet where a stride would have them: the foot lands as far ahead as a leg goes."""
-    frame = np.clip(np.round(land * FUTURE).astype(int), 0, FUTURE)
-    hips = root[np.arange(len(land)), frame]
-    gap = _turn((target - hips)[:, [0, 2]], -p.yaw)
-    low = np.where(p.seat > 0.03, 9.0, 1.0)  # the feet of a sitter are far ahead of the hips
-    gap[:, 1] = np.clip(gap[:, 1], -0.36, np.maximum(0.4, 0.4 * low))
-    gap[:, 0] = np.clip(gap[:, 0], -0.42, 0.42)
-    point = hips[:, [0, 2]] + _turn(gap, p.yaw)
-    return np.stack([point[:, 0], target[:, 1], point[:, 1]], -1)
-
-
-def _second_swing(
-    state: State, p: Plan, c: Commands, swing: Swing, rows: Ints, foot: Ints
-) -> tuple[Array, Array, Array, Array]:
-    start, velocity = state.foot[rows, foot], state.foot_velocity[rows, foot]
-    yaw0, rate0 = state.foot_yaw[rows, foot], state.foot_yaw_rate[rows, foot]
-    touch = np.array([start[:, 0] + 0.06 * velocity[:, 0], state.level, start[:, 2] + 0.06 * velocity[:, 2]]).T
-    touch = np.where((start[:, 1] - state.level > 0.004)[:, None], touch, start)
-    target = _target(p, swing, foot, 0.03 * (1 - p.flow) * (p.seat < 0.03))
-    yaw1 = p.yaw + np.where(foot == 0, TOE_OUT, -TOE_OUT)
-    tolerance = np.where(c.is_(SIT, STOP), 0.05, np.where(state.seated, 0.1, 0.0))
-    stay = _settled(c, touch, target, yaw1 - yaw0, tolerance)
-    target, yaw1 = np.where(stay[:, None], touch, target), np.where(stay, yaw0, yaw1)
-    down, span = 0.2, (1 - swing.lift)
-    zero3, zero = np.zeros((1, 1, 3)), np.zeros((1, 1))
-    landing = cubic(GRID[None, :, None] / down, start[:, None], velocity[:, None] * down, touch[:, None], zero3)
-    u = (GRID - swing.lift[:, None]) / span[:, None]
-    leave = 1.5 * p.flow[:, None] * (target - touch) * [1.0, 0.0, 1.0]
-    swung = cubic(u[..., None], touch[:, None], zero3, target[:, None], leave[:, None])
-    away = (u > 0)[..., None]
-    sole = np.where(away, swung, landing)
-    gap = np.linalg.norm((target - touch)[:, [0, 2]], axis=-1)
-    effort = np.clip(np.clip(gap / 0.15, 0, 1) + np.clip(np.abs(yaw1 - yaw0) / 0.5, 0, 0.6), 0, 1)
-    ground, _ = _stair(u, state.level, p.level, state.level)
-    drop = 0.45 * np.maximum(state.level - p.level, 0.0)  # downstairs the foot still hangs above the tread it passes
-    hang = ((swing.clearance + drop) * p.flow)[:, None] * smooth(1.6 * u)
-    arc = (swing.clearance * effort * np.where(c.is_(UP), 0.4, np.where(c.is_(DOWN), 0.0, 1 - p.flow)))[:, None] * bump(u)
-    sole[..., 1] = np.where(u > 0, ground + hang + arc, landing[..., 1])
-    yaw = np.where(
-        u > 0, cubic(u, yaw0[:, None], zero, yaw1[:, None], zero), cubic(GRID / down, yaw0[:, None], rate0[:, None] * down, yaw0[:, None], zero)
+    planted = ~state.hanging | p.wrong
+    swing = Swing.of(state, p, m, p.first, 0.0)
+    stays = swing.settled(tolerance, planted)
+    moving = stays.distance > 0
+    swing = replace(
+        swing,
+        target=np.where(moving[:, None], _within_reach(swing.target, root, m.land, p), swing.start),
+        yaw1=stays.yaw1,
     )
-    return sole, yaw, *_second_pitch(state, p, swing, rows, foot, target - touch, down)
+    begin = np.select([p.wrong, planted], [0.14, 0.02], 0.0)
+    span = m.land - begin
+    u = (GRID - begin[:, None]) / span[:, None]
+    sole = cubic(
+        u[..., None], swing.start[:, None], (swing.velocity * span[:, None])[:, None], swing.target[:, None], 0.0
+    )
+    # What is left of the hanging foot's height goes last: it still has ground to cover.
+    held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
+    arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.among(UP, DOWN))
+    sole[..., 1] = _stair(u, state.level, p.level) + held + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
+    yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
+    return sole, yaw, _landing_pitch(swing, p, m, u, planted, moving), np.zeros_like(yaw)
 
 
-def _second_pitch(
-    state: State, p: Plan, swing: Swing, rows: Ints, foot: Ints, travel: Array, down: float
-) -> tuple[Array, Array]:
-    along = np.sum(travel[:, [0, 2]] * np.stack([np.sin(p.yaw), np.cos(p.yaw)], -1), -1)
-    amount = np.clip(np.linalg.norm(travel[:, [0, 2]], axis=-1), 0, 0.7)
-    amount = np.where(along < -0.05, -0.35, 1.0) * amount
-    peak = (np.abs(swing.lift_pitch) * amount)[:, None]
-    pitch0, rate0 = state.foot_pitch[rows, foot][:, None], state.foot_pitch_rate[rows, foot][:, None]
-    rise, top = 0.28, (swing.lift + 0.08)[:, None]
-    hang, slope = 0.24 * p.flow[:, None] * peak, -2.0 * p.flow[:, None] * peak
-    first = cubic(GRID / down, pitch0, rate0 * down, np.zeros((1, 1)), np.zeros((1, 1)))
+def _within_reach(target: Array, root: Array, land: Array | float, p: Plan) -> Array:
+    """While the hips speed up they lag behind a steady stride's: the foot lands as far ahead as a leg goes."""
+    frame = np.clip(np.round(np.asarray(land) * FUTURE).astype(int), 0, FUTURE)
+    hips = floor(root[np.arange(len(frame)), frame])
+    gap = turned(floor(target) - hips, -p.yaw)
+    gap[:, 0] = np.clip(gap[:, 0], -0.42, 0.42)
+    gap[:, 1] = np.clip(gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4))  # a sitter's feet are far ahead of the hips
+    return raised(hips + turned(gap, p.yaw), target[:, 1])
+
+
+def _stair(u: Array, level0: Array, level1: Array) -> Array:
+    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose is."""
+    u = np.clip(u, 0, 1)
+    ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
+    return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
+
+
+def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, moving: Mask) -> Array:
+    """(N, 16) heel pitch: to what it is at the landing, then flat."""
+    along = np.where(planted, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
+    land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
+    touch = np.asarray(m.land - 0.05)[:, None]
+    swung = cubic(GRID / touch, swing.pitch0[:, None], swing.pitch_rate[:, None] * touch, land, 0.0)
+    kick = np.where(planted, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
+    swung = swung + kick[:, None] * bump(1.15 * u)
+    return np.where(touch < GRID, land * (1 - smooth((GRID - touch) / 0.2)), swung)
+
+
+def _second_swing(state: State, p: Plan, c: Commands, m: Manner, tolerance: Array) -> tuple[Array, Array, Array, Array]:
+    lag = 0.03 * (1 - p.flow) * ~p.sits
+    swing = Swing.of(state, p, m, 1 - p.first, lag)
+    came = swing
+    touch = raised(floor(swing.start + 0.06 * swing.velocity), state.level)
+    hangs = swing.start[:, 1] - state.level > AIRBORNE
+    swing = replace(swing, start=np.where(hangs[:, None], touch, swing.start)).settled(tolerance)
+    down = 0.2  # of the chunk, in which a hanging foot that is not to go first comes down
+    landing = cubic(GRID[:, None] / down, came.start[:, None], came.velocity[:, None] * down, swing.start[:, None], 0.0)
+    u = (GRID - np.asarray(m.lift)[:, None]) / (1 - np.asarray(m.lift))[:, None]
+    leave = raised(
+        1.5 * p.flow[:, None] * swing.travel, np.zeros(1)
+    )  # from which the next swing goes on without a jolt
+    sole = cubic(u[..., None], swing.start[:, None], 0.0, swing.target[:, None], leave[:, None])
+    sole[..., 1] = _stair(u, state.level, p.level) + _lift(state, p, c, m, swing, u)
+    sole = np.where((u > 0)[..., None], sole, landing)
+    rest = cubic(GRID / down, swing.yaw0[:, None], swing.yaw_rate[:, None] * down, swing.yaw0[:, None], 0.0)
+    yaw = np.where(u > 0, cubic(u, swing.yaw0[:, None], 0.0, swing.yaw1[:, None], 0.0), rest)
+    return sole, yaw, *_leaving_pitch(swing, p, m, down)
+
+
+def _lift(state: State, p: Plan, c: Commands, m: Manner, swing: Swing, u: Array) -> Array:
+    """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
+    drop = 0.45 * np.maximum(state.level - p.level, 0.0)  # downstairs the foot still hangs above the tread it passes
+    arc = np.select([c.among(UP), c.among(DOWN)], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
+    hang = (m.clearance + drop) * p.flow
+    return np.asarray(hang[:, None] * smooth(1.6 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
+
+
+def _leaving_pitch(swing: Swing, p: Plan, m: Manner, down: float) -> tuple[Array, Array]:
+    """(N, 16) heel pitch and toe bend: the heel rises behind the hips, peaks as the toes leave, sinks in the swing."""
+    backwards = np.sum(swing.travel * p.facing, -1) < -0.05
+    peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
+    rise, top = 0.28, np.asarray(m.lift + 0.08)[:, None]
     heel = peak * smooth((GRID - rise) / (top - rise))
-    fall = cubic((GRID - top) / (1 - top), peak, np.zeros((1, 1)), hang, slope * (1 - top))
-    pitch = first + np.where(GRID > top, fall, heel)
-    fade = 1 - smooth((GRID - top) / 0.25)
-    return pitch, np.maximum(heel, 0.0) * np.where(GRID > top, fade, 1.0)
+    hang, slope = 0.24 * p.flow[:, None] * peak, -2.0 * p.flow[:, None] * peak
+    fall = cubic((GRID - top) / (1 - top), peak, 0.0, hang, slope * (1 - top))
+    before = cubic(GRID / down, swing.pitch0[:, None], swing.pitch_rate[:, None] * down, np.zeros((1, 1)), 0.0)
+    bend = np.maximum(heel, 0.0) * np.where(top < GRID, 1 - smooth((GRID - top) / 0.25), 1.0)
+    return before + np.where(top < GRID, fall, heel), bend
 
 
 # -- the upper body ----------------------------------------------------------------------------------------------------
-def pose_targets(state: State, p: Plan, c: Commands, style: Style, seats: Array, idle: Array) -> Array:
+def pose_targets(state: State, p: Plan, c: Commands, style: Style) -> Array:
     """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
-    pick = lambda *values: np.array(values)[c.skill]  # noqa: E731
-    speed = np.linalg.norm(p.end - state.root[:, [0, 2]], axis=-1) / T
-    vigour = pick(1.0, 0.25, 0.6, 0.2, 1.1, 1.0, 0.0, 0.0) * np.clip(speed / 1.15, 0, 1.2)
-    way = np.where(c.is_(BACK), -1.0, 1.0)[:, None]
-    phase = np.where(p.first == 1, 0.0, 1.0)[:, None] + way * GRID
-    gait = augment.basis(phase) @ style.gait
-    mean = style.gait[:, :1]
-    weight = vigour[:, None, None]
-    stance = style.stance[:, None]
-    # The mean posture follows the speed up to that of the clips; the swing goes on growing with it.
-    posture = stance + np.minimum(weight, 1.0) * (mean - stance)
-    target = posture + weight * (gait - mean)
-    sway = idle[_ping_pong(style.idle[:, None] + np.arange(FUTURE + 1), len(idle))]
-    target = target + (0.6 * (1 - np.minimum(weight, 1.0))) * sway
-    seated = (p.seat > 0.03)[:, None, None]
-    grid = np.linspace(0.2, 0.8, len(seats))
-    place = np.clip((p.height - grid[0]) / (grid[1] - grid[0]), 0, len(seats) - 1.001)
-    low = place.astype(int)
-    share = (place - low)[:, None]
-    seat_pose = seats[low] * (1 - share) + seats[low + 1] * share
-    target = np.where(seated, seat_pose[:, None] + 0.5 * sway, target)
-    return _with_lean(target, pick(0.0, 0.0, -0.02, 0.0, 0.14, 0.02, 0.0, 0.0), pick(0, 0, 0, 0, 0.1, 0.2, 0, 0))
+    m = c.manner
+    speed = np.linalg.norm(p.end - floor(state.root), axis=-1) / SECONDS
+    vigour = (m.vigour * np.clip(speed / 1.15, 0, 1.2))[:, None, None]
+    direction = np.where(c.among(BACK), -1.0, 1.0)[
+        :, None
+    ]  # who walks backwards goes through the same poses in reverse
+    gait = augment.basis((1 - p.first)[:, None] + direction * GRID) @ style.gait
+    mean, stance = style.gait[:, :1], style.stance[:, None]
+    sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
+    # The mean posture follows the speed up to that of the clips; the swing about it goes on growing.
+    still = 1 - np.minimum(vigour, 1.0)
+    standing = stance + (1 - still) * (mean - stance) + vigour * (gait - mean) + 0.6 * still * sway
+    target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
+    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, np.asarray(m.lean)[:, None])
+    return _bent(target, {"neck": 0.5, "head": 0.5}, 0, np.asarray(m.look_down)[:, None])
 
 
-def _with_lean(target: Array, lean: Array, look_down: Array) -> Array:
-    target = target.copy()
-    target[..., 0] += 0.5 * lean[:, None]
-    target[..., channel("spine1")] += 0.5 * lean[:, None]
-    target[..., channel("neck")] += (0.5 * look_down - 0.5 * lean)[:, None]
-    target[..., channel("head")] += (0.5 * look_down - 0.5 * lean)[:, None]
-    return target
+def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -> Array:
+    """(N, 16, CHANNELS) with an angle (N, 16) about one axis shared out to joints."""
+    values = values.copy()
+    for joint, share in shares.items():
+        values[..., 0 if joint == "pelvis" else channel(joint, axis)] += share * angle
+    return values
 
 
-def _ping_pong(index: Ints, length: int) -> Ints:
+def _to_and_fro(index: Ints, length: int) -> Ints:
     index = index % (2 * length - 2)
     return np.where(index < length, index, 2 * length - 2 - index)
 
 
-def upper_body(state: State, p: Plan, c: Commands, target: Array, root: Array, yaw: Array) -> Array:
-    """(N, 16, CHANNELS): the targets, reached from the present pose and velocity without a jolt, and what moving the hips demands."""
-    gap = state.pose - target[:, 0]
-    rate = state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE
-    zero = np.zeros_like(gap)[:, None]
-    long = np.where((p.seat > 0.03) | state.seated, 1.0, 0.85)[:, None, None]
-    u = np.minimum(GRID[None, :, None] / long, 1.0)
-    values = target + quintic(u, gap[:, None], rate[:, None] * long, zero, zero, zero)
-    change = np.abs(root[:, -1, 1] - root[:, 0, 1] - (p.level - state.level))
-    lean = (1.1 * np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.0, 0.85))[:, None] * bump(GRID)
-    for joint, part in (("spine1", 0.25), ("spine2", 0.2), ("neck", -0.2), ("head", -0.35)):
-        values[..., channel(joint)] += part * lean
-    values[..., 0] += 0.6 * lean
-    turn = (np.where(c.is_(TURN), 1.0, 0.5) * (p.yaw - state.yaw))[:, None] * bump(GRID * 1.1)
-    for joint, part in (("spine2", 0.05), ("spine3", 0.08), ("neck", 0.1), ("head", 0.12)):
-        values[..., channel(joint, 1)] += part * turn
-    return values
+def upper_body(state: State, p: Plan, c: Commands, target: Array) -> Array:
+    """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips demand."""
+    gap = (state.pose - target[:, 0])[:, None]
+    rate = (state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE)[:, None]
+    span = np.where(p.sits | state.seated, 1.0, 0.85)[:, None, None]
+    zero = np.zeros_like(gap)
+    values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
+    # Sitting down and rising the trunk leans forward, which keeps the weight over the feet; the eyes stay up.
+    change = np.abs(p.height - (state.root[:, 1] - state.level))
+    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.1, 0.935)
+    shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
+    values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
+    # A turn begins with the head.
+    turn = np.where(c.among(TURN), 1.0, 0.5) * (p.yaw - state.yaw)
+    shares = {"spine2": 0.05, "spine3": 0.08, "neck": 0.1, "head": 0.12}
+    return _bent(values, shares, 1, turn[:, None] * bump(1.1 * GRID))
 
 
-def seat_table(stance: Array, heights: int = 13) -> Array:
-    """(heights, CHANNELS) seated poses for pelvis heights 0.20 to 0.80 m: upright, a slack back, the hands on the thighs."""
-    height = np.linspace(0.2, 0.8, heights)
-    pose = np.repeat(stance[None], heights, 0)
-    low = np.clip((0.62 - height) / 0.42, 0, 1)
-    for joint, amount in (("spine1", 0.16), ("spine2", 0.12), ("spine3", 0.04), ("neck", -0.06), ("head", -0.12)):
-        pose[:, channel(joint)] += amount + 0.1 * low * (1 if "spine" in joint else -1.2)
+_SEATS: Final = np.linspace(0.2, 0.8, 13)
+
+
+def _seat_pose(seats: Array, height: Array) -> Array:
+    """(N, CHANNELS) interpolated for pelvis heights (N,)."""
+    place = np.clip((height - _SEATS[0]) / (_SEATS[1] - _SEATS[0]), 0, len(_SEATS) - 1.001)
+    low = place.astype(int)
+    share = (place - low)[:, None]
+    return np.asarray(seats[low] * (1 - share) + seats[low + 1] * share)
+
+
+def seat_table(stance: Array) -> Array:
+    """(13, CHANNELS) seated poses for pelvis heights 0.20 to 0.80 m: upright, a slack back, the hands on the thighs."""
+    low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)
+    pose = np.repeat(stance[None], len(_SEATS), 0)
     pose[:, 0] = -0.16 - 0.1 * low
-    root = np.stack([0 * height, height, 0 * height], -1)
-    rotations = np.zeros((heights, N_JOINTS, 3))
-    rotations[:, 0, 0] = pose[:, 0]
-    rotations[:, UPPER] = pose[:, 3:].reshape(heights, -1, 3)
-    position, orientation = forward_kinematics(root, rotations)
+    for joint, amount, more in (
+        ("spine1", 0.16, 0.1), ("spine2", 0.12, 0.1), ("spine3", 0.04, 0.1), ("neck", -0.06, -0.12), ("head", -0.12, -0.12)
+    ):  # fmt: skip
+        pose[:, channel(joint)] += amount + more * low
+    rotations = np.zeros((len(_SEATS), N_JOINTS, 3))
+    rotations[:, 0, 0], rotations[:, UPPER] = pose[:, 0], pose[:, 3:].reshape(len(_SEATS), -1, 3)
+    position, orientation = forward_kinematics(_SEATS[:, None] * [0.0, 1.0, 0.0], rotations)
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        hip = position[:, JOINT_INDEX[f"{side}_hip"]]
-        ankle = np.stack([0 * height + sign * 0.09, 0 * height + 0.075, seat_depth(height) - 0.02], -1)
-        thigh, _ = ik.solve(ik.Limb.leg(side), hip, ankle, np.broadcast_to([sign * 0.12, 0.35, 0.94], hip.shape))
-        palm = hip + thigh @ np.array([0.0, -0.27, 0.085])
-        shoulder = position[:, JOINT_INDEX[f"{side}_shoulder"]]
-        pole = np.broadcast_to([sign * 0.6, -0.5, -0.8], palm.shape)
-        upper, fore = ik.solve(ik.Limb.arm(side), shoulder, palm - [0, 0, 0.03], pole)
-        collar = orientation[:, JOINT_INDEX[f"{side}_collar"]]
-        for joint, parent, own in (("shoulder", collar, upper), ("elbow", upper, fore)):
-            start = channel(f"{side}_{joint}")
-            pose[:, start : start + 3] = vector_from_matrix(np.swapaxes(parent, -1, -2) @ own)
+        hip, shoulder = (position[:, JOINT_INDEX[f"{side}_{joint}"]] for joint in ("hip", "shoulder"))
+        ankle = np.stack([np.full_like(low, sign * 0.09), np.full_like(low, SOLE), seat_depth(_SEATS) - 0.02], -1)
+        thigh, _ = ik.solve(ik.Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
+        wrist = hip + thigh @ np.array([0.0, -0.27, 0.085]) - [0.0, 0.0, 0.03]
+        upper, fore = ik.solve(ik.Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
+        for joint, parent, own in (
+            ("shoulder", orientation[:, JOINT_INDEX[f"{side}_collar"]], upper),
+            ("elbow", upper, fore),
+        ):
+            at = channel(f"{side}_{joint}")
+            pose[:, at : at + 3] = to_vector(np.swapaxes(parent, -1, -2) @ own)
     return pose
 
 
-# -- the legs ----------------------------------------------------------------------------------------------------------
+# -- one chunk ---------------------------------------------------------------------------------------------------------
+def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Array]:
+    """One chunk: the state at its end, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
+    p = plan(state, c)
+    root, yaw = hip_path(state, p)
+    stand = feet(state, p, c, root)
+    values = upper_body(state, p, c, pose_targets(state, p, c, style))
+    pelvis = pelvis_orientation(yaw, values[..., :3])
+    second = np.arange(2) == (1 - p.first)[:, None]
+    may_lift = np.where(second[..., None], 0.5 * bump(1.05 * GRID), 0.0)
+    root = _bobbing(root, p, c)
+    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift))
+    stand = ik.ease_ankles(root, pelvis, ik.raise_heels(root, pelvis, stand, may_lift), yaw)
+    rotations = np.zeros((*yaw.shape, N_JOINTS, 3))
+    rotations[:, :, 0] = to_vector(pelvis)
+    rotations[:, :, UPPER] = values[..., 3:].reshape(*yaw.shape, -1, 3)
+    for joint, matrix in ik.place_legs(root, pelvis, stand, yaw).items():
+        rotations[:, :, JOINT_INDEX[joint]] = to_vector(matrix)
+    return _ended(p, stand, values), root[:, 1:], rotations[:, 1:]
+
+
 def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
     """yaw (...) and pitch, roll, extra yaw (..., 3) to (..., 3, 3): Ry Rz Rx, which keeps the hip line's heading exact."""
     vector = np.zeros((*yaw.shape, 3, 3))
@@ -524,123 +664,38 @@ def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
     return np.asarray(matrix[..., 0, :, :] @ matrix[..., 1, :, :] @ matrix[..., 2, :, :])
 
 
-def _hips(root: Array, orientation: Array) -> Array:
-    """(N, 16, 3), (N, 16, 3, 3) to (N, 2, 16, 3)."""
-    offsets = OFFSETS[[JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]]
-    return np.stack([root + orientation @ offset for offset in offsets], 1)
+def _bobbing(root: Array, p: Plan, c: Commands) -> Array:
+    """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
+    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * c.among(WALK, BACK)
+    sunk = root.copy()
+    sunk[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
+    return sunk
 
 
-def _lowered(root: Array, orientation: Array, where: Feet, allowance: Array) -> Array:
-    """The path with the hips no higher than legs of this length allow: one round dip at the tightest moment, then what is left."""
-    ankle = ik.ankle_over(where.sole, where.yaw, where.pitch + allowance)
-    hips = _hips(root, orientation)
-    away = np.sum((ankle - hips)[..., [0, 2]] ** 2, -1)
-    highest = (ankle[..., 1] + np.sqrt(np.maximum(REACH**2 - away, 0.04)) + (root[:, None, :, 1] - hips[..., 1])).min(1)
+def _lowered(root: Array, ceiling: Array) -> Array:
+    """The path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is left."""
     height = root[..., 1]
-    need = (height - highest + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
-    tightest = need.argmax(1)
-    skew = np.log(0.5) / np.log(np.clip(GRID[tightest], 0.4, 0.65))
-    depth = np.maximum(need.max(1), 0.0)[:, None]
+    need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
+    skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
+    dip = np.maximum(need.max(1), 0.0)[:, None] * bump(GRID ** skew[:, None])
     lowered = root.copy()
-    lowered[..., 1] = smooth_minimum(height - depth * bump(GRID ** skew[:, None]), highest, 0.004 + 0.02 * bump(GRID))
+    lowered[..., 1] = soft_minimum(height - dip, ceiling, 0.004 + 0.02 * bump(GRID))
     return lowered
 
 
-def _comfortable(root: Array, orientation: Array, where: Feet, yaw: Array, limit: float = 0.52) -> Feet:
-    """A shin that leans further over its foot than an ankle bends takes the heel along."""
-    hips = _hips(root, orientation)
-    lean = np.zeros_like(where.pitch)
-    for index, side in enumerate(("left", "right")):
-        ankle = ik.ankle_over(where.sole[:, index], where.yaw[:, index], where.pitch[:, index])
-        shin = ik.solve(ik.Limb.leg(side), hips[:, index], ankle, _pole(where.yaw[:, index], yaw))[1]
-        foot = ik.foot_orientation(where.yaw[:, index], where.pitch[:, index])
-        up = np.swapaxes(foot, -1, -2) @ shin[..., 1, None]
-        lean[:, index] = np.arctan2(up[..., 2, 0], up[..., 1, 0])
-    extra = 0.9 * _soft_excess(lean - limit, 0.2)
-    return replace(where, pitch=where.pitch + extra, bend=where.bend + extra)
+def _ended(p: Plan, stand: Feet, values: Array) -> State:
+    """The state that the next chunk starts from; only a foot that hangs has a velocity."""
+    hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None]
 
+    def rate(track: Array) -> Array:
+        return np.asarray(
+            (track[:, :, -1] - track[:, :, -2]) * FUTURE * hangs.reshape(*hangs.shape, *(1 for _ in track.shape[3:]))
+        )
 
-def _soft_excess(value: Array, width: float) -> Array:
-    """max(value, 0) with its corner rounded over `width` on either side."""
-    rounded = (value + width) ** 2 / (4 * width)
-    return np.asarray(np.where(value > width, value, np.where(value > -width, rounded, 0.0)))
-
-
-def _rolled(hips: Array, where: Feet, allowance: Array) -> Feet:
-    """A standing foot that the hips leave behind raises its heel until the leg reaches."""
-    extra = np.zeros_like(where.pitch)
-    for _ in range(3):
-        gap = np.linalg.norm(ik.ankle_over(where.sole, where.yaw, where.pitch + extra) - hips, axis=-1) - REACH
-        extra = np.clip(extra + np.maximum(gap, 0.0) / 0.11, 0.0, allowance)
-    return replace(where, pitch=where.pitch + extra, bend=where.bend + extra)
-
-
-def _pole(foot_yaw: Array, yaw: Array) -> Array:
-    """Knees point ahead and a little up, halfway between hips and foot."""
-    aim = yaw + 0.5 * _wrap(foot_yaw - yaw)
-    return np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
-
-
-def legs(root: Array, orientation: Array, where: Feet, yaw: Array) -> dict[str, Array]:
-    """Local rotations (N, 16, 3, 3) of hip, knee, ankle and foot on both sides."""
-    hips = _hips(root, orientation)
-    found = {}
-    for index, side in enumerate(("left", "right")):
-        ankle = ik.ankle_over(where.sole[:, index], where.yaw[:, index], where.pitch[:, index])
-        thigh, shin = ik.solve(ik.Limb.leg(side), hips[:, index], ankle, _pole(where.yaw[:, index], yaw))
-        foot = ik.foot_orientation(where.yaw[:, index], where.pitch[:, index])
-        bend = np.zeros((*yaw.shape, 3))
-        bend[..., 0] = -np.clip(where.bend[:, index], 0.0, 0.9)
-        found[f"{side}_hip"] = np.swapaxes(orientation, -1, -2) @ thigh
-        found[f"{side}_knee"] = np.swapaxes(thigh, -1, -2) @ shin
-        found[f"{side}_ankle"] = np.swapaxes(shin, -1, -2) @ foot
-        found[f"{side}_foot"] = matrix_from_vector(bend)
-    return found
-
-
-def _wrap(angle: Array) -> Array:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
-
-
-# -- one chunk ---------------------------------------------------------------------------------------------------------
-def advance(state: State, c: Commands, style: Style, seats: Array, idle: Array) -> tuple[State, Array, Array]:
-    """One chunk: the new state, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
-    p = plan(state, c)
-    root, yaw = hip_path(state, p, c)
-    where = feet(state, p, c, root)
-    values = upper_body(state, p, c, pose_targets(state, p, c, style, seats, idle), root, yaw)
-    stride = np.clip(np.abs(p.forward) / 0.62, 0, 1.2) * c.is_(WALK, BACK)
-    root[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
-    orientation = pelvis_orientation(yaw, values[..., :3])
-    rear = np.arange(2)[None] == (1 - p.first)[:, None]
-    allowance = np.where(rear[..., None], 0.5 * bump(np.clip(GRID * 1.05, 0, 1)), 0.0)
-    root = _lowered(root, orientation, where, allowance)
-    where = _rolled(_hips(root, orientation), where, allowance)
-    where = _comfortable(root, orientation, where, yaw)
-    rotations = np.zeros((len(yaw), len(GRID), N_JOINTS, 3))
-    rotations[:, :, 0] = vector_from_matrix(orientation)
-    rotations[:, :, UPPER] = values[..., 3:].reshape(*yaw.shape, -1, 3)
-    for joint, matrix in legs(root, orientation, where, yaw).items():
-        rotations[:, :, JOINT_INDEX[joint]] = vector_from_matrix(matrix)
-    return _ended(state, p, c, where, values), root[:, 1:], rotations[:, 1:]
-
-
-def _ended(state: State, p: Plan, c: Commands, where: Feet, values: Array) -> State:
-    rows = np.arange(len(p.first))
-    second = 1 - p.first
-    rate = lambda array: (array[..., -1] - array[..., -2]) * FUTURE  # noqa: E731
-    climb = np.where(c.is_(UP), 0.5, np.where(c.is_(DOWN), 0.45, 0.0)) * (p.level - state.level)
-    sole_rate = rate(np.moveaxis(where.sole, -2, -1))
-    hanging = np.zeros((len(rows), 2))
-    hanging[rows, second] = p.flow > 0
-    sole_rate = sole_rate * hanging[..., None]
-    sole_rate[..., 1] = 0.0
-    end = np.stack([p.end[:, 0], p.level + p.height, p.end[:, 1]], -1)
-    zero = np.zeros_like(p.yaw)
     return State(
-        end, np.stack([p.end_velocity[:, 0], climb, p.end_velocity[:, 1]], -1), np.zeros_like(end), p.yaw, p.yaw_rate, zero,
-        p.level, p.seat, where.sole[..., -1, :], sole_rate, where.yaw[..., -1], rate(where.yaw) * hanging,
-        where.pitch[..., -1], rate(where.pitch) * hanging, second, values[:, -1], (values[:, -1] - values[:, -2]) * FUTURE,
+        p.root, raised(p.velocity, p.rise), p.yaw, p.yaw_rate, p.level, p.seat,
+        stand.sole[:, :, -1], rate(stand.sole) * [1.0, 0.0, 1.0], stand.yaw[:, :, -1], rate(stand.yaw), stand.pitch[:, :, -1],
+        rate(stand.pitch), 1 - p.first, values[:, -1], (values[:, -1] - values[:, -2]) * FUTURE,
     )  # fmt: skip
 
 
@@ -652,56 +707,52 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
     gait = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
     gait[:, 1:] *= rng.uniform(0.85, 1.1, n)[:, None, None]
     gait[:, 0] = _eyes_level(gait[:, 0], 0.06)
-    stance = np.repeat(_eyes_level(profiles.stance, 0.04)[None], n, 0)
-    return Style(gait, stance, rng.integers(0, len(profiles.idle), n))
+    stance = _eyes_level(profiles.stance, 0.04)
+    frame = rng.integers(0, len(profiles.sway), n)
+    return Style(gait, np.repeat(stance[None], n, 0), seat_table(stance), profiles.sway, frame)
 
 
 def _eyes_level(pose: Array, down: float) -> Array:
-    """The pose with the neck and head bent so that the eyes look ahead, `down` radians below the horizon."""
+    """The pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in the head."""
     pose = pose.copy()
-    chain = [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]
-    missing = down - pose[..., chain].sum(-1)
+    missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
+        -1
+    )
     pose[..., channel("neck")] += 0.4 * missing
     pose[..., channel("head")] += 0.6 * missing
     return pose
 
 
-def _play(profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0) -> tuple[Array, Array]:
+def _play(
+    profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0
+) -> tuple[Array, Array]:
     """Root (N, 5 + 15 K, 3) and rotations (N, 5 + 15 K, 24, 3) of N bodies that carry out K commands each.
 
     They begin in a quiet stance, a share `rested` of them in `rest_pose`.
     """
     n = len(series[0].skill)
     style = _style(profiles, n, rng)
-    seats = seat_table(style.stance[0])
     next_foot = rng.integers(0, 2, n)
-    wait = Commands.of([("stop", {})] * n)
-    state, root, rotations = advance(State.standing(style.stance, next_foot), wait, style, seats, profiles.idle)
+    state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.of([("stop", {})] * n), style)
     resting = rng.random(n) < rested
-    state = _either(resting, State.resting(n, next_foot), state)
+    state = State.resting(next_foot).where(resting, state)
     rest = rest_pose(HISTORY)
     roots = [np.where(resting[:, None, None], rest.root, root[:, -HISTORY:])]
     turns = [np.where(resting[:, None, None, None], rest.rotations, rotations[:, -HISTORY:])]
     for commands in series:
-        style = replace(style, idle=style.idle + FUTURE)
-        state, root, rotations = advance(state, commands, style, seats, profiles.idle)
+        style = style.later(FUTURE)
+        state, root, rotations = advance(state, commands, style)
         roots.append(root)
         turns.append(rotations)
     return np.concatenate(roots, 1), np.concatenate(turns, 1)
 
 
-def _either(which: NDArray[np.bool_], one: State, other: State) -> State:
-    def pick(a: Array, b: Array) -> Array:
-        return np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b)
-
-    return State(*(pick(getattr(one, field.name), getattr(other, field.name)) for field in fields(State)))
-
-
-def compose(clips: Sequence[Any] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
+def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
     """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
 
-    clips: real clips (mappings with name, root, rotations) or the profiles measured on them. commands: (skill, parameters) with
-    parameters named as in chunks.PARAMETERS, in metres and radians. What a command asks for is what `outcome` measures.
+    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters named as in
+    chunks.PARAMETERS, in metres and radians. What a command asks for is what `outcome` measures, but for a stair straight out of a
+    seat, where the pelvis rises by both. Raises ValueError for unknown skills and parameters.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     root, rotations = _play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
@@ -710,7 +761,7 @@ def compose(clips: Sequence[Any] | Profiles, commands: Sequence[Command], seed: 
 
 # -- the edited data set -----------------------------------------------------------------------------------------------
 _FOLLOWS: Final = np.array(
-    # walk side back turn  up down sit stop
+    # walk, side, back, turn, up, down, sit, stop
     [
         [62, 5, 3, 10, 5, 5, 4, 6],
         [16, 40, 8, 14, 4, 4, 8, 6],
@@ -730,99 +781,92 @@ def sample_commands(n: int, length: int, rng: np.random.Generator) -> list[Comma
     """Natural series of commands for n bodies: runs of one skill at about the same values, and every change of skill."""
     odds = np.cumsum(_FOLLOWS / _FOLLOWS.sum(1, keepdims=True), 1)
     skill = rng.integers(0, len(SKILLS), n)
-    held = _draw(skill, rng)
+    held = _drawn(skill, rng)
     series = []
     for _ in range(length):
         following = (rng.random(n)[:, None] > odds[skill]).sum(1).clip(0, len(SKILLS) - 1)
         again = (following == skill) & (rng.random(n) < 0.8)
-        held = np.where(again[:, None], _vary(held, skill, rng), _draw(following, rng))
+        held = np.where(again[:, None], _varied(held, skill, rng), _drawn(following, rng))
         skill = following
         series.append(Commands(skill, *held.T))
     return series
 
 
-def _draw(skill: Ints, rng: np.random.Generator) -> Array:
-    """(N, 5) x, z, yaw, h, d over the schemas' whole ranges, a little beyond them, with more of what is asked for most."""
+def _drawn(skill: Ints, rng: np.random.Generator) -> Array:
+    """(N, 5) x, z, yaw, h, d over the schemas' whole ranges and a little beyond, half of them near what is asked for most."""
     n = len(skill)
-    values = np.zeros((n, 5))
-    wide = rng.random(n) < 0.5
-    degrees = np.pi / 180
+    wide, straight = rng.random(n) < 0.5, rng.random(n)
 
-    def put(which: int, column: int, numbers: Array) -> None:
-        values[:, column] = np.where(skill == which, numbers, values[:, column])
+    def mixed(low: float, high: float, usual: Array) -> Array:
+        return np.where(wide, rng.uniform(low, high, n), usual).clip(low, high)
 
-    straight = rng.random(n)
-    put(WALK, 1, np.where(wide, rng.uniform(0, 0.82, n), rng.normal(0.48, 0.12, n).clip(0.05, 0.8)))
-    put(WALK, 0, np.where(wide, rng.uniform(-0.31, 0.31, n), rng.normal(0, 0.05, n) * (straight > 0.4)))
-    put(WALK, 2, np.where(wide, rng.uniform(-31, 31, n), rng.normal(0, 9, n) * (straight < 0.7)).clip(-31, 31) * degrees)
-    put(SIDE, 0, rng.uniform(-0.42, 0.42, n))
-    put(BACK, 1, rng.uniform(0.03, 0.47, n))
-    put(TURN, 2, rng.uniform(-77, 77, n) * degrees)
-    for stair in (UP, DOWN):
-        put(stair, 3, np.where(wide, rng.uniform(0.07, 0.26, n), rng.normal(0.17, 0.02, n)))
-        put(stair, 4, np.where(wide, rng.uniform(0.19, 0.41, n), rng.normal(0.28, 0.025, n)))
-    put(SIT, 3, np.where(wide, rng.uniform(0.19, 0.81, n), rng.normal(0.54, 0.05, n)))
-    return values
+    values = np.zeros((len(SKILLS), 5, n))
+    values[WALK, 0] = mixed(-0.31, 0.31, rng.normal(0, 0.05, n) * (straight > 0.4))
+    values[WALK, 1] = mixed(0.0, 0.82, rng.normal(0.48, 0.12, n))
+    values[WALK, 2] = np.deg2rad(mixed(-31, 31, rng.normal(0, 9, n) * (straight < 0.7)))
+    values[SIDE, 0] = rng.uniform(-0.42, 0.42, n)
+    values[BACK, 1] = rng.uniform(0.03, 0.47, n)
+    values[TURN, 2] = np.deg2rad(rng.uniform(-77, 77, n))
+    values[[UP, DOWN], 3] = mixed(0.07, 0.26, rng.normal(0.17, 0.02, n))
+    values[[UP, DOWN], 4] = mixed(0.19, 0.41, rng.normal(0.28, 0.025, n))
+    values[SIT, 3] = mixed(0.19, 0.81, rng.normal(0.54, 0.05, n))
+    return np.asarray(values[skill, :, np.arange(n)])
 
 
-def _vary(values: Array, skill: Ints, rng: np.random.Generator) -> Array:
+def _varied(values: Array, skill: Ints, rng: np.random.Generator) -> Array:
     """The same command again, give or take; a seat stays what it is."""
-    noise = rng.normal(0, [0.015, 0.03, 0.05, 0.004, 0.006], values.shape) * (values != 0)
-    noise[skill == SIT] = 0.0
-    varied = values + noise
-    varied[:, 0] = varied[:, 0].clip(-0.42, 0.42)
-    varied[:, 1] = varied[:, 1].clip(0.0, 0.82)
-    return varied
+    noise = rng.normal(0, [0.015, 0.03, 0.05, 0.004, 0.006], values.shape) * (values != 0) * (skill != SIT)[:, None]
+    return (values + noise).clip([-0.42, 0.0, -1.35, 0.07, 0.19], [0.42, 0.82, 1.35, 0.82, 0.41]) * (values != 0)
 
 
 def edited_chunks(
-    clips: Sequence[Any] | Profiles,
+    clips: Sequence[RealClip] | Profiles,
     seconds_per_skill: float,
     seed: int,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], object] | None = None,
     base_share: float = 4.0,
 ) -> dict[str, Chunks]:
-    """Composed chunks of every skill, and of `base` at any offset, each also mirrored, with the parameters that they realise.
+    """Composed chunks of every skill, and of `base` at any offset, half of them mirrored, with the parameters that they realise.
 
-    seconds_per_skill: future seconds, so 2 chunks a second; base gets base_share times as much. progress hears 0 to 1.
+    seconds_per_skill: of future frames, so 2 chunks a second; base gets base_share times as much. progress hears 0 to 1.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     rng = np.random.default_rng(seed)
-    wanted = {name: max(1, round(seconds_per_skill / T / 2)) for name in SKILLS}
-    wanted["base"] = max(1, round(base_share * seconds_per_skill / T / 2))
+    half = max(1, round(seconds_per_skill / SECONDS / 2))
+    wanted = dict.fromkeys(SKILLS, half) | {"base": max(1, round(base_share * half))}
     found: dict[str, list[Chunks]] = {name: [] for name in wanted}
-    while missing := {name: count - sum(map(len, found[name])) for name, count in wanted.items()}:
-        if max(missing.values()) <= 0:
-            break
+    done = 0.0
+    while done < 1.0:
         for name, chunks in _batch(profiles, rng).items():
-            if missing[name] > 0 and len(chunks):
-                found[name].append(chunks[: missing[name]])
+            found[name].append(chunks[: wanted[name] - sum(map(len, found[name]))])
+        done = min(sum(map(len, found[name])) / count for name, count in wanted.items())
         if progress is not None:
-            progress(1 - max(max(m, 0) / wanted[name] for name, m in missing.items()))
-    return {name: _with_mirror(name, Chunks.join(parts)) for name, parts in found.items()}
-
-
-def _with_mirror(skill: str, chunks: Chunks) -> Chunks:
-    return Chunks.join([chunks, chunks.mirrored(skill)])
+            progress(done)
+    whole = {name: Chunks.join(parts) for name, parts in found.items()}
+    return {name: Chunks.join([chunks, chunks.mirrored(name)]) for name, chunks in whole.items()}
 
 
 def _batch(profiles: Profiles, rng: np.random.Generator, bodies: int = 128, length: int = 16) -> dict[str, Chunks]:
     series = sample_commands(bodies, length, rng)
     motions = [Motion(*pair) for pair in zip(*_play(profiles, series, rng, rested=0.3), strict=True)]
-    skill = np.stack([commands.skill for commands in series], 1)
-    whole = [cut(motion, np.arange(length) * FUTURE) for motion in motions]
-    root, rotations = np.stack([pair[0] for pair in whole]), np.stack([pair[1] for pair in whole])
-    # Who rises from a seat rises by more than the stair; what was asked for is the stair.
-    stair = np.isin(skill, (UP, DOWN)) & (root[:, :, HISTORY - 1, 1] < 0.9)
-    asked = np.stack([np.stack([commands.h, commands.d], -1) for commands in series], 1)
-    found = {}
-    for index, name in enumerate(SKILLS):
+    root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
+    skill = np.concatenate([commands.skill for commands in series]).reshape(length, bodies).T.ravel()
+    found = {
+        name: Chunks.of(name, root[skill == i], rotations[skill == i], "composed", False)
+        for i, name in enumerate(SKILLS)
+    }
+    asked = np.stack([np.stack([commands.h, commands.d], -1) for commands in series], 1).reshape(-1, 2)
+    for index in (UP, DOWN):
+        # Who rises from a seat rises by more than the stair; what was asked for is the stair.
         rows = skill == index
-        chunks = Chunks.of(name, root[rows], rotations[rows], "composed", False)
-        if index in (UP, DOWN):
-            chunks = replace(chunks, params=np.where(stair[rows][:, None], asked[rows], chunks.params).astype(np.float32))
-        found[name] = chunks
-    offsets = [rng.integers(0, len(motion) - FUTURE - HISTORY + 1, 2 * length) for motion in motions]
-    loose = [cut(motion, starts) for motion, starts in zip(motions, offsets, strict=True)]
-    found["base"] = Chunks.of("base", *(np.concatenate(part) for part in zip(*loose, strict=True)), "composed", False)
-    return found
+        seated = root[rows, HISTORY - 1, 1] < 0.9
+        params = np.where(seated[:, None], asked[rows], found[SKILLS[index]].params).astype(np.float32)
+        found[SKILLS[index]] = replace(found[SKILLS[index]], params=params)
+    starts = rng.integers(0, len(motions[0]) - FUTURE - HISTORY + 1, (bodies, 2 * length))
+    loose = _stacked(cut(motion, at) for motion, at in zip(motions, starts, strict=True))
+    return found | {"base": Chunks.of("base", *loose, "composed", False)}
+
+
+def _stacked(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
+    first, second = zip(*pairs, strict=True)
+    return np.concatenate(first), np.concatenate(second)

@@ -35,6 +35,7 @@ class Travel:
 
     feet: (N,) mean horizontal path of the two feet, metres.
     composed: (N,) whether it ends upright with the hands below the shoulders.
+    level: (N,) whether the toes keep to one floor, as they do not on stairs.
     """
 
     across: Array
@@ -43,6 +44,7 @@ class Travel:
     yaw: Array
     feet: Array
     composed: Mask
+    level: Mask
 
     @classmethod
     def of(cls, root: Array, rotations: Array) -> Travel:
@@ -55,7 +57,9 @@ class Travel:
         composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (
             last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1)
         )
-        return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed)
+        toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
+        level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
+        return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed, level)
 
     @property
     def flat(self) -> Array:
@@ -84,6 +88,8 @@ RULES: Final[Mapping[str, Callable[[Travel], Mask]]] = MappingProxyType(
     }
 )
 """The geometry of each skill that the data shows; sitting is not among it."""
+
+STAIRS: Final = ("climb_upstairs", "walk_downstairs")
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------
@@ -144,9 +150,11 @@ def build_real(clips: Iterable[Clip]) -> dict[str, Chunks]:
 def _of_clip(clip: Clip, starts: NDArray[np.int_]) -> dict[str, Chunks]:
     root, rotations = cut(clip.motion, starts)
     travel = Travel.of(root, rotations)
-    stairs = "climb_upstairs" in clip.spans or "walk_downstairs" in clip.spans
+    stairs = any(skill in clip.spans for skill in STAIRS)
     good = sane(root, rotations, flat=not stairs)
     chosen = {skill: rule(travel) & covered(clip, skill, starts) for skill, rule in RULES.items()}
+    if stairs:  # a step onto the next block is neither a walk nor a turn
+        chosen = {skill: mask if skill in STAIRS else mask & travel.level for skill, mask in chosen.items()}
     chosen["base"] = covered(clip, "base", starts)
     name = f"{clip.source}: {clip.name}"
     return {

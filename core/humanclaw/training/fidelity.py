@@ -185,7 +185,10 @@ def fidelity(generator: DiTGenerator, adapters: Mapping[str, Path], rollouts: in
     """One row a skill, in the order given. Raises CheckpointError for an adapter that does not fit the base."""
     commands = [Command.of(skill, path) for skill, path in adapters.items()]
     return [
-        _row(command.skill, roll(generator, command, [other for other in commands if other is not command], rollouts, seed))
+        _row(
+            command.skill,
+            roll(generator, command, [other for other in commands if other is not command], rollouts, seed),
+        )
         for command in commands
     ]
 
@@ -241,7 +244,17 @@ def milliseconds(generator: DiTGenerator, adapter: Path, values: Sequence[float]
 
 def markdown(rows: Sequence[Row]) -> str:
     """The rows as a Markdown table."""
-    heads = ("skill", "ratio", "after another", "error cm, deg", "skate cm/s", "sunk cm", "seam m/s2", "inside m/s2", "jerk m/s3")
+    heads = (
+        "skill",
+        "ratio",
+        "after another",
+        "error cm, deg",
+        "skate cm/s",
+        "sunk cm",
+        "seam m/s2",
+        "inside m/s2",
+        "jerk m/s3",
+    )
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
     for row in rows:
         cells = (
@@ -274,7 +287,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(markdown(rows))
     first, path = next(iter(wanted.items()))
     values = Command.of(first, path).draw(1, np.random.default_rng(0))[0].tolist()
-    print(f"\n{solver.method}, {solver.steps} steps; {milliseconds(generator, path, values):.1f} ms a chunk; base {base.digest}")
+    print(
+        f"\n{solver.method}, {solver.steps} steps; {milliseconds(generator, path, values):.1f} ms a chunk; base {base.digest}"
+    )
     return 0
 
 
@@ -283,9 +298,13 @@ def _adapters(roots: Sequence[Path]) -> list[Path]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw.training.fidelity", description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        prog="humanclaw.training.fidelity", description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("--skills", nargs="*", default=[], help="which skills (default: all that have an adapter)")
-    parser.add_argument("--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters")
+    parser.add_argument(
+        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+    )
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument("--data", type=Path, nargs="*", default=[], help="folders of chunks, measured for comparison")
     parser.add_argument("--rollouts", type=int, default=200)

@@ -1,8 +1,12 @@
-"""Two-bone inverse kinematics for legs and arms, vectorised over any leading shape. Metres, radians; needs numpy alone."""
+"""Inverse kinematics: two-bone limbs, feet that roll on the ground, and hips that stay within the reach of both legs.
+
+Everything is vectorised: (...) is any leading shape, (N, 2, T) are the left and right feet of N bodies over T frames. Metres and
+radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the world. Needs numpy alone.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,6 +21,9 @@ TOE_BASE: Final = np.array([0.0, TOE_SOLE - SOLE, 0.13])
 """From ankle to toe base in the frame of the foot."""
 HEEL: Final = np.array([0.0, -SOLE, -0.06])
 """From ankle to the rear edge of the sole in the frame of the foot."""
+REACH: Final = 0.8175
+"""From hip to ankle at most: a knee that locks straight would jerk as it bends again."""
+SIDES: Final = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -98,3 +105,86 @@ def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Ar
     toe = sole + up + flat @ TOE_BASE - tilted @ TOE_BASE
     heel = sole + up + flat @ HEEL - tilted @ HEEL
     return np.asarray(weight * toe + (1 - weight) * heel)
+
+
+# -- both legs of a body -----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Feet:
+    """sole (N, 2, T, 3): the point of the ground below each ankle of a flat foot. yaw, pitch (positive: heel up) and bend of the
+    toes (positive: towards flat when the heel is up): (N, 2, T)."""
+
+    sole: Array
+    yaw: Array
+    pitch: Array
+    bend: Array
+
+    def ankles(self, lift: Array | float = 0.0) -> Array:
+        """(N, 2, T, 3), with the heels raised by another `lift` radians."""
+        return ankle_over(self.sole, self.yaw, self.pitch + lift)
+
+    def tilted(self, extra: Array) -> Feet:
+        """With the heels raised further while the toes stay where they are."""
+        return replace(self, pitch=self.pitch + extra, bend=self.bend + extra)
+
+
+def hips(root: Array, pelvis: Array) -> Array:
+    """Hip joints (N, 2, T, 3) of a pelvis at (N, T, 3) with orientation (N, T, 3, 3)."""
+    return np.stack([root + pelvis @ OFFSETS[JOINT_INDEX[f"{side}_hip"]] for side in SIDES], 1)
+
+
+def ceiling(root: Array, pelvis: Array, feet: Feet, lift: Array) -> Array:
+    """(N, T) the highest pelvis from which both legs reach their feet, if the heels may rise by `lift` (N, 2, T)."""
+    ankle, hip = feet.ankles(lift), hips(root, pelvis)
+    away = np.sum((ankle - hip)[..., [0, 2]] ** 2, -1)
+    highest = ankle[..., 1] + np.sqrt(np.maximum(REACH**2 - away, 0.04)) + root[:, None, :, 1] - hip[..., 1]
+    return np.asarray(highest.min(1))
+
+
+def raise_heels(root: Array, pelvis: Array, feet: Feet, lift: Array) -> Feet:
+    """Heels rise by at most `lift` (N, 2, T) where a leg would not reach its foot."""
+    hip = hips(root, pelvis)
+    extra = np.zeros_like(feet.pitch)
+    for _ in range(3):
+        gap = np.linalg.norm(feet.ankles(extra) - hip, axis=-1) - REACH
+        extra = np.clip(extra + np.maximum(gap, 0.0) / 0.11, 0.0, lift)
+    return feet.tilted(extra)
+
+
+def ease_ankles(root: Array, pelvis: Array, feet: Feet, yaw: Array, limit: float = 0.52) -> Feet:
+    """Heels rise where a shin leans further over its foot than an ankle bends. yaw: (N, T) of the hips."""
+    shin = _legs(root, pelvis, feet, yaw)[1]
+    up = np.swapaxes(foot_orientation(feet.yaw, feet.pitch), -1, -2) @ shin[..., 1, None]
+    lean = np.arctan2(up[..., 2, 0], up[..., 1, 0])
+    return feet.tilted(0.9 * _excess(lean - limit, 0.2))
+
+
+def place_legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> dict[str, Array]:
+    """Local rotations (N, T, 3, 3) of hips, knees, ankles and feet by joint name, with the feet where `feet` has them."""
+    thigh, shin = _legs(root, pelvis, feet, yaw)
+    foot = foot_orientation(feet.yaw, feet.pitch)
+    toes = np.zeros((*feet.bend.shape, 3))
+    toes[..., 0] = -np.clip(feet.bend, 0.0, 0.9)
+    parts = {
+        "hip": np.swapaxes(pelvis, -1, -2)[:, None] @ thigh,
+        "knee": np.swapaxes(thigh, -1, -2) @ shin,
+        "ankle": np.swapaxes(shin, -1, -2) @ foot,
+        "foot": matrix_from_vector(toes),
+    }
+    return {f"{side}_{part}": both[:, index] for part, both in parts.items() for index, side in enumerate(SIDES)}
+
+
+def _legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> tuple[Array, Array]:
+    """Thigh and shin orientations; knees point ahead and a little up, halfway between hips and foot."""
+    aim = yaw[:, None] + 0.5 * wrap(feet.yaw - yaw[:, None])
+    pole = np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
+    return solve(Limb.leg("left"), hips(root, pelvis), feet.ankles(), pole)  # both legs have the same bones
+
+
+def _excess(value: Array, width: float) -> Array:
+    """max(value, 0) with its corner rounded over `width` on either side."""
+    return np.asarray(np.where(value > width, value, np.maximum(value + width, 0.0) ** 2 / (4 * width)))
+
+
+def wrap(angle: Array) -> Array:
+    """Angles to [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -113,20 +113,22 @@ def _outcome(error: Tensor) -> Tensor:
 
 
 Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""(history, noisy future, tau, condition values) to the model's output."""
+"""(history, noisy future, tau, encoded condition) to the model's output."""
 Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""(states, condition values, noise, tau) to the loss."""
+"""(states, encoded condition, noise, tau) to the loss."""
+Encode = Callable[[Tensor], Tensor]
+"""Condition values (B, k) to (B, 1, hidden). Left outside what is compiled, so that one compilation serves all skills."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
     """The flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a whole."""
 
-    def value(states: Tensor, values: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+    def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
         future = normal[:, HISTORY:]
         noisy = flow.noised(future, noise, tau)
         with torch.autocast(states.device.type, torch.bfloat16):
-            output = forward(normal[:, :HISTORY], noisy, tau, values)
+            output = forward(normal[:, :HISTORY], noisy, tau, condition)
         output = output.float()
         wanted = future if prediction == "clean" else flow.target(future, noise)
         return loss(output, wanted, flow.clean(prediction, output, noisy, tau), states)
@@ -146,7 +148,9 @@ class Trainer(Generic[M]):
         self.recipe = recipe
         self.mean = copy.deepcopy(module).eval().requires_grad_(False)
         self.parameters = [parameter for parameter in module.parameters() if parameter.requires_grad]
-        self.optimiser = torch.optim.AdamW(self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True)
+        self.optimiser = torch.optim.AdamW(
+            self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True
+        )
         self.jitter = recipe.jitter * chunks.params.std(0) if chunks.params.numel() else 0.0
         self.step = 0
         self.seconds = 0.0
@@ -161,7 +165,9 @@ class Trainer(Generic[M]):
         """States (B, 20, 219) in metres, condition values (B, k), noise (B, 15, 219) and tau (B,) of the current step."""
         device = self.chunks.root.device
         generator = torch.Generator(device)
-        generator.manual_seed(int(np.random.SeedSequence([self.recipe.seed, self.step]).generate_state(1, np.uint64)[0] >> 1))
+        generator.manual_seed(
+            int(np.random.SeedSequence([self.recipe.seed, self.step]).generate_state(1, np.uint64)[0] >> 1)
+        )
         size = self.recipe.batch
         chosen = torch.randint(len(self.chunks), (size,), generator=generator, device=device)
         root, rotations = self.chunks.root[chosen], self.chunks.rotations[chosen]
@@ -171,10 +177,10 @@ class Trainer(Generic[M]):
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
         return states, values, noise, torch.rand(size, generator=generator, device=device)
 
-
-    def advance(self, objective: Objective) -> Tensor:
+    def advance(self, problem: Objective, encode: Encode) -> Tensor:
         """One optimisation step; the loss before it."""
-        value = objective(*self.batch())
+        states, values, noise, tau = self.batch()
+        value = problem(states, encode(values), noise, tau)
         self._update(value)
         return value.detach()
 
@@ -222,14 +228,14 @@ def _schedule(step: int, progress: float) -> float:
     return min(1.0, (step + 1) / 200) * (0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))))
 
 
-def run(trainer: Trainer[Any], problem: Objective, out: Path, export: Callable[[], None]) -> None:
+def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
     """Train to the end of the recipe, resuming, saving and reporting on the way."""
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
     saved = reported = clock = time.monotonic()
     total, first = 0.0, trainer.step
     while trainer.progress < 1:
-        total += float(trainer.advance(problem))
+        total += float(trainer.advance(problem, encode))
         now = time.monotonic()
         trainer.seconds, clock = trainer.seconds + now - clock, now
         if now - reported > _REPORT_SECONDS:
@@ -263,7 +269,7 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
     trainer = Trainer(model, chunks.to(device), recipe)
     path = out / "base.safetensors"
 
-    def forward(history: Tensor, noisy: Tensor, tau: Tensor, values: Tensor) -> Tensor:
+    def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
         output: Tensor = model(history, noisy, model.modulations(tau))
         return output
 
@@ -271,7 +277,7 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
         save_base(path, trainer.mean, normaliser, start, _card(trainer, Weights(), "base"))
 
     problem = objective(forward, Loss(normaliser, Weights()), model.config.prediction, fast)
-    run(trainer, problem, out, export)
+    run(trainer, problem, lambda values: values, out, export)
     return path
 
 
@@ -286,8 +292,8 @@ def train_adapter(
     trainer = Trainer(adapter, chunks, recipe)
     path = out / "adapter.safetensors"
 
-    def forward(history: Tensor, noisy: Tensor, tau: Tensor, values: Tensor) -> Tensor:
-        residual = adapter.residual(adapter.condition(values), adapter.modulations(frozen, tau))
+    def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
+        residual = adapter.residual(condition, adapter.modulations(frozen, tau))
         output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
         return output
 
@@ -295,7 +301,7 @@ def train_adapter(
         save_adapter(path, trainer.mean, base.digest, _card(trainer, Weights(), skill))
 
     problem = objective(forward, Loss(normaliser, Weights()), frozen.config.prediction, fast)
-    run(trainer, problem, out, export)
+    run(trainer, problem, adapter.condition, out, export)
     return path
 
 
@@ -327,9 +333,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
-    device = torch.device(options.device if options.device != "auto" else "cuda" if torch.cuda.is_available() else "cpu")
+    device = torch.device(
+        options.device if options.device != "auto" else "cuda" if torch.cuda.is_available() else "cpu"
+    )
     recipe = Recipe(
-        options.size, options.batch, options.rate, options.minutes, options.steps, options.seed, options.spoil, options.jitter, tuple(options.licence)
+        options.size,
+        options.batch,
+        options.rate,
+        options.minutes,
+        options.steps,
+        options.seed,
+        options.spoil,
+        options.jitter,
+        tuple(options.licence),
     )
     try:
         if options.what == "base":
@@ -353,14 +369,20 @@ def _copy(path: Path, to: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw.training.train", description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        prog="humanclaw.training.train", description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     what = parser.add_subparsers(dest="what", required=True)
     for name in ("base", "adapter"):
         one = what.add_parser(name)
         if name == "adapter":
             one.add_argument("skill")
-            one.add_argument("--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default")
-        one.add_argument("--data", type=Path, action="append", required=True, help="folder of chunks; may be given several times")
+            one.add_argument(
+                "--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default"
+            )
+        one.add_argument(
+            "--data", type=Path, action="append", required=True, help="folder of chunks; may be given several times"
+        )
         one.add_argument("--out", type=Path, required=True, help="folder of the run; a run that is there goes on")
         one.add_argument("--export", type=Path, help="copy the finished checkpoint to this file")
         one.add_argument("--size", choices=list(SIZES), default="lite", help="shape of the base")
@@ -374,7 +396,9 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--licence", action="append", default=[], help="of the data; written into the checkpoint")
         one.add_argument("--threads", type=int, default=1)
         one.add_argument("--device", default="auto")
-        one.add_argument("--compile", action="store_true", help="compile the model first: half a minute, then a third faster")
+        one.add_argument(
+            "--compile", action="store_true", help="compile the model first: half a minute, then a third faster"
+        )
     return parser
 
 

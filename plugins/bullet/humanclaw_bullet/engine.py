@@ -12,16 +12,19 @@ from typing import Any
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Send the process's standard output to nowhere: Bullet prints from C, which would break protocols spoken on stdout."""
+    """Send what the process prints to nowhere: Bullet greets from C, which would break protocols spoken on stdout."""
     sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    sys.stderr.flush()
+    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
     try:
         yield
     finally:
         ctypes.CDLL(None).fflush(None)
-        os.dup2(kept, 1)
-        os.close(kept)
+        for stream, descriptor in enumerate(kept, start=1):
+            os.dup2(descriptor, stream)
+            os.close(descriptor)
         os.close(nowhere)
 
 

@@ -27,6 +27,10 @@ SUN: Final = (0.5, 0.8, 0.3)
 UPLIFT: Final = 0.6
 """Normals are lifted by this much before shading, as light that comes from above and bounces all round would: without it
 every face that is turned away from the sun would have one and the same darkness, and corners between them would vanish."""
+BOUNCE: Final = 0.5
+"""Faces that look down are lit by the floor, with this share of what it gets."""
+SMOOTH: Final = float(np.cos(np.radians(40.0)))
+"""A face that leaves the mean of its neighbours by more than this angle has an edge there."""
 _IN_HEAD: Final = 0.2
 """A camera closer to the head's centre than this is the body's own eye, metres."""
 _AWAY: Final = (0.0, -1000.0, 0.0)
@@ -66,7 +70,7 @@ class BulletRenderer:
         self._place_body(state.body, camera.position)
         _, _, rgba, depth, segments = self._client.getCameraImage(
             camera.width, camera.height, _view(camera), _projection(camera), lightDirection=SUN, shadow=0,
-            lightAmbientCoeff=0.55, lightDiffuseCoeff=0.5, lightSpecularCoeff=0.0,
+            lightAmbientCoeff=0.6, lightDiffuseCoeff=0.45, lightSpecularCoeff=0.0,
             renderer=self._client.ER_TINY_RENDERER,
         )  # fmt: skip
         ids = self._ids[np.asarray(segments).reshape(camera.height, camera.width)]
@@ -123,12 +127,25 @@ class BulletRenderer:
 
 def _corners(mesh: Mesh) -> tuple[Array, Array, Array]:
     """(3 M, 3) positions, (3 M, 3) normals for shading and (3 M, 2) uv of every corner of every face."""
-    vertices = mesh.vertices.astype(float)[mesh.faces]
-    normal = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    normals = np.repeat(normal + [0.0, UPLIFT, 0.0], 3, axis=0)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return vertices.reshape(-1, 3), normals, mesh.uv.astype(float)[mesh.faces].reshape(-1, 2)
+    normals = _smooth_normals(mesh)
+    normals[:, 1] = np.where(normals[:, 1] < 0, -BOUNCE * normals[:, 1], normals[:, 1]) + UPLIFT
+    return mesh.vertices.astype(float)[mesh.faces.ravel()], _unit(normals), mesh.uv.astype(float)[mesh.faces.ravel()]
+
+
+def _smooth_normals(mesh: Mesh) -> Array:
+    """(3 M, 3) the normal of each face's corner: the mean of the faces that meet there, unless they meet at an edge."""
+    points = mesh.vertices.astype(float)[mesh.faces]
+    flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
+    _, place = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
+    corner = place.ravel()[mesh.faces.ravel()]
+    total = np.zeros((corner.max() + 1, 3))
+    np.add.at(total, corner, flat)
+    mean = _unit(total)[corner]
+    return np.where(np.sum(flat * mean, axis=-1, keepdims=True) > SMOOTH, mean, flat)
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
 
 
 def _view(camera: Camera) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -40,17 +41,17 @@ class Piece:
     """Kilograms; 0 for what cannot be moved."""
     friction: float = 0.5
 
-    @property
+    @cached_property
     def size(self) -> tuple[float, float, float]:
         """Width, height and depth of the mesh. Metres."""
         low, high = self.low, self.high
         return tuple(np.asarray(high - low, float).tolist())  # type: ignore[return-value]
 
-    @property
+    @cached_property
     def low(self) -> Array:
         return np.asarray(self.asset.mesh.vertices.min(axis=0), float)
 
-    @property
+    @cached_property
     def high(self) -> Array:
         return np.asarray(self.asset.mesh.vertices.max(axis=0), float)
 

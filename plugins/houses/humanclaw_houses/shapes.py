@@ -6,8 +6,10 @@ normals shades a chart smooth and its borders sharp. Frame: metres, Y up; (u, v)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,13 +58,19 @@ def _turn(degrees: Point) -> Array:
 
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
     """A flat grid from a corner along two sides; its outside is along x up."""
-    side, rise = np.array(along, float), np.array(up, float)
-    u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
-    points = np.array(corner, float) + u.reshape(-1, 1) * side + v.reshape(-1, 1) * rise
-    uv = np.stack([u.ravel() * np.linalg.norm(side), v.ravel() * np.linalg.norm(rise)], -1)
+    u, v = _lattice(cells)
+    points = np.array(corner, float) + u[:, None] * np.array(along, float) + v[:, None] * np.array(up, float)
+    uv = np.stack([u * math.hypot(*along), v * math.hypot(*up)], -1)
     return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), uv)
 
 
+@cache
+def _lattice(cells: tuple[int, int]) -> tuple[Array, Array]:
+    u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
+    return u.ravel(), v.ravel()
+
+
+@cache
 def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
     start = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)[None, :]).ravel()
     first = np.stack([start, start + 1, start + columns + 1], -1)

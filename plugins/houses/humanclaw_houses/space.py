@@ -214,7 +214,8 @@ class Space:
 
     def _add(self, thing: Placed) -> None:
         self.things.append(thing)
-        self._taken.append(block_of(thing))
+        if thing.piece.size[1] > 0.03:  # rugs lie under things
+            self._taken.append(block_of(thing))
         for hull in thing.piece.asset.hulls:
             block = outline(np.asarray(hull, float), thing)
             if block.y0 < _HEAD and block.y1 > 0.03:

@@ -53,7 +53,7 @@ def _blank(colour: Colour, size: int = SIZE) -> Pixels:
     return np.full((size, size, 3), colour, np.uint8)
 
 
-def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.012) -> Tile:
+def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Tile:
     """Paint, plastic, ceramic or metal."""
     return Tile(_shade(colour, noise * _noise(rng, (4, 4))))
 
@@ -134,6 +134,15 @@ def sky(rng: np.random.Generator) -> Tile:
     garden = np.arange(SIZE)[:, None] > line[None, :]
     picture[garden] = np.array([128, 165, 110])
     return Tile(_grade(picture, np.zeros((SIZE, SIZE))), fit=True)
+
+
+def glass(rng: np.random.Generator) -> Tile:
+    """A mirror: a pale room, out of focus, with two slanting gleams."""
+    across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
+    slant = across + 0.7 * down
+    gleam = np.clip(1 - np.abs(slant - 0.6) / 0.1, 0, 1) + np.clip(1 - np.abs(slant - 0.85) / 0.04, 0, 1)
+    picture = np.array([176.0, 192.0, 200.0]) * (1 - 0.15 * down[..., None]) + 50 * gleam[..., None]
+    return Tile(_grade(picture, 0.01 * _noise(rng, (14, 14))), fit=True)
 
 
 def screen(rng: np.random.Generator, on: bool) -> Tile:

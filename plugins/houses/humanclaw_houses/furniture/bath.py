@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from humanclaw_houses import textures as t
+from humanclaw_houses.furniture.decor import folds
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, soft_box, tube
 from humanclaw_houses.style import Style
@@ -44,17 +47,16 @@ def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
 def vanity(style: Style, name: str) -> Piece:
     """A wash basin on a cupboard, with a tap."""
     m = Model()
-    w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.82, style.choice(style.wood, style.second_wood, style.white)
+    w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
     m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
     for x in (-1, 1):
         m.add(box((w / 2 - 0.012, h - 0.24, 0.016), (x * w / 4, 0.18, d / 2 - 0.012), "k"), t.panel_door((225, 226, 224), style.rng))
         m.add(box((0.014, 0.1, 0.018), (x * 0.04, 0.5, d / 2 + 0.004)), style.chrome)
         m.box((0.04, 0.16, d - 0.1), (x * (w / 2 - 0.05), 0, -0.02), style.black)
-    outer = [Ring(h - 0.04, w / 2, d / 2, 9), Ring(h, w / 2, d / 2, 9), Ring(h, w / 2 - 0.08, d / 2 - 0.08, 4, z=0.03)]
-    m.add(loft([*outer, Ring(h - 0.1, w / 2 - 0.15, d / 2 - 0.14, 3, z=0.03)], 20), style.ceramic)
-    m.solid((w, 0.04, d), (0, h - 0.04, 0))
-    _tap(m, style, h, -d / 2 + 0.06)
-    m.top(0.12, 0.08, h, w / 2 - 0.08, -d / 2 + 0.06, 0.4)
+    outer = [Ring(h - 0.04, w / 2, d / 2, 9), Ring(h + 0.1, w / 2, d / 2, 9), Ring(h + 0.1, w / 2 - 0.06, d / 2 - 0.08, 4, z=0.03)]
+    m.add(loft([*outer, Ring(h + 0.01, w / 2 - 0.15, d / 2 - 0.14, 3, z=0.03)], 20), style.ceramic)
+    m.solid((w, 0.14, d), (0, h - 0.04, 0))
+    _tap(m, style, h + 0.1, -d / 2 + 0.06)
     return m.piece(name, "sink")
 
 
@@ -76,20 +78,24 @@ def bathtub(style: Style, name: str) -> Piece:
 
 
 def shower(style: Style, name: str) -> Piece:
-    """A tray in a corner with a glass side, a riser and a head."""
-    m = Model()
-    s, glass = 0.9, t.plain((188, 212, 216), style.rng, 0.01)
+    """A tray in a corner with a riser, a head, and a curtain drawn back on its rail."""
+    m, s = Model(), 0.9
     m.box((s, 0.06, s), (0, 0, 0), style.ceramic)
     m.add(box((s - 0.12, 0.003, s - 0.12), (0, 0.06, 0)), style.white)
-    m.box((0.015, 1.85, s), (s / 2 - 0.0075, 0.06, 0), glass)
-    for z in (-1, 1):
-        m.add(box((0.025, 1.9, 0.025), (s / 2 - 0.0125, 0.03, z * (s / 2 - 0.0125))), style.chrome)
-    m.add(box((0.025, 0.025, s), (s / 2 - 0.0125, 1.9, 0)), style.chrome)
+    corner, rail = s / 2 - 0.02, 1.98
+    m.add(tube([(-corner, rail, corner), (corner, rail, corner), (corner, rail, -corner)], 0.014), style.chrome)
+    cloth = Shape((folds(0.0, 0.4, 1.85),)).moved((corner - 0.21, 0.1, corner - 0.07))
+    m.add(cloth + _inside_out(cloth), t.stripes((120, 170, 190), (240, 244, 246), style.rng))
     z = -s / 2 + 0.05
     m.add(tube([(0, 0.9, z), (0, 2.05, z), (0, 2.1, z + 0.15), (0, 2.06, z + 0.28)], 0.012, 6), style.chrome)
     m.add(post(0.1, 0.02, (0, 2.03, z + 0.28), segments=14), style.chrome)
     m.add(box((0.16, 0.05, 0.05), (0, 1.0, z)), style.chrome)
     return m.piece(name, "shower")
+
+
+def _inside_out(shape: Shape) -> Shape:
+    """The other side of a sheet."""
+    return Shape(tuple(replace(chart, faces=chart.faces[:, ::-1]) for chart in shape.charts))
 
 
 def washing_machine(style: Style, name: str) -> Piece:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.furniture.storage import mirror_tile
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import Chart, Shape, box, post, sheet, tube, turned
 from humanclaw_houses.style import Style
@@ -69,7 +68,7 @@ def mirror(style: Style, name: str, width: float = 0.55, height: float = 0.75) -
     m = Model()
     m.add(box((width, height, 0.02), (0, 0, 0.01)), style.choice(style.wood, style.chrome, style.black))
     face = sheet((-width / 2 + 0.02, 0.02, 0.0215), (width - 0.04, 0, 0), (0, height - 0.04, 0))
-    m.add(Shape((face,)), mirror_tile(style))
+    m.add(Shape((face,)), t.glass(style.rng))
     return m.piece(name, "mirror")
 
 
@@ -77,12 +76,13 @@ def curtain(style: Style, name: str, width: float, height: float, tile: t.Tile) 
     """Two gathered lengths of cloth at the sides of a window of some width, and the rod above it."""
     m = Model()
     for side in (-1, 1):
-        m.add(Shape((_folds(side * (width / 2 + 0.06), 0.32, height),)), tile)
+        m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), tile)
     m.add(tube([(-width / 2 - 0.3, height + 0.015, 0.07), (width / 2 + 0.3, height + 0.015, 0.07)], 0.012), style.black)
     return m.piece(name, "curtain")
 
 
-def _folds(x: float, width: float, height: float) -> Chart:
+def folds(x: float, width: float, height: float) -> Chart:
+    """Gathered cloth about x, 7 cm in front of z = 0."""
     grid = sheet((x - width / 2, 0, 0.07), (width, 0, 0), (0, height, 0), (16, 1))
     wave = 0.025 * np.sin((grid.vertices[:, 0] - x) / width * 8 * np.pi)
     return Chart(grid.vertices + wave[:, None] * np.array([0, 0, 1.0]), grid.faces, grid.uv)
