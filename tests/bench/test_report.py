@@ -88,7 +88,7 @@ def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tu
     for step in episode.steps:
         assert step.attempts[0].reasoning in page.text
         assert step.attempts[0].visible_state in page.text
-    assert "sit_in_place(h_cm=54)" in page.text
+    assert "sit_in_place(h_cm=52)" in page.text
     assert "too far" in page.text
 
 

@@ -13,11 +13,12 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw.bench.routes import FloorPlan, Routes, Stand, approach, room_at
+from humanclaw.body import LINKS, Capsule
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
-from humanclaw.pose import Array, Frame
+from humanclaw.pose import Array, Frame, matrix_from_vector
 from humanclaw.scene import Scene
 
 REACHED: Final = 0.18
@@ -30,9 +31,12 @@ LOOK_AHEAD: Final = 0.7
 """How far along the route it aims, metres."""
 AT_SEAT: Final = 0.09
 """Distance from the pelvis to the edge of a seat at which the calves touch it, metres."""
-SEATED: Final = 0.2
-"""Height of the pelvis over a seat below which it rests on it, metres (the hips' own half thickness is 0.14)."""
-PELVIS_OVER_SEAT_CM: Final = 12
+HIPS_OVER_SEAT: Final = (0.1, 0.06, 0.02)
+"""How far over the seat it asks the pelvis to be, at the first sit and at the next: the lower, the surer the hips touch it."""
+LEVEL_THIGHS: Final = (0.54, 0.5, 0.46)
+"""The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would hover."""
+TOUCHING: Final = 0.005
+"""Gap between hips and seat that counts as contact, metres."""
 
 
 # -- without eyes ------------------------------------------------------------------------------------------------------
@@ -173,7 +177,7 @@ class OracleAgent:
         if not self._spec.target_ids:
             return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
         if self._spec.interact and self._memory.sits:
-            return self._after_sitting(pose)
+            return self._after_sitting(state)
         if not self._spec.interact and self._distance(state) <= REACHED:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
@@ -249,24 +253,25 @@ class OracleAgent:
             return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
         return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
 
-    def _after_sitting(self, pose: Pose) -> tuple[Call, str]:
+    def _after_sitting(self, state: WorldState) -> tuple[Call, str]:
         memory = self._memory
-        if any(self._on_seat(pose, key) for key in self._spec.target_ids):
+        if any(self._on_seat(state, key) for key in self._spec.target_ids):
             return Call(self._stop), f"I am sitting on the {self._noun}: the task is complete."
-        if memory.sits == 1 and memory.stand is not None and memory.stand.seat_height is not None:
-            return self._sit(memory.stand.seat_height - 0.04), f"My hips are not on the {self._noun} yet: I sit lower."
+        if memory.sits < len(HIPS_OVER_SEAT) and memory.stand is not None and memory.stand.seat_height is not None:
+            return self._sit(memory.stand.seat_height), f"My hips are not on the {self._noun} yet: I sit lower."
         if memory.stand is not None:
             memory.given_up.add((memory.stand.x, memory.stand.z))
         memory.path = None
         return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
 
-    def _on_seat(self, pose: Pose, target: int) -> bool:
-        """Whether the hips are over a target and as low as its seat holds them."""
+    def _on_seat(self, state: WorldState, target: int) -> bool:
+        """Whether the hips are over a target and down on its seat."""
         low, high = self._scene.aabb(target)
         thing = self._scene.by_id[target]
         seat = self._scene.assets[thing.asset].seat_height
-        inside = (pose.point > low[[0, 2]]).all() and (pose.point < high[[0, 2]]).all()
-        return bool(seat is not None and inside and float(pose.root[1]) <= thing.position[1] + seat + SEATED)
+        point = state.body.root[-1]
+        inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
+        return bool(seat is not None and inside and _hip_bottom(state) <= thing.position[1] + seat + TOUCHING)
 
     def _arrived(self, pose: Pose, stand: Stand, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:
@@ -352,7 +357,8 @@ class OracleAgent:
         return self._call("step_back", z_cm=100 * min(distance, 0.4))
 
     def _sit(self, seat_height: float) -> Call:
-        return self._call("sit_in_place", h_cm=100 * seat_height + PELVIS_OVER_SEAT_CM)
+        tries = self._memory.sits
+        return self._call("sit_in_place", h_cm=100 * min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
     # words
     @property
@@ -393,6 +399,14 @@ class OracleAgent:
         self._memory.seen = True
         side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {_side_of(angle)}"
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
+
+
+def _hip_bottom(state: WorldState) -> float:
+    """Height of the lowest point of the pelvis link, metres."""
+    (shape,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
+    turn = matrix_from_vector(state.body.rotations[-1, 0])
+    ends = state.body.root[-1] + np.array([shape.a, shape.b]) @ turn.T
+    return float(ends[:, 1].min() - shape.radius)
 
 
 def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:

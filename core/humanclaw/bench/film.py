@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d  # type: ignore[import-untyped]
+from tqdm import tqdm
 
 from humanclaw.bench.report import call_text, house_map, path_map
 from humanclaw.bench.routes import FloorPlan
@@ -34,7 +35,7 @@ WATCHED: Final = [
 ]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
-FILM_SIZE: Final = (640, 480)
+FILM_SIZE: Final = (512, 384)
 GAP: Final = 16
 """Between the pictures of a poster, pixels."""
 
@@ -199,7 +200,8 @@ def _shot(replay: Replay, renderer: Renderer, frame: int, size: tuple[int, int])
 def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
     renderer.load(replay.open_scene)
     inset: tuple[str, Image.Image | None] = ("", None)
-    for frame in range(0, len(replay.motion), every):
+    # tqdm keeps silent where nobody watches a terminal.
+    for frame in tqdm(range(0, len(replay.motion), every), "film", unit="frame", disable=None, leave=False):
         step = replay.step(frame)
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))

@@ -83,6 +83,7 @@ class HouseMap:
     key: str
     box: tuple[float, float, float, float]
     rooms: tuple[tuple[float, float, float, float, str], ...] = ()
+    """x, z, width, depth and kind."""
     walls: tuple[Polygon, ...] = ()
     things: tuple[tuple[Polygon, str, str], ...] = ()
     """Outline, kind (fixed or movable) and title."""
@@ -96,6 +97,8 @@ class PathMap:
     box: tuple[float, float, float, float]
     pieces: tuple[tuple[Polygon, str, int], ...]
     """Stretch of the path, its colour, its step."""
+    text: float
+    """Size of the labels, so that they are as large on the page whatever the size of the house."""
     start: tuple[float, float, float]
     """x, z and bearing in degrees, clockwise from up."""
     end: tuple[float, float, float]
@@ -496,7 +499,8 @@ def path_map(recorded: RecordedEpisode, house: HouseMap, note: str = "") -> Path
     begin = (_c(walked[0][0][0]), _c(walked[0][0][1]), _bearing(record.start.yaw))
     final = walked[-1][-1]
     yaw = last.yaw_end if last.status != "invalid" else last.yaw_start
-    return PathMap(house, box, pieces, begin, (_c(final[0]), _c(final[1]), _bearing(yaw)), boxes, note)
+    text = round(max(box[2], box[3]) / 34)
+    return PathMap(house, box, pieces, text, begin, (_c(final[0]), _c(final[1]), _bearing(yaw)), boxes, note)
 
 
 def _walked(recorded: RecordedEpisode) -> list[Array]:

@@ -33,6 +33,8 @@ SQUEEZE: Final = 0.14
 """Half the narrowest gap that is tried when there is no other way, metres."""
 COMFORT: Final = 0.55
 """Distance from walls beyond which a route is as good as any, metres."""
+ARM_ROOM: Final = 0.5
+"""From the middle of the body to the end of the seat, metres: hips and elbows must clear the armrest."""
 STAND_OFF: Final = 0.45
 """From the edge of a seat to where one turns round before sitting down, metres."""
 
@@ -341,7 +343,7 @@ def _along(scene: Scene, target: int, turn: Array, side: float, stand_off: float
     out, along = _facing3(side), _facing3(side + np.pi / 2)
     points = np.concatenate(asset.hulls) if asset.hulls else asset.mesh.vertices
     edge, reach = float((points @ out).max()), float(np.ptp(points @ along)) / 2
-    offsets = np.arange(0.0, max(reach - 0.35, 0.0) + 1e-9, 0.2)
+    offsets = np.arange(0.0, max(reach - ARM_ROOM, 0.0) + 1e-9, 0.2)
     facing = (turn @ out)[[0, 2]]
     places = [out * (edge + stand_off) + along * step for step in [*offsets, *-offsets[1:]]]
     places.sort(key=lambda place: abs(float(place @ along)))

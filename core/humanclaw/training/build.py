@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from tqdm import tqdm
@@ -27,7 +26,7 @@ def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunk
     real = build_real(clips)
     with tqdm(total=100, desc="editing", unit="%") as bar:
         edited = edited_chunks(
-            [asdict(clip) for clip in clips], seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None
+            clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None
         )
     found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in edited}
     out.mkdir(parents=True, exist_ok=True)

@@ -816,7 +816,8 @@ def _drawn(skill: Ints, rng: np.random.Generator) -> Array:
 def _varied(values: Array, skill: Ints, rng: np.random.Generator) -> Array:
     """The same command again, give or take; a seat stays what it is."""
     noise = rng.normal(0, [0.015, 0.03, 0.05, 0.004, 0.006], values.shape) * (values != 0) * (skill != SIT)[:, None]
-    return (values + noise).clip([-0.42, 0.0, -1.35, 0.07, 0.19], [0.42, 0.82, 1.35, 0.82, 0.41]) * (values != 0)
+    within = (values + noise).clip([-0.42, 0.0, -1.35, 0.07, 0.19], [0.42, 0.82, 1.35, 0.82, 0.41])
+    return np.asarray(within * (values != 0))
 
 
 def edited_chunks(

@@ -68,7 +68,11 @@ class Weights:
     joints: float = 0.1
     """Forward kinematics of the predicted rotations, per (3 cm) squared."""
     motion: float = 0.05
-    """Their one-frame differences, per (5 mm) squared; the feet count threefold, which is what keeps them from skating."""
+    """Their one-frame differences, per (5 mm) squared."""
+    feet: float = 2.0
+    """Of those, how much more the feet count than another joint,"""
+    planted: float = 12.0
+    """and how much more a foot that is at rest: this is what keeps feet from skating."""
     outcome: float = 0.1
     """Root at the last frame, per (1 cm) and (1 degree) squared, linear beyond: what the skills' parameters command."""
 
@@ -86,8 +90,8 @@ class Loss:
         by_block[kinematics.POSITIONS] = weights.positions
         by_block[kinematics.VELOCITIES] = weights.velocities
         self.by_block = by_block / by_block.mean()
-        self.by_joint = torch.ones(N_JOINTS, 1, device=device)
-        self.by_joint[list(kinematics.FEET)] = 3.0
+        self.feet = torch.zeros(N_JOINTS, 1, device=device)
+        self.feet[list(kinematics.FEET)] = 1.0
 
     def __call__(self, predicted: Tensor, wanted: Tensor, clean: Tensor, states: Tensor) -> Tensor:
         """predicted, wanted: outputs (B, 15, 219). clean: the future that predicted means. states: (B, 20, 219) in metres."""
@@ -101,9 +105,16 @@ class Loss:
         return (
             matching
             + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
-            + self.weights.motion * (self.by_joint * ((steps - true_steps) / 0.005).square()).mean()
+            + self.weights.motion * (self._care(true_steps) * ((steps - true_steps) / 0.005).square()).mean()
             + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
         )
+
+
+    def _care(self, true_steps: Tensor) -> Tensor:
+        """(B, 15, 24, 1) how much each joint's motion matters."""
+        planted = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
+        care: Tensor = 1 + self.weights.feet * self.feet + self.weights.planted * planted
+        return care
 
 
 def _outcome(error: Tensor) -> Tensor:
@@ -224,8 +235,8 @@ class Trainer(Generic[M]):
 
 
 def _schedule(step: int, progress: float) -> float:
-    """Linear warm-up over 200 steps, then a cosine down to a hundredth."""
-    return min(1.0, (step + 1) / 200) * (0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))))
+    """Linear warm-up over 200 steps, or a twentieth of a shorter run; a cosine down to a hundredth."""
+    return min(1.0, max((step + 1) / 200, progress / 0.05)) * (0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))))
 
 
 def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
@@ -233,11 +244,14 @@ def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, ex
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
     saved = reported = clock = time.monotonic()
-    total, first = 0.0, trainer.step
+    total, begun = 0.0, trainer.step
+    first = begun
     while trainer.progress < 1:
         total += float(trainer.advance(problem, encode))
         now = time.monotonic()
-        trainer.seconds, clock = trainer.seconds + now - clock, now
+        # The first step may compile, which is no training: the clock runs from the second.
+        trainer.seconds += now - clock if trainer.step > begun + 1 else 0.0
+        clock = now
         if now - reported > _REPORT_SECONDS:
             _report(trainer, total / (trainer.step - first), (trainer.step - first) / (now - reported))
             reported, total, first = now, 0.0, trainer.step

@@ -26,7 +26,10 @@ class Profile:
     max_turn: float = float(np.radians(30.0))
     """No joint turns further in one frame, radians."""
     max_speed: float = 6.0
-    """Horizontal root speed is capped here, m/s: a sprint, so that no command can shoot the body through a wall."""
+    """Horizontal root speed is capped here, m/s, whether a command or a contact causes it: a sprint. Without the cap limbs
+    that kick against something throw the body through walls."""
+    max_lift: float = 3.0
+    """Upward root speed is capped here, m/s, while a contact causes it: legs that straighten as fast as they can."""
     max_rise: float = 0.0
     """Upward root speed that outlasts the contact which caused it, m/s. At 0 legs lift the body and never launch it."""
     max_fall: float = 15.0
@@ -55,9 +58,7 @@ PROFILES: Final = {
     profile.name: profile
     for profile in (
         Profile("default"),
-        Profile(
-            "paper", horizontal_substeps=(0, 2), max_rise=2.5, soft=REFERENCE_STIFFNESS, arm_mass=1.0, arm_recovery=1.0
-        ),
+        Profile("paper", horizontal_substeps=(0, 2), soft=REFERENCE_STIFFNESS, arm_mass=1.0, arm_recovery=1.0),
     )
 }
 

@@ -148,7 +148,7 @@ class Puppet:
         """Put the body somewhere, at rest."""
         self._client.resetBasePositionAndOrientation(self.body, pose.root, pose.quaternions[0])
         self._client.resetBaseVelocity(self.body, [0, 0, 0], [0, 0, 0])
-        self._target = pose.quaternions
+        self._target, self._fall = pose.quaternions, 0.0
         self._set_joints(pose.quaternions[1:], np.zeros((len(CHILDREN), 3)))
 
     def pose(self) -> Pose:
@@ -174,8 +174,26 @@ class Puppet:
         turn = way + self._recovery * (turn - way)
         turn[0] = vector_from_quaternion(multiply(self._target[0], conjugate(actual[0])))
         speeds = capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
-        self._client.resetBaseVelocity(self.body, self._root_velocity(horizontal), speeds[0])
+        velocity = self._root_velocity(horizontal)
+        self._fall = float(velocity[1])
+        self._client.resetBaseVelocity(self.body, velocity, speeds[0])
         self._set_joints(actual[1:], speeds[1:])
+
+    def restrain(self, before: Array) -> None:
+        """Take back what a step moved the root, away from (3,) before, faster than a body may move.
+
+        Contacts may push it sideways and up; down it goes by gravity alone.
+        """
+        profile, rate = self._profile, FPS * self._profile.substeps
+        root, turn = self._client.getBasePositionAndOrientation(self.body)
+        speed = (np.array(root) - before) * rate
+        allowed = np.empty(3)
+        allowed[[0, 2]] = capped(speed[[0, 2]], profile.max_speed)
+        allowed[1] = np.clip(speed[1], self._fall - profile.gravity / rate, profile.max_lift)
+        if np.abs(allowed - speed).max() > 1e-6:
+            _, spin = self._client.getBaseVelocity(self.body)
+            self._client.resetBasePositionAndOrientation(self.body, before + allowed / rate, turn)
+            self._client.resetBaseVelocity(self.body, allowed, spin)
 
     def _root_velocity(self, horizontal: Array | None) -> Array:
         velocity = np.array(self._client.getBaseVelocity(self.body)[0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from humanclaw.body import JOINT_INDEX, JOINTS
+from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import BODY_ID, Camera, View, WorldState
 from humanclaw.pose import Array, Motion, forward_kinematics, quaternion_from_matrix

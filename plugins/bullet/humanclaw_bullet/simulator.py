@@ -103,7 +103,9 @@ class HalfPhysics:
         for substep in range(self._profile.substeps):
             horizontal = velocity if substep in self._profile.horizontal_substeps else None
             self._puppet.drive(self._profile.substeps - substep, horizontal)
+            before = self._puppet.pose().root
             self._client.stepSimulation()
+            self._puppet.restrain(before)
             rows += self._client.getContactPoints(self._puppet.body)
         return rows
 

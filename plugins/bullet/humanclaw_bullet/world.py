@@ -62,7 +62,7 @@ class Things:
 
     def _add_fixed(self, thing: SceneObject, asset: Asset) -> None:
         if asset.name not in self._pieces:
-            self._pieces[asset.name] = [self._shape([hull], asset) for hull in asset.hulls]
+            self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(
                 0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1
@@ -74,8 +74,9 @@ class Things:
         if thing.mass <= 0:
             raise SceneError(f"movable object {thing.id} ({thing.category}) has mass {thing.mass}; give it a positive one.")
         if asset.name not in self._whole:
-            centre = centre_of_mass(asset.hulls)
-            self._whole[asset.name] = self._shape([hull - centre for hull in asset.hulls], asset), centre
+            hulls = [hull.astype(float) for hull in asset.hulls]
+            centre = centre_of_mass(hulls)
+            self._whole[asset.name] = self._shape([hull - centre for hull in hulls], asset), centre
         shape, centre = self._whole[asset.name]
         position = np.array(thing.position) + matrix_from_quaternion(np.array(thing.rotation)) @ centre
         body = self._client.createMultiBody(

@@ -178,23 +178,26 @@ def test_straightening_the_legs_at_once_lifts_the_body_and_does_not_launch_it(wo
 
 
 def test_nothing_explodes_whatever_the_command(workshop):
+    """200 chunks of held, of jittering and of upright poses, pushed about a closed room: at no frame does the body leave it."""
     workshop.floor()
     workshop.box("couch", (1.6, 0.45, 0.8), (0, 0, -1.0))
     for size, x, z in (((4, 2.5, 0.2), 0, 2), ((4, 2.5, 0.2), 0, -2), ((0.2, 2.5, 4), 2, 0), ((0.2, 2.5, 4), -2, 0)):
         workshop.box("wall", size, (x, 0, z))
     workshop.box("box", (0.3, 0.3, 0.3), (0.8, 0, 0.8), movable=True, mass=2.0)
-    simulator, scene, random = HalfPhysics(), workshop.scene(), np.random.default_rng(7)
+    simulator, scene, random = HalfPhysics(), workshop.scene(), np.random.default_rng(0)
     state = simulator.reset(scene, scene.start)
-    for _ in range(200):
-        turns = random.normal(0, 1.0, (1, 24, 3)) + random.normal(0, 0.3, (5, 24, 3))
-        path = np.cumsum(random.normal(0, 0.05, 3) + random.normal(0, 0.02, (5, 3)), axis=0)
-        execution = simulator.execute(Motion(state.body.root + path, turns))
-        state = simulator.state()
-        assert np.isfinite(execution.realised.root).all()
-        assert np.isfinite(execution.realised.rotations).all()
+    for number in range(200):
+        held, jitter = random.normal(0, 1.2, (1, 24, 3)).repeat(15, axis=0), random.normal(0, 1.0, (15, 24, 3))
+        turns = (held, jitter, rest_pose(15).rotations)[number % 3]
+        path = np.cumsum(random.normal(0, 0.03, 3) + random.normal(0, 0.05, (15, 3)), axis=0)
+        before = state.body.root
+        execution = simulator.execute(Motion(before + path, turns))
+        root, state = execution.realised.root, simulator.state()
+        assert np.isfinite(execution.realised.joints()).all()
         assert all(np.isfinite(path).all() for path in execution.objects.values())
-        assert 0.0 < state.body.root[0, 1] < 2.0
-        assert np.abs(state.body.root[0, [0, 2]]).max() < 2.0
+        assert np.linalg.norm(np.diff(np.concatenate([before, root]), axis=0), axis=1).max() * FPS < 8.0
+        assert 0.0 < root[:, 1].min() < root[:, 1].max() < 2.0
+        assert np.abs(root[:, [0, 2]]).max() < 1.9
 
 
 def test_the_same_commands_have_the_same_outcome_bit_for_bit(workshop, play, gait):

@@ -10,7 +10,7 @@ import numpy as np
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.plan import CEILING, WALL, Area, Opening, Plan, Wall, room_at
-from humanclaw_houses.shapes import Shape, box, post, sheet
+from humanclaw_houses.shapes import Array, Point, Shape, box, post, sheet
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
@@ -51,7 +51,9 @@ def draw_finishes(plan: Plan, style: Style) -> Mapping[str, Finish]:
         elif area.kind == "kitchen":
             finishes[area.name] = Finish(wall, _floor_tiles(rng) if rng.random() < 0.6 else boards)
         elif area.kind in ("bedroom", "kids") and rng.random() < 0.5:
-            finishes[area.name] = Finish(wall, t.carpet(t.pick(rng, ((176, 166, 150), (128, 136, 146), (150, 128, 112))), rng))
+            finishes[area.name] = Finish(
+                wall, t.carpet(t.pick(rng, ((176, 166, 150), (128, 136, 146), (150, 128, 112))), rng)
+            )
         else:
             finishes[area.name] = Finish(wall, boards)
     return finishes
@@ -90,10 +92,12 @@ def _floor(area: Area, finish: Finish) -> Placed:
         m.add(chart, finish.floor)
     m.add(box((w, 0.2, d), (0, 0, 0), skip="t"), finish.floor)
     m.solid((w, 0.2, d), (0, 0, 0))
-    return Placed(m.piece(f"floor_{area.name}", "floor"), (area.x0 + area.x1) / 2, -0.2, (area.z0 + area.z1) / 2, room=area.name)
+    return Placed(
+        m.piece(f"floor_{area.name}", "floor"), (area.x0 + area.x1) / 2, -0.2, (area.z0 + area.z1) / 2, room=area.name
+    )
 
 
-def _tiled(corner: tuple[float, float, float], along: tuple[float, float, float], up: tuple[float, float, float]) -> Iterator[Shape]:
+def _tiled(corner: Point, along: Point, up: Point) -> Iterator[Shape]:
     """A rectangle as quads of about a tile each, so that a tile repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
@@ -103,7 +107,7 @@ def _tiled(corner: tuple[float, float, float], along: tuple[float, float, float]
             yield Shape((sheet(_point(place), _point(side / columns), _point(rise / rows)),))
 
 
-def _point(array: np.ndarray) -> tuple[float, float, float]:
+def _point(array: Array) -> Point:
     x, y, z = array.tolist()
     return x, y, z
 
@@ -205,10 +209,12 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
     m.add(Shape((sheet((x - half, hole.top, -depth / 2), (hole.width, 0, 0), (0, 0, depth)),)), style.white)
     if hole.bottom > 0:
         m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (hole.width, 0, 0), (0, 0, -depth)),)), style.white)
+    sill = 0.06 if hole.bottom > 0 else 0.0
     for z in (-1, 1):
         face = z * (WALL / 2 + 0.008)
         for side in (-1, 1):
-            m.add(box((0.06, high + (0.06 if hole.bottom == 0 else 0.12), 0.016), (x + side * (half + 0.03), hole.bottom - (0.06 if hole.bottom else 0), face)), style.white)
+            at = (x + side * (half + 0.03), hole.bottom - sill, face)
+            m.add(box((0.06, high + 0.06 + sill, 0.016), at), style.white)
         m.add(box((hole.width, 0.06, 0.016), (x, hole.top, face)), style.white)
         if hole.bottom > 0:
             m.add(box((hole.width, 0.06, 0.03), (x, hole.bottom - 0.06, z * (WALL / 2 + 0.015))), style.white)

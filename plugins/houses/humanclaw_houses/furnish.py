@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw_houses.building import Placed
 from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, plants, seats, small, storage, tables
 from humanclaw_houses.model import Piece
-from humanclaw_houses.plan import CEILING, Plan
+from humanclaw_houses.plan import CEILING
 from humanclaw_houses.space import REACH, SIDES, YAW, Rect, Side, Space, block_of, local, turn
 from humanclaw_houses.style import Style
 
@@ -126,7 +126,7 @@ def _bathroom(space: Space, kit: Kit) -> None:
     _basin(space, kit)
     order: list[tuple[Maker, float]] = [(bath.bathtub, 0.55), (bath.shower, 0.5)]
     for maker, front in order if kit.chance(0.6) else order[::-1]:
-        if _stand(space, kit, maker, front=front, corner=True):
+        if _corner(space, kit, maker, front):
             break
     _hang_one(space, kit, kit.make(bath.towel_rail), 0.85)
     if kit.chance(0.5):
@@ -190,13 +190,15 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
         return False
     gap = room - 0.05 if room < 2.9 else float(kit.rng.uniform(2.1, 2.7))
     out = stand.piece.size[2] / 2 + gap + couch.size[2] / 2
-    seat = Placed(couch, stand.x + out * np.sin(stand.yaw), 0.0, stand.z + out * np.cos(stand.yaw), stand.yaw + np.pi, stand.room)
+    seat = Placed(
+        couch, stand.x + out * np.sin(stand.yaw), 0.0, stand.z + out * np.cos(stand.yaw), stand.yaw + np.pi, stand.room
+    )
     if not space.fits(stand, 0.6) or not space.fits(seat, 0.65):
         return False
     front = local(stand, -0.4, stand.piece.size[2] / 2, 0.4, stand.piece.size[2] / 2 + 0.55)
     knees = space.ahead(seat, 0.65)
     tv = _on_front_edge(stand, screen)
-    if not space.put(stand, tv, seat, keep=[knees, front], want=[knees]) or not space.put(want=[block_of(tv).rect.grown(REACH)]):
+    if not space.put(stand, tv, seat, keep=[knees, front], want=[(knees,), (block_of(tv).rect.grown(REACH),)]):
         return False
     _around_couch(space, kit, seat, gap)
     return True
@@ -206,7 +208,9 @@ def _on_front_edge(stand: Placed, screen: Piece) -> Placed:
     """A television as far to the front of its stand as it can be, so that one can step up to it."""
     out = stand.piece.size[2] / 2 - screen.size[2] / 2 - 0.03
     y = stand.piece.tops[0].y + 0.001
-    return Placed(screen, stand.x + out * np.sin(stand.yaw), y, stand.z + out * np.cos(stand.yaw), stand.yaw, stand.room)
+    return Placed(
+        screen, stand.x + out * np.sin(stand.yaw), y, stand.z + out * np.cos(stand.yaw), stand.yaw, stand.room
+    )
 
 
 def _around_couch(space: Space, kit: Kit, seat: Placed, gap: float) -> None:
@@ -230,7 +234,7 @@ def _beside(thing: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -
 
 
 def _dining_set(space: Space, kit: Kit, count: int) -> bool:
-    """A table with chairs on its long sides, drawn up to it, with room to get behind them."""
+    """A table with chairs on its long sides, drawn up to it, with room to get behind them; at a wall in a small room."""
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
@@ -243,11 +247,18 @@ def _dining_set(space: Space, kit: Kit, count: int) -> bool:
         chairs = [_at_table(spot, chair, along, side, kit.rng) for along in apart for side in (-1, 1)]
         if d > 1.0:
             chairs += [_at_end(spot, chair, side) for side in (-1, 1)]
-        if all(space.fits(thing) for thing in (spot, *chairs)) and space.put(spot, *chairs, want=[block_of(spot).rect.grown(0.75)]):
-            for thing in chairs:
-                space.put(want=[block_of(thing).rect.grown(REACH)])
+        if _set_down(space, spot, chairs):
+            return True
+    for spot in space.spots(table, kit.rng, step=0.2):
+        if _set_down(space, spot, [_at_table(spot, chair, along, 1, kit.rng) for along in apart]):
             return True
     return False
+
+
+def _set_down(space: Space, table: Placed, chairs: Sequence[Placed]) -> bool:
+    """Place a table and its chairs if every chair can be got at."""
+    want = [(block_of(chair).rect.grown(REACH),) for chair in chairs]
+    return all(space.fits(thing) for thing in (table, *chairs)) and space.put(table, *chairs, want=want)
 
 
 def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> list[tuple[float, float, float]]:
@@ -344,7 +355,7 @@ def _bed(space: Space, kit: Kit, double: bool) -> bool:
         free = [rect for rect in (left, right) if space.is_free(rect)]
         if len(free) < (2 if double else 1) or not space.is_free(foot) or not space.fits(spot):
             continue
-        if space.put(spot, keep=[*free, foot], want=free):
+        if space.put(spot, keep=[*free, foot], want=[tuple(free)]):
             _beside_bed(space, kit, spot)
             return True
     return False
@@ -370,7 +381,7 @@ def _work_place(space: Space, kit: Kit) -> bool:
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
         seat = _beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi)
-        if space.fits(spot, 0.95) and space.put(spot, seat, want=[block_of(seat).rect.grown(REACH)]):
+        if space.fits(spot, 0.95) and space.put(spot, seat, want=[(block_of(seat).rect.grown(REACH),)]):
             y = desk.tops[0].y + 0.002
             space.put(replace(_beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
             space.put(replace(_beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12), y=y))
@@ -385,7 +396,8 @@ def _toilet(space: Space, kit: Kit) -> bool:
     for spot in space.spots(piece, kit.rng):
         around = local(spot, -w / 2 - 0.18, -d / 2 + 0.02, w / 2 + 0.18, d / 2)
         front = local(spot, -0.35, d / 2 + 0.01, 0.35, d / 2 + 0.65)
-        if space.fits(spot) and space.is_free(around) and space.is_free(front) and space.put(spot, keep=[front, around], want=[front]):
+        free = space.fits(spot) and space.is_free(around) and space.is_free(front)
+        if free and space.put(spot, keep=[front, around], want=[(front,)]):
             paper = kit.make(bath.paper_holder)
             space.try_put(s for s in space.spots(paper, kit.rng, y=0.62) if np.hypot(s.x - spot.x, s.z - spot.z) < 0.9)
             return True
@@ -408,22 +420,24 @@ def _wall_tv(space: Space, kit: Kit) -> Placed | None:
 
 # -- single things -----------------------------------------------------------------------------------------------------
 def _stand(
-    space: Space, kit: Kit, maker: Callable[..., Piece], *args: object, front: float = 0.0, target: bool = False, corner: bool = False
+    space: Space, kit: Kit, maker: Callable[..., Piece], *args: object, front: float = 0.0, target: bool = False
 ) -> Placed | None:
     """One piece against a wall."""
-    piece = kit.make(maker, *args)
-    spots = space.spots(piece, kit.rng)
-    if corner:
-        spots.sort(key=lambda s: min(abs(s.x - x) + abs(s.z - z) for x in (space.rect.x0, space.rect.x1) for z in (space.rect.z0, space.rect.z1)))
+    return space.try_put(space.spots(kit.make(maker, *args), kit.rng), front=front, target=target)
+
+
+def _corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, target: bool = False) -> Placed | None:
+    """One piece as near to a corner as it can be."""
+    r = space.rect
+    corners = [(x, z) for x in (r.x0, r.x1) for z in (r.z0, r.z1)]
+    spots = space.spots(kit.make(maker), kit.rng)
+    spots.sort(key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
     return space.try_put(spots, front=front, target=target)
 
 
 def _plant(space: Space, kit: Kit) -> Placed | None:
     """A plant, in a corner if one is free."""
-    piece = kit.make(plants.plant)
-    corners = [(x, z) for x in (space.rect.x0, space.rect.x1) for z in (space.rect.z0, space.rect.z1)]
-    spots = sorted(space.spots(piece, kit.rng), key=lambda s: min(abs(s.x - x) + abs(s.z - z) for x, z in corners))
-    return space.try_put(spots, target=True)
+    return _corner(space, kit, plants.plant, target=True)
 
 
 def _armchair(space: Space, kit: Kit) -> Placed | None:
@@ -431,7 +445,8 @@ def _armchair(space: Space, kit: Kit) -> Placed | None:
     piece = kit.make(seats.armchair)
     spots = []
     for spot in space.spots(piece, kit.rng, step=0.25):
-        spots += [replace(spot, x=spot.x + 0.16 * np.sin(spot.yaw), z=spot.z + 0.16 * np.cos(spot.yaw), yaw=spot.yaw + a) for a in (0.35, -0.35)]
+        x, z = spot.x + 0.16 * np.sin(spot.yaw), spot.z + 0.16 * np.cos(spot.yaw)
+        spots += [replace(spot, x=x, z=z, yaw=spot.yaw + angle) for angle in (0.35, -0.35)]
     return space.try_put(spots, front=0.5, target=True)
 
 
@@ -450,7 +465,10 @@ def _hang_one(space: Space, kit: Kit, piece: Piece, y: float) -> Placed | None:
 
 def _flush(space: Space, piece: Piece, rng: np.random.Generator) -> Sequence[Placed]:
     """Spots along the walls without the gap that skirting needs."""
-    return [replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw)) for s in space.spots(piece, rng, step=0.2)]
+    return [
+        replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw))
+        for s in space.spots(piece, rng, step=0.2)
+    ]
 
 
 def _above(space: Space, thing: Placed, piece: Piece, y: float) -> None:
@@ -470,7 +488,9 @@ def _lay(space: Space, rug: Placed) -> None:
 def _mat(space: Space, kit: Kit, w: float, d: float) -> None:
     piece = kit.make(decor.rug, w, d)
     x, z = space.rect.middle
-    _lay(space, Placed(piece, x, 0.0, z, 0.0, space.area.name))
+    mat = Placed(piece, x, 0.0, z, 0.0, space.area.name)
+    if space.is_free(block_of(mat).rect.grown(-0.05)):
+        _lay(space, mat)
 
 
 def _curtain(space: Space, kit: Kit, side: Side, at: float, width: float, top: float) -> None:
@@ -502,7 +522,9 @@ _ON_TOP: Final[dict[str, tuple[Maker, ...]]] = {
     "laundry": (small.bottle, small.basket, small.soap),
     "hall": (small.vase, small.book, small.bowl),
 }
-_ON_FLOOR: Final[tuple[Maker, ...]] = (small.carton, small.basket, small.toy_ball, small.backpack, small.shoe, small.book, seats.stool)
+_ON_FLOOR: Final[tuple[Maker, ...]] = (
+    small.carton, small.basket, small.toy_ball, small.backpack, small.shoe, small.book, seats.stool,
+)  # fmt: skip
 
 
 def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
@@ -529,7 +551,9 @@ def _on_top(space: Space, kit: Kit) -> bool:
         return False
     for _ in range(6):
         x, z = kit.rng.uniform((top.x0 + reach, top.z0 + reach), (top.x1 - reach, top.z1 - reach))
-        spot = replace(_beside(host, piece, float(x), float(z), float(kit.rng.uniform(-0.5, 0.5))), y=top.y + host.y + 0.001)
+        spot = replace(
+            _beside(host, piece, float(x), float(z), float(kit.rng.uniform(-0.5, 0.5))), y=top.y + host.y + 0.001
+        )
         if space.rests(spot, host):
             return space.put(spot)
     return False

@@ -45,7 +45,7 @@ class Piece:
     def size(self) -> tuple[float, float, float]:
         """Width, height and depth of the mesh. Metres."""
         low, high = self.low, self.high
-        return tuple(np.asarray(high - low, float).tolist())  # type: ignore[return-value]
+        return tuple(np.asarray(high - low, float).tolist())
 
     @cached_property
     def low(self) -> Array:
@@ -97,7 +97,9 @@ class Model:
     ) -> Piece:
         """The finished asset, moved so that its footprint is centred on the origin."""
         points = self.points()
-        shift = -np.array([(points[:, 0].min() + points[:, 0].max()) / 2, 0.0, (points[:, 2].min() + points[:, 2].max()) / 2])
+        shift = -np.array(
+            [(points[:, 0].min() + points[:, 0].max()) / 2, 0.0, (points[:, 2].min() + points[:, 2].max()) / 2]
+        )
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
         asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
         sx, _, sz = shift

@@ -7,6 +7,7 @@ in two rows along it; both are mirrored and turned at random.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -107,7 +108,11 @@ def _programme(rng: np.random.Generator) -> list[str]:
     if size >= 2:
         kinds += ["bedroom" if rng.random() < 0.5 else "kids", str(rng.choice(["bathroom", "laundry", "office"]))]
     if size >= 3:
-        kinds += ["dining", "bathroom"] + (["office"] if rng.random() < 0.6 else []) + (["laundry"] if rng.random() < 0.5 else [])
+        kinds += (
+            ["dining", "bathroom"]
+            + (["office"] if rng.random() < 0.6 else [])
+            + (["laundry"] if rng.random() < 0.5 else [])
+        )
     return kinds
 
 
@@ -144,7 +149,9 @@ def _rows(
     goal = sum(lengths) / 2
     if not all(rows) or not all(0.87 < goal / length < 1.22 for length in lengths):
         return None
-    scaled = tuple([(kind, width * goal / length) for kind, width in row] for row, length in zip(rows, lengths, strict=True))
+    scaled = tuple(
+        [(kind, width * goal / length) for kind, width in row] for row, length in zip(rows, lengths, strict=True)
+    )
     fair = all(width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for row in scaled for kind, width in row)
     return scaled if fair else None  # type: ignore[return-value]
 
@@ -175,7 +182,10 @@ def _lay_out(
 
 
 def _living_block(
-    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]], depths: tuple[float, float], hall: float, width: float
+    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]],
+    depths: tuple[float, float],
+    hall: float,
+    width: float,
 ) -> list[Rect]:
     """Living room and kitchen across the far end of the hall."""
     x, split = sum(w for _, w in rows[0]), depths[0] + hall
@@ -227,7 +237,7 @@ def _walls(areas: tuple[Area, ...]) -> list[Wall]:
 
 def _along(areas: tuple[Area, ...], axis: Axis, line: float, cuts: list[float]) -> list[Wall]:
     walls: list[Wall] = []
-    for start, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for start, end in pairwise(cuts):
         middle, eps = (start + end) / 2, 1e-3
         sides = [(middle, line + s * eps) if axis == "x" else (line + s * eps, middle) for s in (-1, 1)]
         low, high = (room_at(areas, *side) for side in sides)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,26 +141,37 @@ def _lid(points: Array, up: bool) -> Chart:
     return Chart(vertices, fan[:, ::-1] if up else fan, uv)
 
 
-def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0, segments: int = 16) -> Shape:
+def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0) -> Shape:
     """A cushion: a box with rounded edges that stands on `at`; crown raises the middle of its top."""
     w, h, d = size
+    large, thin = max(size) > 0.55, min(size) < 0.1
     r = min(radius, 0.49 * min(w, h, d))
     power = max(3.0, min(12.0, 0.75 * min(w, d) / r))
     levels = [(0.0, r), (0.3 * r, 0.3 * r), (r, 0.0), (h - r, 0.0), (h - 0.3 * r, 0.3 * r), (h, r)]
+    if thin and h < 0.2:
+        levels = [(0.0, 0.5 * r), (0.35 * h, 0.0), (0.65 * h, 0.0), (h, 0.5 * r)]
+    elif thin:
+        levels = [(0.0, r), (r, 0.0), (h - r, 0.0), (h, r)]
     rings = [Ring(at[1] + y, w / 2 - cut, d / 2 - cut, power, at[0], at[2]) for y, cut in levels]
     if crown:
-        rings += [Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in ((0.8, 0.55), (1, 0.2))]
-    return loft(rings, segments)
+        rings += [
+            Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in ((0.8, 0.55), (1, 0.2))
+        ]
+    return loft(rings, 16 if large else 12)
 
 
-def post(radius: float, height: float, at: Point = (0.0, 0.0, 0.0), top: float | None = None, segments: int = 8) -> Shape:
+def post(
+    radius: float, height: float, at: Point = (0.0, 0.0, 0.0), top: float | None = None, segments: int = 8
+) -> Shape:
     """A round bar that stands on `at`; top: its radius at the upper end."""
     end = radius if top is None else top
     rings = [Ring(at[1], radius, radius, 2, at[0], at[2]), Ring(at[1] + height, end, end, 2, at[0], at[2])]
     return loft(rings, segments)
 
 
-def turned(profile: Sequence[tuple[float, float]], at: Point = (0.0, 0.0, 0.0), segments: int = 14, top: bool = True) -> Shape:
+def turned(
+    profile: Sequence[tuple[float, float]], at: Point = (0.0, 0.0, 0.0), segments: int = 14, top: bool = True
+) -> Shape:
     """What a lathe makes of (radius, height) points from the bottom up."""
     return loft([Ring(at[1] + y, r, r, 2, at[0], at[2]) for r, y in profile], segments, top=top)
 
@@ -168,7 +180,7 @@ def tube(path: Sequence[Point], radius: float, segments: int = 6) -> Shape:
     """A bent bar through points."""
     points = np.array(path, float)
     charts: list[Chart] = []
-    for start, end in zip(points[:-1], points[1:], strict=True):
+    for start, end in pairwise(points):
         charts += _bar(start, end, radius, segments).charts
     return Shape(tuple(charts))
 
@@ -191,7 +203,8 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
     angle = np.concatenate([[-np.pi / 2 + 0.06], angle, [np.pi / 2 - 0.06]])
     sx, sy, sz = (radius * s for s in squash)
     rings = [
-        Ring(at[1] + sy * (1 + float(np.sin(a))), sx * float(np.cos(a)), sz * float(np.cos(a)), 2, at[0], at[2]) for a in angle
+        Ring(at[1] + sy * (1 + float(np.sin(a))), sx * float(np.cos(a)), sz * float(np.cos(a)), 2, at[0], at[2])
+        for a in angle
     ]
     return loft(rings, segments)
 

@@ -9,15 +9,17 @@ from typing import Final
 import numpy as np
 
 from humanclaw.errors import SceneError
-from humanclaw.scene import STRUCTURE, Placement, Quaternion, Room, Scene, SceneObject
+from humanclaw.scene import Placement, Quaternion, Room, Scene, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.plan import Plan, draw_plan
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.style import Style
+from humanclaw_houses.validity import problems
 
 VALIDATION_HOUSES: Final = 41
+_DRAFTS: Final = 12
 _MOVABLE: Final = 0.21
 """The share of the furniture that can be moved."""
 _REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training house with N from 0 on."
@@ -32,8 +34,19 @@ def house(argument: str) -> Scene:
 
 
 def generate(seed: Sequence[int], name: str) -> Scene:
-    """A house from a seed alone."""
-    rng = np.random.default_rng(list(seed))
+    """A house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none is."""
+    wrong: list[str] = []
+    for draft in range(_DRAFTS):
+        scene = _draft(np.random.default_rng([*seed, draft]), name)
+        wrong = problems(scene)
+        if not wrong:
+            return scene
+    raise SceneError(
+        f"no usable house was found for {name}: {'; '.join(wrong)}.", "Take another index and report this one."
+    )
+
+
+def _draft(rng: np.random.Generator, name: str) -> Scene:
     plan, style = draw_plan(rng), Style.draw(rng)
     placed = list(build(plan, style, draw_finishes(plan, style)))
     spaces = _furnish(plan, style, rng)
@@ -72,6 +85,3 @@ def _object(number: int, thing: Placed) -> SceneObject:
 
 def _quaternion(yaw: float) -> Quaternion:
     return 0.0, round(float(np.sin(yaw / 2)), 6), 0.0, round(float(np.cos(yaw / 2)), 6)
-
-
-__all__ = ["STRUCTURE", "VALIDATION_HOUSES", "generate", "house"]

@@ -1,6 +1,6 @@
 """The free room of a room: what is taken, what must stay free, and whether a body can still walk everywhere.
 
-A body that walks is a disc of radius 0.28 m; the rooms are furnished for one of 0.35 m, so that a finer look finds ways too.
+A body that walks is a disc of radius 0.28 m; the rooms are furnished for one of 0.32 m, so that a finer look finds ways too.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt, label  # type: ignore[import-untyped]
 
 from humanclaw_houses.building import Placed
 from humanclaw_houses.model import Piece
@@ -22,7 +22,7 @@ SIDES: Final[tuple[Side, ...]] = ("south", "north", "west", "east")
 YAW: Final = {"south": 0.0, "north": float(np.pi), "west": float(np.pi / 2), "east": float(-np.pi / 2)}
 """The heading of a piece whose back is at that wall."""
 CELL: Final = 0.05
-BODY: Final = 0.35
+BODY: Final = 0.32
 _POCKET: Final = 0.25
 """The largest piece of free floor that may be cut off, square metres."""
 REACH: Final = 0.42
@@ -41,7 +41,10 @@ class Rect:
 
     def meets(self, other: Rect, gap: float = 0.0) -> bool:
         return (
-            self.x0 < other.x1 + gap and other.x0 < self.x1 + gap and self.z0 < other.z1 + gap and other.z0 < self.z1 + gap
+            self.x0 < other.x1 + gap
+            and other.x0 < self.x1 + gap
+            and self.z0 < other.z1 + gap
+            and other.z0 < self.z1 + gap
         )
 
     def within(self, other: Rect) -> bool:
@@ -127,7 +130,11 @@ class Space:
         """The floor along a wall in front of a stretch of it."""
         r, h = self.rect, width / 2
         if side in ("south", "north"):
-            return Rect(at - h, r.z0, at + h, r.z0 + depth) if side == "south" else Rect(at - h, r.z1 - depth, at + h, r.z1)
+            return (
+                Rect(at - h, r.z0, at + h, r.z0 + depth)
+                if side == "south"
+                else Rect(at - h, r.z1 - depth, at + h, r.z1)
+            )
         return Rect(r.x0, at - h, r.x0 + depth, at + h) if side == "west" else Rect(r.x1 - depth, at - h, r.x1, at + h)
 
     def length(self, side: Side) -> float:
@@ -146,11 +153,11 @@ class Space:
         }[side]  # fmt: skip
         return Placed(piece, x, y, z, YAW[side], self.area.name)
 
-    def spots(self, piece: Piece, rng: np.random.Generator, sides: Iterable[Side] = SIDES, y: float = 0.0, step: float = 0.1) -> list[Placed]:
+    def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> list[Placed]:
         """Places along the walls in random order, the corners among them."""
         half = piece.size[0] / 2 + 0.02
         found = []
-        for side in sides:
+        for side in SIDES:
             room = self.length(side) - 2 * half
             if room >= 0:
                 found += [self.at_wall(piece, side, half + k) for k in [*np.arange(0, room, step), room]]
@@ -196,18 +203,19 @@ class Space:
         w, _, d = thing.piece.size
         return local(thing, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
 
-    def put(self, *things: Placed, keep: Sequence[Rect] = (), want: Sequence[Rect] = ()) -> bool:
-        """Place a group if the room stays walkable, and undo it if not. keep: floor to stay free. want: places of which at
-        least one must remain within reach of a walking body."""
+    def put(self, *things: Placed, keep: Sequence[Rect] = (), want: Sequence[tuple[Rect, ...]] = ()) -> bool:
+        """Place a group if the room stays walkable, and undo it if not. keep: floor to stay free. want: groups of
+        places; one of each group must remain in the way of a walking body."""
         before = len(self.things), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
         for thing in things:
             self._add(thing)
         self._kept += keep
-        if want:
-            self._wanted.append(tuple(want))
+        self._wanted += want
         low = any(block_of(thing).y0 < _HEAD and thing.piece.asset.hulls for thing in things)
         if low and not self.walkable():
-            for items, count in zip((self.things, self._taken, self._solid, self._kept, self._wanted), before, strict=True):
+            for items, count in zip(
+                (self.things, self._taken, self._solid, self._kept, self._wanted), before, strict=True
+            ):
                 del items[count:]  # type: ignore[attr-defined]
             return False
         return True
@@ -228,7 +236,7 @@ class Space:
         for thing in spots:
             if self.fits(thing, front, gap):
                 kept = [self.ahead(thing, front)] if front and keep else []
-                if self.put(thing, keep=kept, want=[block_of(thing).rect.grown(REACH)] if target else []):
+                if self.put(thing, keep=kept, want=[(block_of(thing).rect.grown(REACH),)] if target else []):
                     return thing
         return None
 

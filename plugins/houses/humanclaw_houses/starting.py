@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt, label  # type: ignore[import-untyped]
 from skimage.graph import MCP_Geometric
 
 from humanclaw.pose import matrix_from_quaternion
@@ -75,7 +75,9 @@ class WalkMap:
 
 
 def _span(low: float, high: float, origin: float) -> slice:
-    return slice(max(0, int(np.floor((low - origin) / CELL + 1e-6))), max(0, int(np.ceil((high - origin) / CELL - 1e-6))))
+    return slice(
+        max(0, int(np.floor((low - origin) / CELL + 1e-6))), max(0, int(np.ceil((high - origin) / CELL - 1e-6)))
+    )
 
 
 def boxes(scene: Scene, thing: SceneObject) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -94,7 +96,8 @@ def choose_start(scene: Scene, rng: np.random.Generator) -> Placement:
     for couch in scene.of_category("couch"):
         couches |= walk.near(*scene.aabb(couch.id), 0.4)
     far = walk.distances(couches)
-    choices = [roomy & (far > 4) & (far < 10) & _inside(walk, scene, "hall"), roomy & (far > 4) & (far < 10), roomy & (far > 2.5), roomy]
+    well = roomy & (far > 4) & (far < 10)
+    choices = [well & _inside(walk, scene, "hall"), well, roomy & (far > 2.5), roomy]
     cells = np.argwhere(next(choice for choice in choices if choice.any()))
     row, column = cells[int(rng.integers(len(cells)))]
     x, z = walk.point(int(row), int(column))
@@ -111,10 +114,12 @@ def _inside(walk: WalkMap, scene: Scene, kind: str) -> NDArray[np.bool_]:
 
 def _view(walk: WalkMap, x: float, z: float) -> float:
     """The yaw, of eight, in which one can see farthest over free floor."""
+
     def sight(yaw: float) -> float:
         for step in np.arange(0.1, 15, 0.1):
             row, column = walk.cell(x + step * np.sin(yaw), z + step * np.cos(yaw))
-            if not (0 <= row < walk.clearance.shape[0] and 0 <= column < walk.clearance.shape[1]) or walk.clearance[row, column] <= 0:
+            inside = 0 <= row < walk.clearance.shape[0] and 0 <= column < walk.clearance.shape[1]
+            if not inside or walk.clearance[row, column] <= 0:
                 return float(step)
         return 15.0
 

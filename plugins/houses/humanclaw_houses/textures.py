@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ Colour = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
 Field = NDArray[np.float64]
 
-SIZE = 64
+SIZE: Final = 64
+"""Pixels along a side of most tiles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,9 @@ def checks(first: Colour, second: Colour, rng: np.random.Generator, count: int =
     """A tartan of two colours that mix where they cross."""
     band = ((np.arange(SIZE) * 2 * count // SIZE) % 2).astype(float)
     share = ((band[:, None] + band[None, :]) / 2)[..., None]
-    return Tile(_grade(np.array(first) * share + np.array(second) * (1 - share), 0.02 * _noise(rng, (2, 2))), metres=0.9)
+    return Tile(
+        _grade(np.array(first) * share + np.array(second) * (1 - share), 0.02 * _noise(rng, (2, 2))), metres=0.9
+    )
 
 
 def _grade(picture: NDArray[np.floating], field: Field) -> Pixels:
@@ -167,11 +171,11 @@ def painting(rng: np.random.Generator) -> Tile:
 
 
 def _landscape(rng: np.random.Generator) -> Field:
-    picture = np.ones((SIZE, SIZE, 1)) * np.array(SKIES[rng.integers(len(SKIES))], float)
+    picture = np.ones((SIZE, SIZE, 1)) * np.asarray(pick(rng, SKIES), float)
     for level, shade in zip((26, 36, 47), (0.75, 0.6, 0.42), strict=True):
         line = level + np.round(4 * _noise(rng, (1, 12))[0])
-        picture[np.arange(SIZE)[:, None] > line[None, :]] = shade * np.array(HILLS[rng.integers(len(HILLS))], float)
-    return picture
+        picture[np.arange(SIZE)[:, None] > line[None, :]] = shade * np.asarray(pick(rng, HILLS), float)
+    return np.asarray(picture)
 
 
 def _abstract(rng: np.random.Generator) -> Field:
@@ -179,8 +183,8 @@ def _abstract(rng: np.random.Generator) -> Field:
     for _ in range(7):
         row, column = rng.integers(4, 44, 2)
         high, wide = rng.integers(8, 30, 2)
-        picture[row : row + high, column : column + wide] = ACCENTS[rng.integers(len(ACCENTS))]
-    return picture
+        picture[row : row + high, column : column + wide] = pick(rng, ACCENTS)
+    return np.asarray(picture)
 
 
 def books(rng: np.random.Generator) -> Tile:
@@ -191,7 +195,7 @@ def books(rng: np.random.Generator) -> Tile:
         wide = int(rng.integers(3, 8))
         top = int(rng.integers(0, 16))
         picture[:, column : column + wide] = [48, 38, 30]
-        picture[top:, column : column + wide] = ACCENTS[rng.integers(len(ACCENTS))]
+        picture[top:, column : column + wide] = pick(rng, ACCENTS)
         picture[top + 8 : top + 12, column : column + wide] *= 1.25
         picture[:, column] *= 0.5
         column += wide
@@ -250,18 +254,18 @@ def pick(rng: np.random.Generator, colours: Sequence[Colour]) -> Colour:
     return colours[int(rng.integers(len(colours)))]
 
 
-SKIES: Sequence[Colour] = ((160, 200, 232), (244, 205, 160), (200, 214, 224))
-HILLS: Sequence[Colour] = ((130, 170, 120), (120, 140, 190), (196, 150, 96), (96, 150, 140))
-ACCENTS: Sequence[Colour] = (
+SKIES: Final[tuple[Colour, ...]] = ((160, 200, 232), (244, 205, 160), (200, 214, 224))
+HILLS: Final[tuple[Colour, ...]] = ((130, 170, 120), (120, 140, 190), (196, 150, 96), (96, 150, 140))
+ACCENTS: Final[tuple[Colour, ...]] = (
     (172, 62, 54), (46, 96, 138), (218, 168, 62), (70, 120, 88), (116, 78, 120), (206, 110, 70), (60, 66, 78),
     (226, 214, 190), (150, 172, 184), (120, 42, 48),
 )  # fmt: skip
-WOODS: Sequence[Colour] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
-FABRICS: Sequence[Colour] = (
+WOODS: Final[tuple[Colour, ...]] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
+FABRICS: Final[tuple[Colour, ...]] = (
     (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116), (128, 92, 118),
 )  # fmt: skip
-LEATHERS: Sequence[Colour] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
-PAINTS: Sequence[Colour] = (
+LEATHERS: Final[tuple[Colour, ...]] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
+PAINTS: Final[tuple[Colour, ...]] = (
     (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216, 214),
     (222, 222, 222), (196, 210, 206), (238, 226, 204),
 )  # fmt: skip

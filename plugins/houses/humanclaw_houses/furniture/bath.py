@@ -16,15 +16,27 @@ def toilet(style: Style, name: str) -> Piece:
     m = Model()
     seat, z = style.between(0.4, 0.43), 0.1
     rim = seat - 0.03
-    bowl = [Ring(0, 0.11, 0.22, 2.6, z=z - 0.06), Ring(0.05, 0.1, 0.21, 2.4, z=z - 0.06), Ring(0.18, 0.11, 0.22, 2.3, z=z - 0.04)]
-    bowl += [Ring(0.3, 0.17, 0.24, 2.2, z=z - 0.01), Ring(rim - 0.04, 0.185, 0.25, 2.2, z=z), Ring(rim, 0.185, 0.25, 2.2, z=z)]
-    inner = [Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02), Ring(rim - 0.09, 0.1, 0.14, 2, z=z + 0.02), Ring(rim - 0.16, 0.05, 0.08, 2, z=z)]
+    bowl = [
+        Ring(0, 0.11, 0.22, 2.6, z=z - 0.06),
+        Ring(0.05, 0.1, 0.21, 2.4, z=z - 0.06),
+        Ring(0.18, 0.11, 0.22, 2.3, z=z - 0.04),
+    ]
+    bowl += [
+        Ring(0.3, 0.17, 0.24, 2.2, z=z - 0.01),
+        Ring(rim - 0.04, 0.185, 0.25, 2.2, z=z),
+        Ring(rim, 0.185, 0.25, 2.2, z=z),
+    ]
+    inner = [Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02), Ring(rim - 0.09, 0.1, 0.14, 2, z=z + 0.02)]
+    inner.append(Ring(rim - 0.16, 0.05, 0.08, 2, z=z))
     m.add(loft(bowl, 20, top=False), style.ceramic, "hull")
     m.add(loft(inner, 20, bottom=False), t.plain((206, 220, 228), style.rng))
-    m.add(loft([Ring(rim, 0.185, 0.25, 2.2, z=z), Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02)], 20, False, False), style.ceramic)
+    m.add(
+        loft([Ring(rim, 0.185, 0.25, 2.2, z=z), Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02)], 20, False, False),
+        style.ceramic,
+    )
     lid_up = style.chance(0.7)
     _seat(m, style, rim + 0.002, seat, z)
-    lid = loft([Ring(0, 0.175, 0.215, 2.3, z=0.215), Ring(0.02, 0.18, 0.22, 2.3, z=0.215), Ring(0.028, 0.16, 0.2, 2.3, z=0.215)], 20)
+    lid = loft([Ring(y, rx, rx + 0.04, 2.3, z=0.215) for y, rx in ((0, 0.175), (0.02, 0.18), (0.028, 0.16))], 20)
     turn, rest = ((-97.0, 0.0, 0.0), -0.115) if lid_up else ((0.0, 0.0, 0.0), -0.13)
     m.add(lid.moved((0, seat if not lid_up else seat + 0.005, rest), turn), style.white)
     m.add(soft_box((0.38, 0.37, 0.17), (0, seat - 0.02, -0.24), 0.03), style.ceramic)
@@ -39,7 +51,11 @@ def toilet(style: Style, name: str) -> Piece:
 def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
     """The ring one sits on."""
     outer, hole = (0.19, 0.245, 2.3), (0.12, 0.165, 2.1)
-    rings = [Ring(low, *outer, z=z + 0.005), Ring(high - 0.008, *outer, z=z + 0.005), Ring(high, 0.18, 0.235, 2.3, z=z + 0.005)]
+    rings = [
+        Ring(low, *outer, z=z + 0.005),
+        Ring(high - 0.008, *outer, z=z + 0.005),
+        Ring(high, 0.18, 0.235, 2.3, z=z + 0.005),
+    ]
     rings += [Ring(high, hole[0] + 0.008, hole[1] + 0.008, 2.1, z=z + 0.02), Ring(low, *hole, z=z + 0.02)]
     m.add(loft(rings, 20, False, False), style.white)
 
@@ -49,11 +65,16 @@ def vanity(style: Style, name: str) -> Piece:
     m = Model()
     w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
     m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
+    front = t.panel_door((225, 226, 224), style.rng)
     for x in (-1, 1):
-        m.add(box((w / 2 - 0.012, h - 0.24, 0.016), (x * w / 4, 0.18, d / 2 - 0.012), "k"), t.panel_door((225, 226, 224), style.rng))
+        m.add(box((w / 2 - 0.012, h - 0.24, 0.016), (x * w / 4, 0.18, d / 2 - 0.012), "k"), front)
         m.add(box((0.014, 0.1, 0.018), (x * 0.04, 0.5, d / 2 + 0.004)), style.chrome)
         m.box((0.04, 0.16, d - 0.1), (x * (w / 2 - 0.05), 0, -0.02), style.black)
-    outer = [Ring(h - 0.04, w / 2, d / 2, 9), Ring(h + 0.1, w / 2, d / 2, 9), Ring(h + 0.1, w / 2 - 0.06, d / 2 - 0.08, 4, z=0.03)]
+    outer = [
+        Ring(h - 0.04, w / 2, d / 2, 9),
+        Ring(h + 0.1, w / 2, d / 2, 9),
+        Ring(h + 0.1, w / 2 - 0.06, d / 2 - 0.08, 4, z=0.03),
+    ]
     m.add(loft([*outer, Ring(h + 0.01, w / 2 - 0.15, d / 2 - 0.14, 3, z=0.03)], 20), style.ceramic)
     m.solid((w, 0.14, d), (0, h - 0.04, 0))
     _tap(m, style, h + 0.1, -d / 2 + 0.06)

@@ -16,9 +16,11 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
     length, seat, gap = 2.0, style.between(0.48, 0.56), style.between(0.12, 0.16)
     board, z0 = style.between(0.95, 1.15), -length / 2 + 0.03
     m.add(box((width, seat - 0.2 - gap, length), (0, gap, 0.03)), frame)
-    for x in (-1, 1):
+    for side in (-1, 1):
         for z in (-1, 1):
-            m.add(post(0.03, gap + 0.02, (x * (width / 2 - 0.08), 0, 0.03 + z * (length / 2 - 0.1))), style.second_wood)
+            m.add(
+                post(0.03, gap + 0.02, (side * (width / 2 - 0.08), 0, 0.03 + z * (length / 2 - 0.1))), style.second_wood
+            )
     m.add(soft_box((width - 0.02, 0.2, length - 0.02), (0, seat - 0.23, 0.03), 0.05), style.linen)
     cover = style.fabric()
     m.add(soft_box((width + 0.03, 0.2, 1.36), (0, seat - 0.2, length / 2 - 0.65), 0.05), cover)
@@ -26,7 +28,10 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
     count = 2 if double else 1
     for k in range(count):
         x = (k - (count - 1) / 2) * width * 0.46
-        m.add(_pillow(min(0.66, width * 0.43 if double else 0.6), 0.4).moved((x, seat - 0.04, z0 + 0.28), (14, 0, 0)), style.linen)
+        m.add(
+            _pillow(min(0.66, width * 0.43 if double else 0.6), 0.4).moved((x, seat - 0.04, z0 + 0.28), (14, 0, 0)),
+            style.linen,
+        )
     _headboard(m, frame, int(style.rng.integers(3)), width + 0.04, board, -length / 2)
     m.solid((width + 0.02, seat - gap, length), (0, gap, 0.03))
     m.solid((width + 0.04, board, 0.07), (0, 0, -length / 2 + 0.0))
@@ -35,7 +40,7 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
 
 def _pillow(width: float, depth: float) -> Shape:
     rings = [(0.0, 0.8), (0.015, 0.93), (0.05, 1.0), (0.085, 0.93), (0.115, 0.7), (0.13, 0.35)]
-    return loft([Ring(y, width / 2 * s, depth / 2 * s, 4.0) for y, s in rings], 16)
+    return loft([Ring(y, width / 2 * s, depth / 2 * s, 4.0) for y, s in rings], 12)
 
 
 def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:

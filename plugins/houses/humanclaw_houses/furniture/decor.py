@@ -19,15 +19,17 @@ def floor_lamp(style: Style, name: str) -> Piece:
     metal = style.choice(style.black, style.brass, style.steel)
     m.add(post(0.14, 0.02, segments=16), metal, "hull")
     m.add(post(0.013, 1.36, (0, 0.02, 0)), metal, "box")
-    m.add(turned([(0.2, 1.3), (0.13, 1.58)], segments=18), _shade(style))
+    m.add(turned([(0.2, 1.3), (0.13, 1.58)], segments=14), _shade(style))
     return m.piece(name, "lamp")
 
 
 def table_lamp(style: Style, name: str) -> Piece:
     """A lamp for a nightstand or a sideboard; it can be knocked over."""
     m = Model()
-    m.add(turned([(0.07, 0), (0.075, 0.02), (0.03, 0.06), (0.06, 0.14), (0.02, 0.24)], segments=12), style.paint(), "box")
-    m.add(turned([(0.13, 0.22), (0.085, 0.4)], segments=16), _shade(style))
+    m.add(
+        turned([(0.07, 0), (0.075, 0.02), (0.03, 0.06), (0.06, 0.14), (0.02, 0.24)], segments=8), style.paint(), "box"
+    )
+    m.add(turned([(0.13, 0.22), (0.085, 0.4)], segments=12), _shade(style))
     m.solid((0.18, 0.18, 0.18), (0, 0.22, 0))
     return m.piece(name, "lamp", mass=1.2, friction=0.5)
 
@@ -35,7 +37,7 @@ def table_lamp(style: Style, name: str) -> Piece:
 def ceiling_lamp(style: Style, name: str, drop: float = 0.12) -> Piece:
     """Hangs from the ceiling: its top is where it is fixed."""
     m = Model()
-    m.add(turned([(0.18, 0.0), (0.2, 0.02), (0.12, 0.1)], segments=16), _shade(style))
+    m.add(turned([(0.18, 0.0), (0.2, 0.02), (0.12, 0.1)], segments=12), _shade(style))
     m.add(post(0.012, drop, (0, 0.09, 0)), style.black)
     return m.piece(name, "ceiling_lamp")
 

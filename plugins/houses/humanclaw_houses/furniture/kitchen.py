@@ -106,6 +106,7 @@ def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece
 def hood(style: Style, name: str) -> Piece:
     """An extractor above a hob."""
     m = Model()
-    m.add(loft([Ring(0, 0.3, 0.24, 40), Ring(0.06, 0.3, 0.24, 40), Ring(0.2, 0.13, 0.12, 40, z=-0.1), Ring(0.8, 0.13, 0.12, 40, z=-0.1)], 20), style.steel)
+    wide = [Ring(y, 0.3, 0.24, 40) for y in (0, 0.06)]
+    m.add(loft([*wide, *(Ring(y, 0.13, 0.12, 40, z=-0.1) for y in (0.2, 0.8))], 20), style.steel)
     m.solid((0.6, 0.2, 0.48), (0, 0, 0))
     return m.piece(name, "range_hood")

@@ -27,10 +27,17 @@ def plant(style: Style, name: str, habit: int | None = None) -> Piece:
 
 def _pot(m: Model, style: Style, r: float, h: float) -> None:
     tile = t.plain(t.pick(style.rng, POTS), style.rng, 0.03)
-    outer = [(0.7 * r, 0.0), (0.8 * r, 0.3 * h), (0.95 * r, 0.85 * h), (1.02 * r, 0.86 * h), (1.04 * r, h), (0.93 * r, h)]
-    shell = turned([*outer, (0.9 * r, h - 0.03)], segments=18, top=False)
+    outer = [
+        (0.7 * r, 0.0),
+        (0.8 * r, 0.3 * h),
+        (0.95 * r, 0.85 * h),
+        (1.02 * r, 0.86 * h),
+        (1.04 * r, h),
+        (0.93 * r, h),
+    ]
+    shell = turned([*outer, (0.9 * r, h - 0.03)], segments=14, top=False)
     m.add(shell, tile)
-    m.add(turned([(0.93 * r, h - 0.04), (0.93 * r, h - 0.03)], segments=18), t.plain((62, 46, 36), style.rng, 0.12))
+    m.add(turned([(0.93 * r, h - 0.04), (0.93 * r, h - 0.03)], segments=14), t.plain((62, 46, 36), style.rng, 0.12))
     m.add(turned([(0.72 * r, 0.0), (1.04 * r, h)], segments=10), tile, "hull")
 
 

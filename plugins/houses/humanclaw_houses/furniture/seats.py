@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import ball, box, post, soft_box, tube
@@ -9,8 +12,59 @@ from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
 
+@dataclass(frozen=True)
+class _Cut:
+    """Measures of a couch or an armchair, metres."""
+
+    seats: int
+    per_seat: float
+    depth: float
+    seat: float
+    back: float
+    leg: float
+    arm: float
+    arm_top: float
+
+    BACK_DEPTH: ClassVar = 0.2
+
+    @classmethod
+    def draw(cls, style: Style, seats: int) -> _Cut:
+        return cls(
+            seats,
+            per_seat=style.between(0.6, 0.68),
+            depth=style.between(0.84, 0.92),
+            seat=style.between(0.42, 0.46),
+            back=style.between(0.78, 0.86),
+            leg=style.between(0.11, 0.14),
+            arm=style.between(0.14, 0.2),
+            arm_top=style.between(0.57, 0.64),
+        )
+
+    @property
+    def inner(self) -> float:
+        """Width between the arms."""
+        return self.seats * self.per_seat
+
+    @property
+    def width(self) -> float:
+        return self.inner + 2 * self.arm
+
+    @property
+    def reach(self) -> float:
+        """Depth of the seat from its front edge to the back."""
+        return self.depth - self.BACK_DEPTH
+
+    @property
+    def middle(self) -> float:
+        """z of the middle of the seat."""
+        return self.BACK_DEPTH / 2
+
+    def seat_x(self) -> list[float]:
+        return [(number - (self.seats - 1) / 2) * self.per_seat for number in range(self.seats)]
+
+
 def couch(style: Style, name: str, seats: int = 3) -> Piece:
-    """A couch for two or three, in cloth or leather."""
+    """A couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
     return _sofa(style, name, "couch", seats)
 
 
@@ -19,37 +73,75 @@ def armchair(style: Style, name: str) -> Piece:
 
 
 def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
-    m = Model()
-    cover = t.leather(t.pick(style.rng, t.LEATHERS), style.rng) if style.chance(0.25) else style.choice(style.cloth, style.second_cloth)
-    per_seat, depth = style.between(0.6, 0.68), style.between(0.84, 0.92)
-    seat, back, leg = style.between(0.42, 0.46), style.between(0.78, 0.86), style.between(0.11, 0.14)
-    arm, arm_top = style.between(0.14, 0.2), style.between(0.57, 0.64)
-    inner = seats * per_seat
-    width, back_depth = inner + 2 * arm, 0.2
-    z_back = -depth / 2 + back_depth
-    reach = depth / 2 - z_back
-    m.box((inner + 0.02, seat - 0.13 - leg, reach - 0.02), (0, leg, (z_back + depth / 2) / 2 - 0.01), cover, solid=False)
-    m.add(soft_box((width, back - leg, back_depth), (0, leg, -depth / 2 + back_depth / 2), 0.06), cover)
-    for number in range(seats):
-        x = (number - (seats - 1) / 2) * per_seat
-        m.add(soft_box((per_seat - 0.012, 0.128, reach), (x, seat - 0.14, (z_back + depth / 2) / 2), 0.045, 0.012), cover)
-        pad = soft_box((per_seat - 0.02, back - seat + 0.06, 0.15), (0, 0, 0), 0.065)
-        m.add(pad.moved((x, seat - 0.02, z_back + 0.045), (-9, 0, 0)), cover)
+    m, cut = Model(), _Cut.draw(style, seats)
+    kind = str(style.rng.choice(["soft", "boxy", "wooden", "buttoned"]))
+    leather = kind == "buttoned" or style.chance(0.12)
+    hide = t.leather(t.pick(style.rng, t.LEATHERS), style.rng)
+    cover = hide if leather else style.choice(style.cloth, style.second_cloth)
+    _seat_and_back(m, cut, cover, kind)
     for side in (-1, 1):
-        m.add(soft_box((arm, arm_top - leg, depth - 0.01), (side * (width - arm) / 2, leg, 0.0), 0.07), cover)
-        for z in (-depth / 2 + 0.08, depth / 2 - 0.08):
-            m.add(post(0.018, leg + 0.02, (side * (width / 2 - 0.08), 0, z), 0.026), style.second_wood)
-        m.solid((arm, arm_top - leg, depth), (side * (width - arm) / 2, leg, 0))
-    m.solid((inner, seat - leg, reach), (0, leg, (z_back + depth / 2) / 2))
-    m.solid((inner, back - leg, back_depth + 0.06), (0, leg, -depth / 2 + back_depth / 2 + 0.03))
-    return m.piece(name, category, seat=seat)
+        _arm(m, style, cut, cover, kind, side)
+        for z in () if kind == "wooden" else (-cut.depth / 2 + 0.08, cut.depth / 2 - 0.08):
+            m.add(post(0.018, cut.leg + 0.02, (side * (cut.width / 2 - 0.08), 0, z), 0.026), style.second_wood)
+        m.solid((cut.arm, cut.arm_top - cut.leg, cut.depth), (side * (cut.width - cut.arm) / 2, cut.leg, 0))
+    m.solid((cut.inner, cut.seat - cut.leg, cut.reach), (0, cut.leg, cut.middle))
+    m.solid((cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2))
+    return m.piece(name, category, seat=cut.seat)
+
+
+def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+    """The frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
+    m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.02), (0, cut.leg, cut.middle - 0.01)), cover)
+    z = (cut.BACK_DEPTH - cut.depth) / 2
+    width = cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02
+    m.add(soft_box((width, cut.back - cut.leg, cut.BACK_DEPTH), (0, cut.leg, z), 0.06), cover)
+    radius = 0.02 if kind == "boxy" else 0.045
+    for x in cut.seat_x():
+        m.add(soft_box((cut.per_seat - 0.012, 0.128, cut.reach), (x, cut.seat - 0.14, cut.middle), radius, 0.012), cover)
+        if kind == "buttoned":
+            _buttons(m, cut, cover, x)
+        else:
+            pad = soft_box((cut.per_seat - 0.02, cut.back - cut.seat + 0.06, 0.15), radius=0.03 if kind == "boxy" else 0.065)
+            m.add(pad.moved((x, cut.seat - 0.02, cut.BACK_DEPTH - cut.depth / 2 + 0.045), (-9, 0, 0)), cover)
+
+
+def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
+    """A padded back drawn in by buttons: a quilt of small pads."""
+    columns, rows = 3, 2
+    wide, high = cut.per_seat / columns, (cut.back - cut.seat + 0.02) / rows
+    for i in range(columns):
+        for j in range(rows):
+            pad = soft_box((wide * 1.02, high * 1.02, 0.11), radius=0.05)
+            z = cut.BACK_DEPTH - cut.depth / 2 + 0.02
+            m.add(pad.moved((x + (i - 1) * wide, cut.seat - 0.02 + j * high, z), (-6, 0, 0)), cover)
+
+
+def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -> None:
+    x, rise = side * (cut.width - cut.arm) / 2, cut.arm_top - cut.leg
+    if kind == "wooden":
+        for z in (-cut.depth / 2 + 0.06, cut.depth / 2 - 0.06):
+            m.add(box((0.05, cut.arm_top, 0.05), (x, 0, z)), style.second_wood)
+        m.add(soft_box((0.09, 0.035, cut.depth - 0.02), (x, cut.arm_top - 0.035, 0), 0.014), style.second_wood)
+        m.add(box((0.03, 0.1, cut.depth - 0.1), (x, cut.seat - 0.16, 0)), style.second_wood)
+    elif kind == "buttoned":
+        m.add(soft_box((cut.arm * 0.75, rise - 0.05, cut.depth - 0.02), (x, cut.leg, 0), 0.04), cover)
+        roll = post(cut.arm / 2, cut.depth - 0.01, segments=14)
+        m.add(roll.moved((x, cut.arm_top - cut.arm / 2, -(cut.depth - 0.01) / 2), (90, 0, 0)), cover)
+    else:
+        radius = 0.022 if kind == "boxy" else 0.07
+        m.add(soft_box((cut.arm, rise, cut.depth - 0.01), (x, cut.leg, 0.0), radius), cover)
 
 
 def dining_chair(style: Style, name: str) -> Piece:
     """A wooden chair: slatted, ladder or upholstered back."""
     m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.black)
-    w, d, seat, back = style.between(0.42, 0.46), style.between(0.42, 0.46), style.between(0.44, 0.47), style.between(0.84, 0.94)
+    w, d, seat, back = (
+        style.between(0.42, 0.46),
+        style.between(0.42, 0.46),
+        style.between(0.44, 0.47),
+        style.between(0.84, 0.94),
+    )
     kind = int(style.rng.integers(3))
     _legs(m, frame, w, d, seat - 0.04, 0.036)
     m.box((w, 0.04, d), (0, seat - 0.04, 0), frame, solid=False)
@@ -90,7 +182,7 @@ def office_chair(style: Style, name: str) -> Piece:
     for k in range(5):
         arm = box((0.04, 0.035, 0.28), (0, 0.06, 0.14)).moved(turn=(0, 72.0 * k, 0))
         m.add(arm, style.black)
-        m.add(ball(0.03, (0, 0, 0.27)).moved(turn=(0, 72.0 * k, 0)), style.black)
+        m.add(ball(0.03, (0, 0, 0.27), segments=6).moved(turn=(0, 72.0 * k, 0)), style.black)
     m.add(post(0.028, seat - 0.15, (0, 0.08, 0)), style.steel)
     m.add(soft_box((0.48, 0.085, 0.46), (0, seat - 0.085, 0.02), 0.04), cover)
     m.add(soft_box((0.44, 0.5, 0.07), (0, 0, 0), 0.034).moved((0, seat + 0.07, -0.21), (-7, 0, 0)), cover)

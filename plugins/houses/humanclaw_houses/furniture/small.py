@@ -27,8 +27,13 @@ def bottle(style: Style, name: str) -> Piece:
 def vase(style: Style, name: str) -> Piece:
     """A vase with a few flowers."""
     m = Model()
-    m.add(turned([(0.05, 0), (0.075, 0.08), (0.05, 0.17), (0.035, 0.2), (0.045, 0.23)], segments=14), style.paint(), "hull")
-    stalk, head = t.plain((84, 124, 70), style.rng), t.plain(t.pick(style.rng, ((224, 90, 110), (240, 200, 80), (236, 236, 240))), style.rng)
+    m.add(
+        turned([(0.05, 0), (0.075, 0.08), (0.05, 0.17), (0.035, 0.2), (0.045, 0.23)], segments=14),
+        style.paint(),
+        "hull",
+    )
+    stalk = t.plain((84, 124, 70), style.rng)
+    head = t.plain(t.pick(style.rng, ((224, 90, 110), (240, 200, 80), (236, 236, 240))), style.rng)
     for k in range(5):
         x, z = 0.06 * ((k * 2) % 5 - 2) / 2, 0.06 * ((k * 3) % 5 - 2) / 2
         m.add(tube([(0, 0.2, 0), (x, 0.34 + 0.02 * (k % 3), z)], 0.004, 4), stalk)
@@ -51,7 +56,9 @@ def book(style: Style, name: str) -> Piece:
 def bowl(style: Style, name: str) -> Piece:
     """A bowl of fruit."""
     m = Model()
-    m.add(turned([(0.06, 0), (0.12, 0.06), (0.14, 0.09), (0.13, 0.09), (0.09, 0.05)], segments=16), style.ceramic, "hull")
+    m.add(
+        turned([(0.06, 0), (0.12, 0.06), (0.14, 0.09), (0.13, 0.09), (0.09, 0.05)], segments=16), style.ceramic, "hull"
+    )
     for k, colour in enumerate(((206, 60, 50), (236, 160, 50), (130, 170, 60), (226, 196, 70))):
         x, z = 0.055 * (1 - 2 * (k % 2)), 0.055 * (1 - k // 2 * 2)
         m.add(ball(0.042, (x, 0.05, z), segments=10), t.plain(colour, style.rng))
@@ -97,15 +104,20 @@ def basket(style: Style, name: str) -> Piece:
 
 def bin_(style: Style, name: str) -> Piece:
     m = Model()
-    m.add(turned([(0.11, 0), (0.13, 0.3), (0.12, 0.3), (0.1, 0.04)], segments=14), style.choice(style.steel, style.black, style.white), "hull")
+    tile = style.choice(style.steel, style.black, style.white)
+    m.add(turned([(0.11, 0), (0.13, 0.3), (0.12, 0.3), (0.1, 0.04)], segments=14), tile, "hull")
     return m.piece(name, "bin", mass=1.0, friction=0.5)
 
 
 def shoe(style: Style, name: str) -> Piece:
     """One shoe."""
     m, tile = Model(), style.paint()
-    m.add(soft_box((0.1, 0.025, 0.27), (0, 0, 0), 0.012, segments=12), style.white)
-    upper = [Ring(0.02, 0.046, 0.128, 3.5), Ring(0.06, 0.045, 0.115, 3, z=-0.01), Ring(0.085, 0.036, 0.06, 2.5, z=-0.055)]
+    m.add(soft_box((0.1, 0.025, 0.27), (0, 0, 0), 0.012), style.white)
+    upper = [
+        Ring(0.02, 0.046, 0.128, 3.5),
+        Ring(0.06, 0.045, 0.115, 3, z=-0.01),
+        Ring(0.085, 0.036, 0.06, 2.5, z=-0.055),
+    ]
     m.add(loft(upper, 12), tile)
     m.add(loft([Ring(0.086, 0.028, 0.045, 2.5, z=-0.06), Ring(0.087, 0.02, 0.04, 2, z=-0.06)], 10), style.black)
     m.solid((0.1, 0.08, 0.27), (0, 0, 0))
@@ -115,8 +127,8 @@ def shoe(style: Style, name: str) -> Piece:
 def teddy(style: Style, name: str) -> Piece:
     """A bear that sits."""
     m, fur = Model(), t.carpet(t.pick(style.rng, ((156, 108, 66), (206, 170, 124), (120, 84, 60))), style.rng)
-    m.add(ball(0.1, (0, 0, 0), (1, 1.1, 0.9), 12), fur)
-    m.add(ball(0.075, (0, 0.19, 0), segments=12), fur)
+    m.add(ball(0.1, (0, 0, 0), (1, 1.1, 0.9), 10), fur)
+    m.add(ball(0.075, (0, 0.19, 0), segments=10), fur)
     for x in (-1, 1):
         m.add(ball(0.028, (x * 0.055, 0.3, 0), segments=8), fur)
         m.add(ball(0.04, (x * 0.07, 0, 0.11), (0.9, 0.9, 1.5), 8), fur)
@@ -135,8 +147,8 @@ def toy_block(style: Style, name: str) -> Piece:
 
 def toy_car(style: Style, name: str) -> Piece:
     m, tile = Model(), style.paint()
-    m.add(soft_box((0.12, 0.06, 0.24), (0, 0.025, 0), 0.02, segments=12), tile)
-    m.add(soft_box((0.1, 0.05, 0.12), (0, 0.08, -0.01), 0.02, segments=12), style.chrome)
+    m.add(soft_box((0.12, 0.06, 0.24), (0, 0.025, 0), 0.02), tile)
+    m.add(soft_box((0.1, 0.05, 0.12), (0, 0.08, -0.01), 0.02), style.chrome)
     for x in (-1, 1):
         for z in (-1, 1):
             m.add(post(0.03, 0.02, segments=10).moved((x * 0.055 + 0.01, 0.03, z * 0.07), (0, 0, 90)), style.black)
@@ -166,6 +178,8 @@ def backpack(style: Style, name: str) -> Piece:
     m, tile = Model(), style.fabric()
     m.add(soft_box((0.3, 0.42, 0.16), (0, 0, 0), 0.06), tile)
     m.add(soft_box((0.24, 0.2, 0.07), (0, 0.03, 0.1), 0.03), tile)
-    m.add(tube([(-0.05, 0.4, -0.04), (-0.03, 0.47, -0.04), (0.03, 0.47, -0.04), (0.05, 0.4, -0.04)], 0.01, 5), style.black)
+    m.add(
+        tube([(-0.05, 0.4, -0.04), (-0.03, 0.47, -0.04), (0.03, 0.47, -0.04), (0.05, 0.4, -0.04)], 0.01, 5), style.black
+    )
     m.solid((0.3, 0.42, 0.22), (0, 0, 0.025))
     return m.piece(name, "backpack", mass=3.0, friction=0.6)

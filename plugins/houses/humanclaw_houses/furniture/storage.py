@@ -19,7 +19,10 @@ def wardrobe(style: Style, name: str) -> Piece:
     glass = style.chance(0.3)
     for k in range(doors):
         x = (k - (doors - 1) / 2) * 0.5
-        m.add(box((0.492, h - 0.12, 0.02), (x, 0.08, d / 2 - 0.012), "k"), t.glass(style.rng) if glass and k == 1 else panel)
+        m.add(
+            box((0.492, h - 0.12, 0.02), (x, 0.08, d / 2 - 0.012), "k"),
+            t.glass(style.rng) if glass and k == 1 else panel,
+        )
         m.add(post(0.01, 0.16, (x + (0.2 if k % 2 == 0 else -0.2), h / 2 - 0.08, d / 2 + 0.018)), style.steel)
     return m.piece(name, "wardrobe")
 

@@ -15,7 +15,9 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
     m.add(box((w - 0.1, 0.06, d - 0.1), (0, h - thick - 0.06, 0)), tile)
     for x in (-1, 1):
         for z in (-1, 1):
-            m.box((leg, h - thick, leg), (x * (w / 2 - leg / 2 - 0.02), 0, z * (d / 2 - leg / 2 - 0.02)), tile, skip="t")
+            m.box(
+                (leg, h - thick, leg), (x * (w / 2 - leg / 2 - 0.02), 0, z * (d / 2 - leg / 2 - 0.02)), tile, skip="t"
+            )
     m.top(w, d, h)
 
 
@@ -96,7 +98,8 @@ def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, 
 def desk(style: Style, name: str) -> Piece:
     """A desk with drawers at its +X end; one sits at x = -0.19."""
     m = Model()
-    w, d, h, tile = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74, style.choice(style.wood, style.second_wood, style.white)
+    w, d, h = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74
+    tile = style.choice(style.wood, style.second_wood, style.white)
     m.box((w, 0.03, d), (0, h - 0.03, 0), tile)
     side = 1
     m.box((0.4, h - 0.09, d - 0.06), (side * (w / 2 - 0.22), 0.06, 0), tile)
@@ -119,11 +122,12 @@ def console(style: Style, name: str) -> Piece:
 def tv_stand(style: Style, name: str, width: float) -> Piece:
     """A low board on legs, open below, so that feet go under it and one can step up to the screen."""
     m = Model()
-    tile, d, h, gap = style.choice(style.wood, style.second_wood, style.white, style.black), 0.36, style.between(0.44, 0.52), 0.16
+    d, h, gap = 0.36, style.between(0.44, 0.52), 0.16
+    tile = style.choice(style.wood, style.second_wood, style.white, style.black)
     m.box((width, h - gap, d - 0.02), (0, gap, -0.01), tile)
-    for x in (-1, 1):
+    for end in (-1, 1):
         for z in (-1, 1):
-            m.box((0.04, gap, 0.04), (x * (width / 2 - 0.08), 0, z * (d / 2 - 0.06)), style.black, skip="t")
+            m.box((0.04, gap, 0.04), (end * (width / 2 - 0.08), 0, z * (d / 2 - 0.06)), style.black, skip="t")
     parts = 3
     for k in range(parts):
         x, wide = (k - (parts - 1) / 2) * (width - 0.02) / parts, (width - 0.02) / parts

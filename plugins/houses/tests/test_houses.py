@@ -1,0 +1,230 @@
+"""Generated houses, through the public door: what `house:N` gives is a house that can be lived in, and looks like one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+
+import humanclaw_houses
+from humanclaw.errors import SceneError
+from humanclaw.plugins import Plugins
+from humanclaw.scene import SIT_CATEGORIES, STRUCTURE, TARGET_CATEGORIES, Scene, SceneObject
+from humanclaw_houses.source import house
+from humanclaw_houses.starting import WalkMap
+from humanclaw_houses.validity import interpenetrating, problems
+
+SAMPLE = ("0", "12", "24", "27", "40", "train-17")
+
+
+@cache
+def scene(argument: str) -> Scene:
+    return house(argument)
+
+
+def boxes(scene: Scene, thing: SceneObject) -> list[tuple[np.ndarray, np.ndarray]]:
+    """World boxes of the hulls of a thing that is turned by quarter turns."""
+    _, y, _, w = thing.rotation
+    yaw = 2 * np.arctan2(y, w)
+    turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+    placed = [hull @ turn.T + np.array(thing.position) for hull in scene.assets[thing.asset].hulls]
+    return [(points.min(axis=0), points.max(axis=0)) for points in placed]
+
+
+def furniture(scene: Scene) -> list[SceneObject]:
+    return [thing for thing in scene.objects if thing.category not in STRUCTURE]
+
+
+# -- the door ----------------------------------------------------------------------------------------------------------
+def test_the_plugin_offers_houses_by_reference() -> None:
+    host = Plugins()
+    host.add(humanclaw_houses, "houses")
+    assert host.scene("house:3").digest == scene("3").digest
+
+
+@pytest.mark.parametrize("argument", ["41", "-1", "", "train-", "train", "07", "train-x", "1.0", "two"])
+def test_an_unknown_house_is_refused_with_the_names_of_those_there_are(argument: str) -> None:
+    with pytest.raises(SceneError, match=re.escape("house:0 to house:40")):
+        house(argument)
+
+
+def test_importing_the_plugin_loads_no_geometry_library() -> None:
+    code = "import sys, humanclaw_houses; print([m for m in ('manifold3d', 'trimesh', 'scipy', 'skimage') if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def test_the_same_number_gives_the_same_house_in_another_process() -> None:
+    code = "from humanclaw_houses.source import house; print(house('5').digest)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == house("5").digest
+
+
+def test_different_numbers_give_different_houses() -> None:
+    names = (*SAMPLE, "train-0", "train-24")
+    plans = {tuple((room.x0, room.z0, room.x1, room.z1) for room in scene(name).rooms) for name in names}
+    assert len(plans) == len(names)
+
+
+# -- what is in a house ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", SAMPLE)
+def test_every_house_has_all_six_target_categories(name: str) -> None:
+    assert {thing.category for thing in scene(name).objects} >= set(TARGET_CATEGORIES)
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_a_house_has_between_60_and_400_things_and_about_a_fifth_can_be_moved(name: str) -> None:
+    things = furniture(scene(name))
+    share = sum(thing.movable for thing in things) / len(things)
+    assert 60 <= len(things) <= 400
+    assert 0.15 <= share <= 0.33
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_movable_things_have_plausible_mass_and_friction(name: str) -> None:
+    movable = [thing for thing in scene(name).objects if thing.movable]
+    assert all(0.1 <= thing.mass <= 15 and 0.2 <= thing.friction <= 0.9 for thing in movable)
+    assert all(scene(name).assets[thing.asset].hulls for thing in movable)
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_rooms_are_of_sensible_number_and_size(name: str) -> None:
+    rooms = scene(name).rooms
+    assert 4 <= len(rooms) <= 12
+    for room in rooms:
+        width, depth = room.x1 - room.x0, room.z1 - room.z0
+        assert min(width, depth) >= 1.4, room
+        assert 4 <= width * depth <= 45, room
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
+    count = 0
+    for thing in scene(name).objects:
+        mesh = scene(name).assets[thing.asset].mesh
+        count += len(mesh.faces)
+        assert mesh.uv.min() >= 0
+        assert mesh.uv.max() <= 1
+        assert mesh.faces.max() < len(mesh.vertices)
+        assert abs(mesh.vertices[:, [0, 2]].min(axis=0) + mesh.vertices[:, [0, 2]].max(axis=0)).max() < 1e-3
+    assert count < 60_000
+
+
+# -- walls and doors ---------------------------------------------------------------------------------------------------
+def doorways(scene: Scene) -> list[tuple[str, float, float]]:
+    """(wall, width, height) of each hole in the walls' collision boxes that begins at the floor and is not filled."""
+    found = []
+    doors = [scene.aabb(thing.id) for thing in scene.of_category("door")]
+    for wall in scene.of_category("wall"):
+        parts = boxes(scene, wall)
+        axis = 0 if np.ptp([p for pair in parts for p in pair], axis=0)[0] > 0.5 else 2
+        high = [(low, top) for low, top in parts if low[1] > 1.5]
+        for low, top in high:
+            under = [a for a, b in parts if a[1] < 0.1 and a[axis] < top[axis] - 0.01 and b[axis] > low[axis] + 0.01]
+            middle = (low + top) / 2
+            closed = any(
+                (a <= [middle[0], 1, middle[2]]).all() and (b >= [middle[0], 1, middle[2]]).all() for a, b in doors
+            )
+            if not under and not closed:
+                found.append((wall.asset, float(top[axis] - low[axis]), float(low[1])))
+    return found
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_doorways_are_wide_and_high_enough_for_a_body(name: str) -> None:
+    holes = doorways(scene(name))
+    assert len(holes) >= len(scene(name).rooms) - 1
+    assert all(width >= 0.85 and height >= 2.04 for _, width, height in holes), holes
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_walls_are_thick_enough_to_stop_a_body(name: str) -> None:
+    for wall in scene(name).of_category("wall"):
+        for low, high in boxes(scene(name), wall):
+            assert min(high[0] - low[0], high[2] - low[2]) >= 0.1 - 1e-4
+
+
+# -- validity ----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", SAMPLE)
+def test_nothing_is_wrong_with_a_house(name: str) -> None:
+    assert problems(scene(name)) == []
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_no_furniture_reaches_into_a_wall(name: str) -> None:
+    """Independent of the generator's own check: boxes of hulls against boxes of walls, for what is turned by quarter turns."""
+    walls = [box for wall in scene(name).of_category("wall") for box in boxes(scene(name), wall)]
+    for thing in furniture(scene(name)):
+        for low, high in boxes(scene(name), thing):
+            for wall_low, wall_high in walls:
+                overlap = np.minimum(high, wall_high) - np.maximum(low, wall_low)
+                assert overlap.min() < 0.01, (thing.asset, overlap)
+
+
+def test_things_put_into_each_other_are_noticed() -> None:
+    whole = scene("0")
+    couch, bed = whole.of_category("couch")[0], whole.of_category("bed")[0]
+    moved = [
+        SceneObject(**{**vars(thing), "position": bed.position}) if thing is couch else thing for thing in whole.objects
+    ]
+    broken = Scene(whole.name, whole.assets, tuple(moved), whole.rooms, whole.start)
+    assert (min(couch.id, bed.id), max(couch.id, bed.id)) in set(interpenetrating(broken))
+
+
+def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
+    whole = scene("0")
+    hall = next(room for room in whole.rooms if room.kind == "hall")
+    fridge = whole.of_category("fridge")[0]
+    row = [
+        SceneObject(10_000 + k, fridge.asset, "fridge", (x, 0.0, (hall.z0 + hall.z1) / 2))
+        for k, x in enumerate(np.arange(hall.x0, hall.x1, 0.5))
+    ]
+    broken = Scene(whole.name, whole.assets, (*whole.objects, *row), whole.rooms, whole.start)
+    assert any("cannot be walked to" in problem for problem in problems(broken))
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_the_floor_can_be_walked_from_the_start_to_every_target(name: str) -> None:
+    walk = WalkMap.of(scene(name))
+    start = walk.cell(scene(name).start.x, scene(name).start.z)
+    assert walk.clearance[start] >= 0.5
+    for thing in scene(name).objects:
+        if thing.category in TARGET_CATEGORIES:
+            way = walk.distances(walk.near(*scene(name).aabb(thing.id), 0.42))[start]
+            assert np.isfinite(way), thing.asset
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str) -> None:
+    limits = {"couch": (0.40, 0.48), "bed": (0.45, 0.60), "toilet": (0.40, 0.44)}
+    for thing in scene(name).objects:
+        if thing.category in SIT_CATEGORIES:
+            asset = scene(name).assets[thing.asset]
+            low, high = limits[thing.category]
+            assert asset.seat_height is not None
+            assert low <= asset.seat_height <= high
+            tops = [float(hull[:, 1].max()) for hull in asset.hulls]
+            assert min(abs(top - asset.seat_height) for top in tops) < 0.012
+            front = max(float(hull[:, 2].max()) for hull in asset.hulls)
+            assert abs(front - float(asset.mesh.vertices[:, 2].max())) < 0.03
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_small_things_rest_on_something(name: str) -> None:
+    """Straight below each movable thing, within 5 mm of its lowest point, there is a collision box or the floor."""
+    whole = scene(name)
+    solid = {thing.id: boxes(whole, thing) for thing in whole.objects}
+    for thing in whole.objects:
+        if not thing.movable:
+            continue
+        bottom = min(low[1] for low, _ in solid[thing.id])
+        x, _, z = thing.position
+        below = [
+            high[1] for key, parts in solid.items() if key != thing.id for low, high in parts
+            if low[0] <= x <= high[0] and low[2] <= z <= high[2] and high[1] <= bottom + 1e-3
+        ]  # fmt: skip
+        assert bottom - max(below) < 0.015, thing.asset
