@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -122,19 +124,22 @@ def test_the_still_agent_stops_at_once() -> None:
     assert [call.skill for _, call in play(StillAgent(), walker, episode(walker.scene, "couch", 20))] == ["stop"]
 
 
-def trained() -> dict[str, object]:
-    """The first-party skills as if their adapters were there."""
-    from dataclasses import replace
-
-    return {name: replace(skill, adapter=None) for name, skill in SKILLS.items()}
+def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path) -> None:
+    walker = Walker(two_rooms(), (20,))
+    spec = episode(walker.scene, "couch", 20, sit=True)
+    untrained = SKILLS | {"sit_in_place": replace(SKILLS["sit_in_place"], adapter=tmp_path / "adapter.safetensors")}
+    with pytest.raises(HumanclawError, match="sit_in_place, whose adapter is not trained"):
+        play(OracleAgent(), walker, spec, untrained)
+    with pytest.raises(HumanclawError, match="needs the skill walk"):
+        play(OracleAgent(), walker, spec, {"stop": SKILLS["stop"]})
 
 
 def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:
-    skills, spec = trained(), EpisodeSpec(id="x", instruction="x", scene="x")
+    spec = EpisodeSpec(id="x", instruction="x", scene="x")
 
     def draws(seed: int) -> list[str]:
         agent: DecisionMaker = RandomAgent()
-        agent.begin(EpisodeContext(spec, skills, seed))  # type: ignore[arg-type]
+        agent.begin(EpisodeContext(spec, SKILLS, seed))
         calls = [agent.decide(Observation(step, "x", PICTURE), ()).calls[0] for step in range(60)]
         for call in calls:
             SKILLS[call.skill].check(call.params)

@@ -15,7 +15,9 @@ from humanclaw.pose import STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-SKILLS = {path.parent.name: Skill.from_folder(path.parent) for path in sorted(ROOT.glob("skills/*/*/*/schema.json"))}
+_FOLDERS = [path.parent for path in sorted(ROOT.glob("skills/*/*/*/schema.json"))]
+# A walker needs no adapters.
+SKILLS = {folder.name: replace(Skill.from_folder(folder), adapter=None) for folder in _FOLDERS}
 PICTURE = np.zeros((2, 2, 3), np.uint8)
 
 

@@ -74,7 +74,7 @@ def still(tmp_path_factory):
     state = torch.from_numpy(pose.encode(rest)[-1]).float()
     start = torch.from_numpy(rest.root).float(), torch.from_numpy(rest.rotations).float()
     model = DiT(ModelConfig(32, 1, 4, prediction="clean"))
-    save_base(folder / "base.safetensors", model, Normaliser(state, torch.ones(219)), start, Card())
+    save_base(folder / "base.safetensors", model, Normaliser(state, torch.full((219,), 0.1)), start, Card())
     base = load_base(folder / "base.safetensors")
     path = folder / "step_back" / "adapter.safetensors"
     save_adapter(

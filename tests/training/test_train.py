@@ -15,7 +15,7 @@ from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.training import data, train
 from humanclaw.training.data import commanded, spoilt
-from humanclaw.training.train import Loss, Recipe, Weights, main
+from humanclaw.training.train import Loss, Weights, main
 
 COUNT = 64
 
@@ -42,11 +42,17 @@ def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = F
 @pytest.fixture(scope="module")
 def chunks(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("chunks")
-    distance = np.linspace(0.05, 0.45, COUNT)
-    _save(folder / "step_back.npz", -distance, distance[:, None])
+    _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
     # A prior must have seen that bodies move; here the history tells how fast.
     _save(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
-    _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def backwards(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("backwards")
+    distance = np.linspace(0.05, 0.45, COUNT)
+    _save(folder / "step_back.npz", -distance, distance[:, None])
     return folder
 
 
@@ -55,7 +61,7 @@ def _small():
     """A model that trains in seconds, on one thread."""
     threads = torch.get_num_threads()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(train.SIZES, "lite", ModelConfig(48, 2, 4, prediction="clean"))
+        patch.setitem(train.SIZES, "lite", ModelConfig(64, 1, 4, prediction="clean"))
         yield
     torch.set_num_threads(threads)
 
@@ -68,16 +74,16 @@ def _base(chunks: Path, out: Path, *more: str) -> Path:
 @pytest.fixture(scope="module")
 def base_file(chunks, tmp_path_factory) -> Path:
     return _base(
-        chunks, tmp_path_factory.mktemp("base"), "--steps", "200", "--rate", "3e-3", "--spoil", "0", "--licence", "CC0"
+        chunks, tmp_path_factory.mktemp("base"), "--steps", "400", "--rate", "3e-3", "--spoil", "0", "--licence", "CC0"
     )
 
 
-def _adapter(chunks: Path, base_file: Path, out: Path, *more: str) -> Path:
+def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
     arguments = [
         "adapter",
         "step_back",
         "--data",
-        str(chunks),
+        str(backwards),
         "--base",
         str(base_file),
         "--out",
@@ -89,8 +95,8 @@ def _adapter(chunks: Path, base_file: Path, out: Path, *more: str) -> Path:
     return out / "adapter.safetensors"
 
 
-def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(chunks, base_file, tmp_path):
-    path = _adapter(chunks, base_file, tmp_path, "--steps", "300", "--rate", "3e-3", "--spoil", "0")
+def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base_file, tmp_path):
+    path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--spoil", "0")
     generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
     start = generator.start()
     for told in (0.15, 0.35):
@@ -103,21 +109,21 @@ def test_the_start_of_an_episode_is_standing_taken_from_the_data(base_file):
     np.testing.assert_allclose(start.start_root.numpy(), pose.rest_pose(5).root, atol=1e-6)
 
 
-def test_a_checkpoint_says_what_it_was_trained_on(chunks, base_file, tmp_path):
+def test_a_checkpoint_says_what_it_was_trained_on(backwards, base_file, tmp_path):
     base = load_base(base_file)
     assert base.card.licences == ("CC0",)
-    assert base.card.data["chunks"] == 3 * COUNT
-    assert base.card.data["real"] == 3 * COUNT // 4
-    assert base.card.data["sources"] == {"a studio": 3 * COUNT}
-    assert base.card.recipe["done_steps"] == 200
-    adapter = load_adapter(_adapter(chunks, base_file, tmp_path, "--steps", "1"), base, "step_back")
+    assert base.card.data["chunks"] == 2 * COUNT
+    assert base.card.data["real"] == 2 * COUNT // 4
+    assert base.card.data["sources"] == {"a studio": 2 * COUNT}
+    assert base.card.recipe["done_steps"] == 400
+    adapter = load_adapter(_adapter(backwards, base_file, tmp_path, "--steps", "1"), base, "step_back")
     assert adapter.config.encoder == "mlp"
     assert adapter.config.params == ("z",)
     assert adapter.config.centre[0] == pytest.approx(0.25, abs=0.01)
 
 
-def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(chunks, base_file, tmp_path, monkeypatch):
-    whole = _adapter(chunks, base_file, tmp_path / "whole", "--steps", "12")
+def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, base_file, tmp_path, monkeypatch):
+    whole = _adapter(backwards, base_file, tmp_path / "whole", "--steps", "12")
     advance, calls = train.Trainer.advance, []
 
     def cut_short(self, *arguments):
@@ -129,20 +135,20 @@ def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(chunks, bas
     monkeypatch.setattr(train, "_SAVE_SECONDS", 0)
     monkeypatch.setattr(train.Trainer, "advance", cut_short)
     with pytest.raises(KeyboardInterrupt):
-        _adapter(chunks, base_file, tmp_path / "cut", "--steps", "12")
-    resumed = _adapter(chunks, base_file, tmp_path / "cut", "--steps", "12")
+        _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
+    resumed = _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
     assert len(calls) == 8 + (12 - 7)
     assert resumed.read_bytes() == whole.read_bytes()
 
 
-def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(chunks, base_file, tmp_path, capsys):
-    first = _adapter(chunks, base_file, tmp_path / "first", "--steps", "2").read_bytes()
-    assert _adapter(chunks, base_file, tmp_path / "second", "--steps", "2", "--seed", "1").read_bytes() != first
+def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(backwards, base_file, tmp_path, capsys):
+    first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "2").read_bytes()
+    assert _adapter(backwards, base_file, tmp_path / "second", "--steps", "2", "--seed", "1").read_bytes() != first
     arguments = [
         "adapter",
         "step_back",
         "--data",
-        str(chunks),
+        str(backwards),
         "--base",
         str(base_file),
         "--out",
@@ -152,9 +158,11 @@ def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(chunks, b
     assert "seed 0" in capsys.readouterr().err
 
 
-def test_training_does_not_touch_the_base(chunks, base_file, tmp_path):
+def test_training_does_not_touch_the_base(backwards, base_file, tmp_path):
     before = base_file.read_bytes()
-    _adapter(chunks, base_file, tmp_path, "--steps", "2", "--export", str(tmp_path / "skill" / "adapter.safetensors"))
+    _adapter(
+        backwards, base_file, tmp_path, "--steps", "2", "--export", str(tmp_path / "skill" / "adapter.safetensors")
+    )
     assert base_file.read_bytes() == before
     assert (tmp_path / "skill" / "adapter.safetensors").read_bytes() == (tmp_path / "adapter.safetensors").read_bytes()
 

@@ -21,8 +21,10 @@ from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Pa
 from humanclaw.pose import Array, Frame, matrix_from_vector
 from humanclaw.scene import Scene
 
-REACHED: Final = 0.18
-"""Distance to the target's bounding box at which the oracle is content, metres: a little inside the benchmark's 0.2."""
+NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
+REACHED: Final = (0.14, 0.19)
+"""Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
+inside the benchmark's 0.2, since coming to rest may shift the body a little."""
 TURN_FIRST: Final = float(np.radians(28))
 """Heading error above which it turns on the spot before it walks, radians."""
 STRIDE: Final = 0.6
@@ -93,6 +95,17 @@ def _ending(skills: Mapping[str, Skill]) -> str:
     return found[0]
 
 
+def _require(skills: Mapping[str, Skill], names: Sequence[str]) -> None:
+    for name in names:
+        if name not in skills:
+            raise HumanclawError(f"the oracle needs the skill {name}.", "Install the first-party skills.")
+        if not skills[name].trained:
+            raise HumanclawError(
+                f"the oracle needs the skill {name}, whose adapter is not trained.",
+                f"Train it with `humanclaw train adapter {name}`.",
+            )
+
+
 # -- the oracle --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Pose:
@@ -153,6 +166,7 @@ class OracleAgent:
             raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
         self._stop = _ending(context.skills)
+        _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
         start = context.state()
         floor = context.spec.start.floor if context.spec.start else context.scene.start.floor
         self._memory = Memory(FloorPlan.of(self._scene, floor, start.objects))
@@ -178,7 +192,7 @@ class OracleAgent:
             return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
-        if not self._spec.interact and self._distance(state) <= REACHED:
+        if not self._spec.interact and self._distance(state) <= REACHED[self._memory.blocked > 0]:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
             return self._break_free(pose)
@@ -335,10 +349,6 @@ class OracleAgent:
     # calls
     def _call(self, skill: str, **params: float) -> Call:
         """Parameters in centimetres and degrees, rounded and held within the skill's own bounds."""
-        if skill not in self._context.skills:
-            raise HumanclawError(
-                f"the oracle needs the skill {skill}.", f"Install humanclaw-skill-{skill.split('_')[0]}."
-            )
         parts = _properties(self._context.skills[skill])
         low = {key: part.get("minimum", -1000) for key, part in parts.items()}
         high = {key: part.get("maximum", 1000) for key, part in parts.items()}

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d  # type: ignore[import-untyped]
 from tqdm import tqdm
 
-from humanclaw.bench.report import call_text, house_map, path_map
+from humanclaw.bench.report import PathMap, call_text, house_map, path_map
 from humanclaw.bench.routes import FloorPlan
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import RecordError
@@ -30,9 +30,8 @@ DISTANCE: Final = 3.0
 AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
 ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
-WATCHED: Final = [
-    JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee")
-]
+_PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
+WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
 FILM_SIZE: Final = (512, 384)
@@ -170,7 +169,7 @@ def _discomfort(
     ground = joints[:, None, 0] * [1, 0, 1] + [0, plan.floor + 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
     veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
-    return np.asarray(12.0 * hidden + 1.5 * veiled + behind + steep[None])
+    return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
 
 
 def _ring(radius: float) -> Array:
@@ -235,34 +234,57 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
 def draw_map(episode: RecordedEpisode, scene: Scene, size: tuple[int, int]) -> Image.Image:
     """The map of the report as a picture of this size."""
     house = house_map(scene, "house")
-    path = path_map(episode, house)
-    x, z, wide, deep = house.box
-    scale = 2 * min(size[0] / wide, size[1] / deep)
-    image = Image.new("RGB", (2 * size[0], 2 * size[1]), "white")
-    draw = ImageDraw.Draw(image)
-    shift = ((2 * size[0] - scale * wide) / 2, (2 * size[1] - scale * deep) / 2)
-
-    def place(points: str) -> list[tuple[float, float]]:
-        pairs = (pair.split(",") for pair in points.split())
-        return [((float(a) - x) * scale + shift[0], (float(b) - z) * scale + shift[1]) for a, b in pairs]
-
-    for rx, rz, rw, rd, _ in house.rooms:
+    chart = _Chart.of(house.box, size)
+    for x, z, wide, deep, _ in house.rooms:
         # A little larger than the room, so that the floor goes on in the doorways.
-        draw.rectangle([*place(f"{rx - 8},{rz - 8}")[0], *place(f"{rx + rw + 8},{rz + rd + 8}")[0]], fill="#f3efe6")
+        chart.pen.rectangle(chart.corners(x - 8, z - 8, wide + 16, deep + 16), fill="#f3efe6")
     for outline, kind, _ in house.things:
-        draw.polygon(place(outline), fill="#cfc8b9" if kind == "fixed" else "#e6dfc9", outline="#a8a294")
+        chart.pen.polygon(chart.line(outline), fill="#cfc8b9" if kind == "fixed" else "#e6dfc9", outline="#a8a294")
     for outline in house.walls:
-        draw.polygon(place(outline), fill="#4a4e55")
+        chart.pen.polygon(chart.line(outline), fill="#4a4e55")
+    path = path_map(episode, house)
     if path:
-        for tx, tz, tw, td, _ in path.targets:
-            corners = [*place(f"{tx},{tz}")[0], *place(f"{tx + tw},{tz + td}")[0]]
-            draw.rectangle(corners, outline="#1b6e46", width=4)
+        chart.walk(path)
+    return chart.image.resize(size, Image.Resampling.LANCZOS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chart:
+    """A sheet of twice the size that is wanted, and the scale from centimetres to its pixels."""
+
+    image: Image.Image
+    pen: ImageDraw.ImageDraw
+    scale: float
+    shift: tuple[float, float]
+
+    @classmethod
+    def of(cls, box: tuple[float, float, float, float], size: tuple[int, int]) -> _Chart:
+        image = Image.new("RGB", (2 * size[0], 2 * size[1]), "white")
+        scale = min(image.width / box[2], image.height / box[3])
+        shift = (
+            (image.width - scale * box[2]) / 2 - scale * box[0],
+            (image.height - scale * box[3]) / 2 - scale * box[1],
+        )
+        return cls(image, ImageDraw.Draw(image), scale, shift)
+
+    def point(self, x: float, z: float) -> tuple[float, float]:
+        return x * self.scale + self.shift[0], z * self.scale + self.shift[1]
+
+    def line(self, points: str) -> list[tuple[float, float]]:
+        pairs = (pair.split(",") for pair in points.split())
+        return [self.point(float(x), float(z)) for x, z in pairs]
+
+    def corners(self, x: float, z: float, wide: float, deep: float) -> list[float]:
+        return [*self.point(x, z), *self.point(x + wide, z + deep)]
+
+    def walk(self, path: PathMap) -> None:
+        for x, z, wide, deep, _ in path.targets:
+            self.pen.rectangle(self.corners(x, z, wide, deep), outline="#1b6e46", width=4)
         for points, colour, _ in path.pieces:
-            draw.line(place(points), fill=colour, width=8, joint="curve")
-        for (px, pz, _), colour in ((path.start, "#3d6ceb"), (path.end, "#e2a030")):
-            (cx, cz) = place(f"{px},{pz}")[0]
-            draw.ellipse((cx - 11, cz - 11, cx + 11, cz + 11), fill="white", outline=colour, width=6)
-    return image.resize(size, Image.Resampling.LANCZOS)
+            self.pen.line(self.line(points), fill=colour, width=8, joint="curve")
+        for (x, z, _), colour in ((path.start, "#3d6ceb"), (path.end, "#e2a030")):
+            a, b = self.point(x, z)
+            self.pen.ellipse((a - 11, b - 11, a + 11, b + 11), fill="white", outline=colour, width=6)
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

@@ -27,6 +27,8 @@ CELL: Final = 0.05
 """Side of a grid cell, metres."""
 OBSTACLE_HEIGHTS: Final = (0.05, 1.9)
 """What lies between these heights over the floor is in a body's way: a foot steps over the rest or a head passes below it."""
+STOREY: Final = 2.6
+"""Height of a storey, metres: what begins above it belongs to the next."""
 RADIUS: Final = 0.28
 """Half the width that a walking body needs, metres."""
 SQUEEZE: Final = 0.14
@@ -52,6 +54,8 @@ class FloorPlan:
     """Id of the static object in a cell, 0 for none."""
     tops: Array
     """Height over the floor of the tallest static thing in a cell, metres: what hides things behind it."""
+    overhead: tuple[Array, Array]
+    """Lowest and highest height over the floor of what hangs in a cell above the heads, such as lintels, metres."""
     floor: float = 0.0
 
     @classmethod
@@ -60,17 +64,22 @@ class FloorPlan:
         low, shape = _extent(scene)
         blocked, movable = np.zeros(shape, bool), np.zeros(shape, bool)
         owners, tops = np.zeros(shape, np.int32), np.zeros(shape)
+        under, over = np.full(shape, np.inf), np.zeros(shape)
         for thing in scene.objects:
             pose = (moved or {}).get(thing.id)
             for hull in _hulls(scene, thing, pose, floor):
                 mask, where = _raster(hull[:, [0, 2]], low, shape)
-                if thing.movable:
+                bottom, top = hull[:, 1].min() - floor, hull[:, 1].max() - floor
+                if bottom >= OBSTACLE_HEIGHTS[1]:
+                    under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
+                    over[where] = np.where(mask, np.maximum(over[where], top), over[where])
+                elif thing.movable:
                     movable[where] |= mask
-                    continue
-                blocked[where] |= mask
-                owners[where][mask] = thing.id
-                tops[where] = np.maximum(tops[where], mask * (hull[:, 1].max() - floor))
-        plan = cls((float(low[0]), float(low[1])), blocked, movable, owners, tops, floor)
+                else:
+                    blocked[where] |= mask
+                    owners[where][mask] = thing.id
+                    tops[where] = np.maximum(tops[where], mask * top)
+        plan = cls((float(low[0]), float(low[1])), blocked, movable, owners, tops, (under, over), floor)
         return replace(plan, blocked=blocked | ~plan._indoors(scene))
 
     def _indoors(self, scene: Scene) -> Mask:
@@ -130,7 +139,10 @@ class FloorPlan:
         steps = max(2, int(np.max(far, initial=0.0) / CELL))
         share = np.linspace(0.0, 1.0, steps) * np.maximum(0.0, 1.0 - 0.1 / np.maximum(far, 1e-6))[..., None]
         line = eyes[..., None, :] + share[..., None] * (points - eyes)[..., None, :]
-        return np.asarray((self.at(self.tops, line[..., [0, 2]]) <= line[..., 1] - self.floor).all(-1))
+        height, under, over = line[..., 1] - self.floor, *self.overhead
+        places = line[..., [0, 2]]
+        between = (self.at(under, places) < height) & (height < self.at(over, places))
+        return np.asarray(((self.at(self.tops, places) <= height) & ~between).all(-1))
 
 
 # -- routes ------------------------------------------------------------------------------------------------------------
@@ -323,11 +335,11 @@ def _seats(plan: FloorPlan, scene: Scene, target: int) -> Iterator[Stand]:
     sides = (0.0, np.pi / 2, -np.pi / 2) if thing.category == "bed" else (0.0,)
     height = asset.seat_height + thing.position[1] - plan.floor
     others = replace(plan, blocked=plan.blocked & (plan.owners != target))
-    for stand_off in (STAND_OFF, 0.6, 0.36):
+    for stand_off, margin in ((STAND_OFF, ARM_ROOM), (STAND_OFF, 0.35), (0.6, 0.35), (0.36, 0.35)):
         found = [
             Stand(target, float(place[0]), float(place[1]), yaw, stand_off, height)
             for side in sides
-            for place, yaw in _along(scene, target, turn, side, stand_off)
+            for place, yaw in _along(scene, target, turn, side, stand_off, margin)
             if plan.at(plan.clearance, place) >= min(RADIUS, stand_off - 0.1)
             and others.clear(place, place - stand_off * _facing(yaw), 0.2)
         ]
@@ -336,14 +348,16 @@ def _seats(plan: FloorPlan, scene: Scene, target: int) -> Iterator[Stand]:
             return
 
 
-def _along(scene: Scene, target: int, turn: Array, side: float, stand_off: float) -> list[tuple[Array, float]]:
+def _along(
+    scene: Scene, target: int, turn: Array, side: float, stand_off: float, margin: float
+) -> list[tuple[Array, float]]:
     """Places in front of one side of an object and where its front looks, from the middle of the side outwards."""
     thing = scene.by_id[target]
     asset = scene.assets[thing.asset]
     out, along = _facing3(side), _facing3(side + np.pi / 2)
     points = np.concatenate(asset.hulls) if asset.hulls else asset.mesh.vertices
     edge, reach = float((points @ out).max()), float(np.ptp(points @ along)) / 2
-    offsets = np.arange(0.0, max(reach - ARM_ROOM, 0.0) + 1e-9, 0.2)
+    offsets = np.arange(0.0, max(reach - margin, 0.0) + 1e-9, 0.2)
     facing = (turn @ out)[[0, 2]]
     places = [out * (edge + stand_off) + along * step for step in [*offsets, *-offsets[1:]]]
     places.sort(key=lambda place: abs(float(place @ along)))
@@ -373,12 +387,14 @@ def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
 
 
 def _hulls(scene: Scene, thing: SceneObject, pose: Array | None, floor: float) -> Iterator[Array]:
-    """The convex pieces of an object that are in a body's way, (K, 3) world points each."""
+    """The convex pieces of an object that stand on this storey, (K, 3) world points each; ceilings left out."""
+    if thing.category == "ceiling":
+        return
     place = np.array([*thing.position, *thing.rotation]) if pose is None else np.asarray(pose)
     turn = matrix_from_quaternion(place[3:])
     for hull in scene.assets[thing.asset].hulls:
         points = hull.astype(float) @ turn.T + place[:3]
-        if points[:, 1].max() > floor + OBSTACLE_HEIGHTS[0] and points[:, 1].min() < floor + OBSTACLE_HEIGHTS[1]:
+        if points[:, 1].max() > floor + OBSTACLE_HEIGHTS[0] and points[:, 1].min() < floor + STOREY:
             yield points
 
 

@@ -182,14 +182,15 @@ class Puppet:
     def restrain(self, before: Array) -> None:
         """Take back what a step moved the root, away from (3,) before, faster than a body may move.
 
-        Contacts may push it sideways and up; down it goes by gravity alone.
+        Contacts may push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet the
+        body up a wall. Beyond that only gravity speeds up a fall.
         """
         profile, rate = self._profile, FPS * self._profile.substeps
         root, turn = self._client.getBasePositionAndOrientation(self.body)
         speed = (np.array(root) - before) * rate
         allowed = np.empty(3)
         allowed[[0, 2]] = capped(speed[[0, 2]], profile.max_speed)
-        allowed[1] = np.clip(speed[1], self._fall - profile.gravity / rate, profile.max_lift)
+        allowed[1] = np.clip(speed[1], min(self._fall - profile.gravity / rate, -profile.max_lift), profile.max_lift)
         if np.abs(allowed - speed).max() > 1e-6:
             _, spin = self._client.getBaseVelocity(self.body)
             self._client.resetBasePositionAndOrientation(self.body, before + allowed / rate, turn)

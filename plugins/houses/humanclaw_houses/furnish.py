@@ -12,7 +12,7 @@ from humanclaw_houses.building import Placed
 from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, plants, seats, small, storage, tables
 from humanclaw_houses.model import Piece
 from humanclaw_houses.plan import CEILING
-from humanclaw_houses.space import REACH, SIDES, YAW, Rect, Side, Space, block_of, local, turn
+from humanclaw_houses.space import SIDES, YAW, Rect, Side, Space, at_hand, block_of, local, turn
 from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
@@ -198,7 +198,7 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
     front = local(stand, -0.4, stand.piece.size[2] / 2, 0.4, stand.piece.size[2] / 2 + 0.55)
     knees = space.ahead(seat, 0.65)
     tv = _on_front_edge(stand, screen)
-    if not space.put(stand, tv, seat, keep=[knees, front], want=[(knees,), (block_of(tv).rect.grown(REACH),)]):
+    if not space.put(stand, tv, seat, keep=[knees, front], want=[(knees,), at_hand(tv)]):
         return False
     _around_couch(space, kit, seat, gap)
     return True
@@ -238,7 +238,7 @@ def _dining_set(space: Space, kit: Kit, count: int) -> bool:
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
-    apart = {2: [0.0], 4: [-0.23 * w, 0.23 * w], 6: [-0.31 * w, 0.0, 0.31 * w]}[count]
+    apart = {2: [0.0], 4: [-0.22 * w, 0.22 * w], 6: [-0.295 * w, 0.0, 0.295 * w]}[count]
     if d > 1.0:  # round
         apart = [0.0]
     spots = _open_spots(space, w, d + 2 * 0.35, kit.rng)
@@ -250,14 +250,16 @@ def _dining_set(space: Space, kit: Kit, count: int) -> bool:
         if _set_down(space, spot, chairs):
             return True
     for spot in space.spots(table, kit.rng, step=0.2):
-        if _set_down(space, spot, [_at_table(spot, chair, along, 1, kit.rng) for along in apart]):
+        front = [_at_table(spot, chair, along, 1, kit.rng) for along in apart]
+        beside = [_at_end(spot, chair, side) for side in (-1, 1)] if w < 1.0 else []
+        if (beside and _set_down(space, spot, beside)) or _set_down(space, spot, front):
             return True
     return False
 
 
 def _set_down(space: Space, table: Placed, chairs: Sequence[Placed]) -> bool:
     """Place a table and its chairs if every chair can be got at."""
-    want = [(block_of(chair).rect.grown(REACH),) for chair in chairs]
+    want = [at_hand(chair) for chair in chairs]
     return all(space.fits(thing) for thing in (table, *chairs)) and space.put(table, *chairs, want=want)
 
 
@@ -381,7 +383,7 @@ def _work_place(space: Space, kit: Kit) -> bool:
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
         seat = _beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi)
-        if space.fits(spot, 0.95) and space.put(spot, seat, want=[(block_of(seat).rect.grown(REACH),)]):
+        if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
             y = desk.tops[0].y + 0.002
             space.put(replace(_beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
             space.put(replace(_beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12), y=y))
@@ -396,8 +398,9 @@ def _toilet(space: Space, kit: Kit) -> bool:
     for spot in space.spots(piece, kit.rng):
         around = local(spot, -w / 2 - 0.18, -d / 2 + 0.02, w / 2 + 0.18, d / 2)
         front = local(spot, -0.35, d / 2 + 0.01, 0.35, d / 2 + 0.65)
+        knees = local(spot, -0.15, d / 2 + 0.01, 0.15, d / 2 + 0.45)
         free = space.fits(spot) and space.is_free(around) and space.is_free(front)
-        if free and space.put(spot, keep=[front, around], want=[(front,)]):
+        if free and space.put(spot, keep=[front, around], want=[(knees,)]):
             paper = kit.make(bath.paper_holder)
             space.try_put(s for s in space.spots(paper, kit.rng, y=0.62) if np.hypot(s.x - spot.x, s.z - spot.z) < 0.9)
             return True

@@ -89,6 +89,12 @@ def block_of(thing: Placed) -> Block:
                              [thing.piece.high[0], 0, thing.piece.low[2]], thing.piece.high]), thing)  # fmt: skip
 
 
+def at_hand(thing: Placed) -> tuple[Rect, ...]:
+    """The places before the four sides of a piece from which a body can reach it; one of them must stay walkable."""
+    r = block_of(thing).rect
+    return Rect(r.x0 - REACH, r.z0, r.x1 + REACH, r.z1), Rect(r.x0, r.z0 - REACH, r.x1, r.z1 + REACH)
+
+
 def local(thing: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     """A rectangle in the frame of a placed piece, as the box around it in the world."""
     return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), thing).rect
@@ -222,7 +228,7 @@ class Space:
 
     def _add(self, thing: Placed) -> None:
         self.things.append(thing)
-        if thing.piece.size[1] > 0.03:  # rugs lie under things
+        if thing.piece.asset.hulls or thing.piece.size[1] > 0.03:  # rugs lie under things
             self._taken.append(block_of(thing))
         for hull in thing.piece.asset.hulls:
             block = outline(np.asarray(hull, float), thing)
@@ -236,7 +242,7 @@ class Space:
         for thing in spots:
             if self.fits(thing, front, gap):
                 kept = [self.ahead(thing, front)] if front and keep else []
-                if self.put(thing, keep=kept, want=[(block_of(thing).rect.grown(REACH),)] if target else []):
+                if self.put(thing, keep=kept, want=[at_hand(thing)] if target else []):
                     return thing
         return None
 

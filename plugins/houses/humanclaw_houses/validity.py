@@ -55,7 +55,7 @@ def standing_room(scene: Scene, walk: WalkMap, thing: SceneObject) -> NDArray[np
     x, z = walk.x0 + (columns + 0.5) * 0.05 - thing.position[0], walk.z0 + (rows + 0.5) * 0.05 - thing.position[2]
     matrix = matrix_from_quaternion(np.array(thing.rotation))
     side, ahead = matrix[0, 0] * x + matrix[2, 0] * z, matrix[0, 2] * x + matrix[2, 2] * z
-    before = (ahead > front) & (ahead < front + 0.5) & (np.abs(side) < half - 0.1)
+    before = (ahead > front) & (ahead < front + 0.5) & (np.abs(side) < max(half - 0.1, 0.2))
     if thing.category == "bed":
         before |= (np.abs(ahead) < front - 0.2) & (np.abs(side) > half) & (np.abs(side) < half + 0.5)
     return np.asarray(before & walk.main)

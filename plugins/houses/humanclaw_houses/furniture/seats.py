@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from humanclaw_houses import textures as t
@@ -75,6 +75,8 @@ def armchair(style: Style, name: str) -> Piece:
 def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
     m, cut = Model(), _Cut.draw(style, seats)
     kind = str(style.rng.choice(["soft", "boxy", "wooden", "buttoned"]))
+    if kind == "wooden":
+        cut = replace(cut, arm=0.09)
     leather = kind == "buttoned" or style.chance(0.12)
     hide = t.leather(t.pick(style.rng, t.LEATHERS), style.rng)
     cover = hide if leather else style.choice(style.cloth, style.second_cloth)
@@ -85,7 +87,9 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
             m.add(post(0.018, cut.leg + 0.02, (side * (cut.width / 2 - 0.08), 0, z), 0.026), style.second_wood)
         m.solid((cut.arm, cut.arm_top - cut.leg, cut.depth), (side * (cut.width - cut.arm) / 2, cut.leg, 0))
     m.solid((cut.inner, cut.seat - cut.leg, cut.reach), (0, cut.leg, cut.middle))
-    m.solid((cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2))
+    m.solid(
+        (cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2)
+    )
     return m.piece(name, category, seat=cut.seat)
 
 
@@ -97,11 +101,15 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
     m.add(soft_box((width, cut.back - cut.leg, cut.BACK_DEPTH), (0, cut.leg, z), 0.06), cover)
     radius = 0.02 if kind == "boxy" else 0.045
     for x in cut.seat_x():
-        m.add(soft_box((cut.per_seat - 0.012, 0.128, cut.reach), (x, cut.seat - 0.14, cut.middle), radius, 0.012), cover)
+        m.add(
+            soft_box((cut.per_seat - 0.012, 0.128, cut.reach), (x, cut.seat - 0.14, cut.middle), radius, 0.012), cover
+        )
         if kind == "buttoned":
             _buttons(m, cut, cover, x)
         else:
-            pad = soft_box((cut.per_seat - 0.02, cut.back - cut.seat + 0.06, 0.15), radius=0.03 if kind == "boxy" else 0.065)
+            pad = soft_box(
+                (cut.per_seat - 0.02, cut.back - cut.seat + 0.06, 0.15), radius=0.03 if kind == "boxy" else 0.065
+            )
             m.add(pad.moved((x, cut.seat - 0.02, cut.BACK_DEPTH - cut.depth / 2 + 0.045), (-9, 0, 0)), cover)
 
 
