@@ -17,7 +17,7 @@ from typing import Final
 import jinja2
 import numpy as np
 from PIL import Image
-from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
+from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion

@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt  # type: ignore[import-untyped]
-from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import ConvexHull, QhullError
 from skimage.graph import MCP_Geometric
 from skimage.measure import approximate_polygon
 

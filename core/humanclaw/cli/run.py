@@ -16,7 +16,7 @@ from humanclaw.cli.options import parse_pairs, plugin_files
 from humanclaw.cli.progress import Progress, summary
 from humanclaw.embodiment import Body, Engines
 from humanclaw.errors import RecordError
-from humanclaw.interfaces import DecisionMaker, Verifier
+from humanclaw.interfaces import DecisionMaker, Renderer, Verifier
 from humanclaw.loop import run_episode
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode
@@ -86,8 +86,9 @@ def _verifier(plugins: Plugins, name: str, options: dict[str, Any]) -> Verifier 
 def _show(plugins: Plugins, out: Path, folder: Path, scene: Scene, kind: str, console: Console) -> None:
     """Film first: the report links to it."""
     if kind != "none":
-        renderer = plugins.make("renderers", "bullet")
-        film(RecordedEpisode(folder), scene, renderer, folder / f"film.{kind}", kind=kind)
+        renderer: Renderer = plugins.make("renderers", Engines().renderer)
+        film(RecordedEpisode(folder), scene, renderer, folder / f"film.{kind}", kind="gif" if kind == "gif" else "mp4")
+        renderer.close()
         console.print(f"film:   {folder / f'film.{kind}'}")
     console.print(f"report: {write_report(out, None, plugins.scene)}")
 

@@ -204,6 +204,4 @@ class Puppet:
         return velocity
 
     def _set_joints(self, quaternions: Array, velocities: Array) -> None:
-        self._client.resetJointStatesMultiDof(
-            self.body, self._links, quaternions.tolist(), velocities.tolist()
-        )
+        self._client.resetJointStatesMultiDof(self.body, self._links, quaternions.tolist(), velocities.tolist())

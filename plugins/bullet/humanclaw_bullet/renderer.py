@@ -50,7 +50,9 @@ class BulletRenderer:
         self._shapes: dict[str, int] = {}
         self._textures: dict[str, int] = {}
         self._bodies: dict[int, int] = {}
-        self._rest = {thing.id: np.array([*thing.position, *thing.rotation], float) for thing in scene.objects if thing.movable}
+        self._rest = {
+            thing.id: np.array([*thing.position, *thing.rotation], float) for thing in scene.objects if thing.movable
+        }
         with tempfile.TemporaryDirectory() as folder:
             self._links = {joint: self._put(f"robot/{joint}", mesh, Path(folder)) for joint, mesh in robot().items()}
             for thing in scene.objects:

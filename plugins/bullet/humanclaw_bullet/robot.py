@@ -16,7 +16,15 @@ BLUE, WHITE, DARK, GLOW = range(4)
 _AROUND, _ACROSS = 14, 10
 """Meridians and parallels of a rounded surface: enough to look round, few enough to draw fast."""
 
-_COLOURS: Final = {"neck": DARK, "spine1": DARK, "spine2": WHITE, "elbow": WHITE, "knee": WHITE, "foot": DARK, "hand": DARK}
+_COLOURS: Final = {
+    "neck": DARK,
+    "spine1": DARK,
+    "spine2": WHITE,
+    "elbow": WHITE,
+    "knee": WHITE,
+    "foot": DARK,
+    "hand": DARK,
+}
 """Links that are not blue."""
 
 

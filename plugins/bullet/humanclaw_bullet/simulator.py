@@ -174,7 +174,9 @@ class HalfPhysics:
 def _new_client(profile: Profile) -> Client:
     client = Client()
     client.setGravity(0, -profile.gravity, 0)
-    client.setPhysicsEngineParameter(fixedTimeStep=1 / (FPS * profile.substeps), numSubSteps=0, deterministicOverlappingPairs=1)
+    client.setPhysicsEngineParameter(
+        fixedTimeStep=1 / (FPS * profile.substeps), numSubSteps=0, deterministicOverlappingPairs=1
+    )
     return client
 
 

@@ -64,15 +64,15 @@ class Things:
         if asset.name not in self._pieces:
             self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
         for shape in self._pieces[asset.name]:
-            body = self._client.createMultiBody(
-                0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1
-            )
+            body = self._client.createMultiBody(0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1)
             self._client.changeDynamics(body, -1, lateralFriction=thing.friction)
             self.object_of[body] = thing.id
 
     def _add_movable(self, thing: SceneObject, asset: Asset) -> None:
         if thing.mass <= 0:
-            raise SceneError(f"movable object {thing.id} ({thing.category}) has mass {thing.mass}; give it a positive one.")
+            raise SceneError(
+                f"movable object {thing.id} ({thing.category}) has mass {thing.mass}; give it a positive one."
+            )
         if asset.name not in self._whole:
             hulls = [hull.astype(float) for hull in asset.hulls]
             centre = centre_of_mass(hulls)
@@ -102,7 +102,9 @@ class Things:
         else:
             shape = self._compound(hulls)
         if shape < 0:
-            raise SceneError(f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?")
+            raise SceneError(
+                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?"
+            )
         return int(shape)
 
     def _compound(self, hulls: Sequence[Array]) -> int:

@@ -97,7 +97,9 @@ def play():
             here, origin = chunks[-1].realised, piece.root[-1]
         objects = simulator.state().objects
         simulator.close()
-        realised = Motion(*(np.concatenate([getattr(c.realised, part) for c in chunks]) for part in ("root", "rotations")))
+        realised = Motion(
+            *(np.concatenate([getattr(c.realised, part) for c in chunks]) for part in ("root", "rotations"))
+        )
         contacts, touches = (tuple(x for c in chunks for x in getattr(c, part)) for part in ("contacts", "touches"))
         return Played(motion, realised, contacts, touches, objects)
 
@@ -144,7 +146,9 @@ def gait():
             moving, start, from_pelvis = step % 2, feet[step % 2], pelvis
             goal = np.array([0.0, rise * min(step + 1, count), first + run * min(step, count - 1)])
             other = feet[1 - moving]
-            over = np.array([0.0, min(goal[1], other[1]) + 0.93, goal[2] if step == count else (goal[2] + other[2]) / 2])
+            over = np.array(
+                [0.0, min(goal[1], other[1]) + 0.93, goal[2] if step == count else (goal[2] + other[2]) / 2]
+            )
             for t in np.arange(1, 19) / 18:
                 smooth = t * t * (3 - 2 * t)
                 foot = start + (goal - start) * smooth

@@ -214,7 +214,9 @@ def test_walking_anywhere_in_a_closed_room_never_leaves_it_and_ends_on_both_feet
         walk = Frame(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
         for first in range(0, len(walk), 15):
             gap = (here.root[-1] - walk.root[max(first - 1, 0)]) * [1, 0, 1]
-            here = simulator.execute(Motion(walk.root[first : first + 15] + gap, walk.rotations[first : first + 15])).realised
+            here = simulator.execute(
+                Motion(walk.root[first : first + 15] + gap, walk.rotations[first : first + 15])
+            ).realised
             assert np.abs(here.joints()[..., [0, 2]]).max() < 1.95
             assert 0.4 < here.root[:, 1].min() < here.root[:, 1].max() < 1.6
     for _ in range(4):

@@ -142,4 +142,3 @@ def test_a_renderer_can_load_one_scene_after_another(workshop):
 def test_a_renderer_without_a_scene_says_so():
     with pytest.raises(HumanclawError, match="load"):
         BulletRenderer().render(STANDING, ego_camera(STANDING.body))
-

@@ -10,7 +10,9 @@ from humanclaw_bullet.simulator import HalfPhysics
 
 
 def block(low, high):
-    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], np.float32)
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], np.float32
+    )
 
 
 def table():

@@ -53,7 +53,7 @@ def furnish(space: Space, kit: Kit) -> None:
 def _living(space: Space, kit: Kit) -> None:
     _lounge(space, kit)
     if "dining" not in kit.rooms:
-        _dining_set(space, kit, 4)
+        _dining_set(space, kit, 4, at_wall=False)
     _stand(space, kit, storage.bookshelf, front=0.5)
     _plant(space, kit)
     if kit.chance(0.6):
@@ -233,8 +233,8 @@ def _beside(thing: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -
     return Placed(piece, thing.x + float(dx), 0.0, thing.z + float(dz), thing.yaw + yaw, thing.room)
 
 
-def _dining_set(space: Space, kit: Kit, count: int) -> bool:
-    """A table with chairs on its long sides, drawn up to it, with room to get behind them; at a wall in a small room."""
+def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
+    """A table with chairs on its long sides, drawn up to it, with room to get behind them; at_wall: or at a wall."""
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
@@ -249,7 +249,7 @@ def _dining_set(space: Space, kit: Kit, count: int) -> bool:
             chairs += [_at_end(spot, chair, side) for side in (-1, 1)]
         if _set_down(space, spot, chairs):
             return True
-    for spot in space.spots(table, kit.rng, step=0.2):
+    for spot in space.spots(table, kit.rng, step=0.2) if at_wall else ():
         front = [_at_table(spot, chair, along, 1, kit.rng) for along in apart]
         beside = [_at_end(spot, chair, side) for side in (-1, 1)] if w < 1.0 else []
         if (beside and _set_down(space, spot, beside)) or _set_down(space, spot, front):

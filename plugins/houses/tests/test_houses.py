@@ -179,11 +179,9 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
     whole = scene("0")
     hall = next(room for room in whole.rooms if room.kind == "hall")
     fridge = whole.of_category("fridge")[0]
-    row = [
-        SceneObject(10_000 + k, fridge.asset, "fridge", (x, 0.0, (hall.z0 + hall.z1) / 2))
-        for k, x in enumerate(np.arange(hall.x0, hall.x1, 0.5))
-    ]
-    broken = Scene(whole.name, whole.assets, (*whole.objects, *row), whole.rooms, whole.start)
+    places = [(x, z) for x in np.arange(hall.x0, hall.x1, 0.5) for z in np.arange(hall.z0, hall.z1, 0.5)]
+    fridges = [SceneObject(10_000 + k, fridge.asset, "fridge", (x, 0.0, z)) for k, (x, z) in enumerate(places)]
+    broken = Scene(whole.name, whole.assets, (*whole.objects, *fridges), whole.rooms, whole.start)
     assert any("cannot be walked to" in problem for problem in problems(broken))
 
 

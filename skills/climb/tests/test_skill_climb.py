@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_climb
 import pytest
 
+import humanclaw_skill_climb
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_climb.__file__).parent

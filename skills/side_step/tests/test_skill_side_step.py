@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_side_step
 import pytest
 
+import humanclaw_skill_side_step
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_side_step.__file__).parent

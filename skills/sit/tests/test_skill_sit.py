@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_sit
 import pytest
 
+import humanclaw_skill_sit
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_sit.__file__).parent

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_step_back
 import pytest
 
+import humanclaw_skill_step_back
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_step_back.__file__).parent

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_stop
 import pytest
 
+import humanclaw_skill_stop
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_stop.__file__).parent

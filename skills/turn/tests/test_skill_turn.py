@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_turn
 import pytest
 
+import humanclaw_skill_turn
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_turn.__file__).parent

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import humanclaw_skill_walk
 import pytest
 
+import humanclaw_skill_walk
 from humanclaw.testing import check_skill
 
 FOLDER = Path(humanclaw_skill_walk.__file__).parent

@@ -82,7 +82,7 @@ def carton(style: Style, name: str) -> Piece:
     w, h, d = style.between(0.28, 0.42), style.between(0.22, 0.34), style.between(0.25, 0.34)
     m.box((w, h, d), (0, 0, 0), t.plain((190, 150, 104), style.rng, 0.03))
     m.add(box((w + 0.002, 0.002, 0.05), (0, h, 0)), t.plain((214, 190, 150), style.rng))
-    return m.piece(name, "box", mass=round(12 * w * h * d / 0.03, 1), friction=0.5)
+    return m.piece(name, "box", mass=round(150 * w * h * d, 1), friction=0.5)
 
 
 def toy_ball(style: Style, name: str) -> Piece:
