@@ -198,6 +198,17 @@ def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
     assert jump[:, 4:].max() < 0.1
 
 
+def test_some_bodies_were_held_back_and_none_was_pushed_on():
+    clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.full(500, 0.6), moving=True))
+    root, _ = spoilt(*clean, torch.Generator().manual_seed(0))
+    travelled = (root[:, 4, 2] - root[:, 0, 2]).numpy()
+    normal = 0.6 * 4 / 15
+    held = travelled < normal - 0.06  # below what drift alone takes away
+    assert 0.02 < held.mean() < 0.15
+    assert travelled[held].min() > -0.05
+    np.testing.assert_allclose(root[:, 4, [0, 2]], 0, atol=1e-6)
+
+
 def test_no_strength_leaves_chunks_as_they_are():
     clean_root, clean_rotations, root, rotations = _spoilt(0.0)
     np.testing.assert_allclose(root, clean_root, atol=1e-5)

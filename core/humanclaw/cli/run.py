@@ -9,7 +9,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from humanclaw.bench.film import film
+from humanclaw.bench.film import film, poster
 from humanclaw.bench.report import write_report
 from humanclaw.bench.tasks import free_episode
 from humanclaw.cli.options import parse_pairs, plugin_files
@@ -84,13 +84,15 @@ def _verifier(plugins: Plugins, name: str, options: dict[str, Any]) -> Verifier 
 
 
 def _show(plugins: Plugins, out: Path, folder: Path, scene: Scene, kind: str, console: Console) -> None:
-    """Film first: the report links to it."""
+    """Film and poster first: the report embeds them."""
+    episode = RecordedEpisode(folder)
     if kind != "none":
         renderer: Renderer = plugins.make("renderers", Engines().renderer)
-        film(RecordedEpisode(folder), scene, renderer, folder / f"film.{kind}", kind="gif" if kind == "gif" else "mp4")
+        picture = poster(episode, scene, renderer, folder / "poster.png")
+        moving = film(episode, scene, renderer, folder / f"film.{kind}", kind="gif" if kind == "gif" else "mp4")
         renderer.close()
-        console.print(f"film:   {folder / f'film.{kind}'}")
-    console.print(f"report: {write_report(out, None, plugins.scene)}")
+        console.print(f"film: {moving}\npicture: {picture}", soft_wrap=True)
+    console.print(f"report: {write_report(out, None, plugins.scene)}", soft_wrap=True)
 
 
 def _exit(record: EpisodeRecord) -> None:

@@ -113,9 +113,11 @@ def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength
 
     Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter. The future
     starts where the spoilt history ends and returns to the clean one within ten frames, so that what is learned is a smooth
-    recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical frame demands.
+    recovery and never a jump. A tenth of the bodies was held back, as by a wall, while the legs walked on. The lowest sole of the
+    history stays at height 0, as the canonical frame demands.
     """
     device = root.device
+    root = _held_back(root, generator, 0.1 * strength)
     share = strength * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
     pose, drift, history = (curve.to(device)[None, :, None] for curve in _curves())
 
@@ -132,6 +134,16 @@ def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength
     root = root + share * moved
     lowest = kinematics.support_height(kinematics.joints(root[:, :HISTORY], rotations[:, :HISTORY])).amin(-1)
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
+
+
+def _held_back(root: Tensor, generator: torch.Generator, probability: float) -> Tensor:
+    """Histories of some of the chunks with less travel than they had."""
+    held, kept = torch.rand(2, len(root), 1, 1, generator=generator, device=root.device)
+    kept = torch.where(held < probability, kept, 1.0)
+    now = root[:, HISTORY - 1 : HISTORY]
+    level = torch.tensor([1.0, 0.0, 1.0], device=root.device)
+    history = root[:, :HISTORY] + (1 - kept) * level * (now - root[:, :HISTORY])
+    return torch.cat([history, root[:, HISTORY:]], 1)
 
 
 def commanded(skill: str, params: Tensor, states: Tensor) -> Tensor:

@@ -109,7 +109,6 @@ class Loss:
             + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
         )
 
-
     def _care(self, true_steps: Tensor) -> Tensor:
         """(B, 15, 24, 1) how much each joint's motion matters."""
         planted = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
@@ -238,7 +237,9 @@ class Trainer(Generic[M]):
 
 def _schedule(step: int, progress: float) -> float:
     """Linear warm-up over 200 steps, or a twentieth of a shorter run; a cosine down to a hundredth."""
-    return min(1.0, max((step + 1) / 200, progress / 0.05)) * (0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))))
+    return min(1.0, max((step + 1) / 200, progress / 0.05)) * (
+        0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0)))
+    )
 
 
 def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from humanclaw.scene import Asset, Mesh
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
-from humanclaw_houses.textures import SIZE, Pixels, Tile
+from humanclaw_houses.textures import Pixels, Tile
 
 Solid = Literal["", "box", "hull"]
 
@@ -168,6 +168,3 @@ def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]
         corner = np.array([column / columns, 1 - (row + 1) / rows])
         cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset
     return picture, cells
-
-
-__all__ = ["SIZE", "Model", "Piece", "Top", "atlas", "bake", "convex", "corners", "exact"]
