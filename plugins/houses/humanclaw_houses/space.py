@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label  # type: ignore[import-untyped]
+from scipy.ndimage import distance_transform_edt, label
 
 from humanclaw_houses.building import Placed
 from humanclaw_houses.model import Piece

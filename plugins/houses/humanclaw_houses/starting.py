@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label  # type: ignore[import-untyped]
+from scipy.ndimage import distance_transform_edt, label
 from skimage.graph import MCP_Geometric
 
 from humanclaw.pose import matrix_from_quaternion

@@ -18,7 +18,7 @@ from humanclaw_houses.source import house
 from humanclaw_houses.starting import WalkMap
 from humanclaw_houses.validity import interpenetrating, problems
 
-SAMPLE = ("0", "12", "24", "27", "40", "train-17")
+SAMPLE = ("0", "12", "27", "train-17")
 
 
 @cache
@@ -65,7 +65,7 @@ def test_the_same_number_gives_the_same_house_in_another_process() -> None:
 
 
 def test_different_numbers_give_different_houses() -> None:
-    names = (*SAMPLE, "train-0", "train-24")
+    names = (*SAMPLE, "train-0")
     plans = {tuple((room.x0, room.z0, room.x1, room.z1) for room in scene(name).rooms) for name in names}
     assert len(plans) == len(names)
 
