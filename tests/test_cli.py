@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 
+KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
 def humanclaw(*args, cwd, **env):
     command = [sys.executable, "-m", "humanclaw", *map(str, args)]
-    return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, env=os.environ | env, timeout=300, check=False
-    )
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, env=KEYLESS | env, timeout=300, check=False)
 
 
 @pytest.fixture
@@ -64,6 +63,8 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
         (["run", "--scene", "hose:0"], "there is no scene source 'hose'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
         (["run", "--agent", "oracel"], "there is no decision maker 'oracel'", "Did you mean oracle?"),
+        (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
+        (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),
         (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
         (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw run --out"),
@@ -80,10 +81,19 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message,
 
 def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    done = cli("run", "--out", "file/run", "--max-steps", "1", "--film", "none")
+    done = cli("run", "--agent", "still", "--out", "file/run", "--film", "none")
     assert done.returncode == 2
     assert "cannot write the record to file/run" in done.stderr
     assert "--out" in done.stderr
+
+
+def test_a_provider_that_cannot_be_reached_is_an_infra_error_and_exits_with_1(cli, tmp_path):
+    options = ["api_base=http://127.0.0.1:9/v1", "num_retries=1", "backoff=0.01"]
+    pairs = [part for option in options for part in ("--option", option)]
+    done = cli("run", "--model", "openai/nobody", *pairs, "--out", "r", "--film", "gif")
+    assert done.returncode == 1
+    assert "the provider failed" in done.stderr
+    assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "infra_error"
 
 
 def test_a_record_is_never_overwritten(cli, tmp_path):

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from humanclaw import Call
+from humanclaw import Body, Call, Plugins
 from humanclaw.bench.tasks import free_episode
-from humanclaw.errors import ProviderError, RecordError, SceneError
+from humanclaw.errors import CheckpointError, ProviderError, RecordError, SceneError
 from humanclaw.interfaces import Answer, Decision, Verdict
 from humanclaw.loop import run_episode
 from humanclaw.records import RecordedEpisode
@@ -175,3 +175,33 @@ def test_an_unwritable_folder_is_refused_before_anything_is_written(body, house,
     spec = free_episode("walk", house, max_steps=1)
     with pytest.raises(RecordError, match="cannot write the record"):
         run_episode(body, spec, ScriptedAgent([STOP]), folder=tmp_path / "file" / "episode")
+
+
+@pytest.fixture
+def untrained(tmp_path):
+    """A plugin file with one skill whose adapter is still to be trained."""
+    folder = tmp_path / "hop"
+    folder.mkdir()
+    schema = {"type": "object", "properties": {}, "description": "Hop once.", "additionalProperties": False}
+    (folder / "schema.json").write_text(json.dumps(schema))
+    plugin = tmp_path / "hopping.py"
+    plugin.write_text(
+        "from pathlib import Path\nfrom humanclaw import hookimpl\n\n\n@hookimpl\ndef humanclaw_skills(register):\n"
+        "    register(Path(__file__).parent / 'hop')\n"
+    )
+    return Plugins.discover([plugin])
+
+
+def test_a_skill_without_adapter_is_refused_in_words_and_says_how_to_train_it(untrained, house):
+    with Body(house, plugins=untrained) as body:
+        agent = ScriptedAgent([Call("hop"), STOP])
+        run_episode(body, free_episode("hop", house, max_steps=1), agent)
+        assert "hop is not available, its adapter is not trained" in agent.heard[1].feedback
+        with pytest.raises(CheckpointError, match="humanclaw train adapter hop"):
+            body.call("hop")
+
+
+def test_a_corrupt_adapter_is_named_with_its_remedy(untrained, house, tmp_path):
+    (tmp_path / "hop" / "adapter.safetensors").write_bytes(b"not a checkpoint")
+    with Body(house, plugins=untrained) as body, pytest.raises(CheckpointError, match=r"hop.adapter\.safetensors"):
+        body.call("hop")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,9 +29,15 @@ from humanclaw.interfaces import (
     Verifier,
     View,
 )
-from humanclaw.recorder import Film, attempt_record, episode_record, jpeg, outcome, place, verdict_record
+from humanclaw.pose import Array
+from humanclaw.recorder import Film, attempt_record, episode_record, jpeg, outcome, place, verdict_record, way_left
 from humanclaw.records import AttemptRecord, CallRecord, EpisodeRecord, EpisodeWriter, Outcome, StepRecord
-from humanclaw.scene import Placement
+from humanclaw.scene import Placement, Scene
+
+Distance = Callable[[Array], float]
+"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
+Ruler = Callable[[Scene, Sequence[int], float], Distance]
+"""Makes a Distance for a scene, the ids of its targets and the height of the floor."""
 
 MAX_ATTEMPTS: Final = 3
 """Answers asked for in one step until one is usable; after that the step is lost and the episode goes on."""
@@ -46,6 +52,7 @@ class Run:
     maker: DecisionMaker
     verifier: Verifier | None = None
     writer: EpisodeWriter | None = None
+    distance: Distance | None = None
     history: list[Past] = field(default_factory=list)
     feedback: str = ""
     seconds: dict[str, float] = field(default_factory=dict)
@@ -72,15 +79,19 @@ def run_episode(
     *,
     folder: Path | None = None,
     options: Mapping[str, Any] | None = None,
+    ruler: Ruler | None = None,
 ) -> EpisodeRecord:
     """Run one episode to its end and record it in folder, if one is given.
 
+    ruler: measures the way that is left to a target after each step, for the record.
     Raises SceneError if the scene is not the one the episode was made for. A KeyboardInterrupt is recorded and raised again.
     """
     begin(body, spec)
     record = episode_record(body, spec, maker, verifier, options or {})
+    distance = ruler(body.scene, spec.target_ids, body.start.floor) if ruler and spec.target_ids else None
+    record = record.model_copy(update=way_left(body.state(), distance))
     _introduce(body, spec, maker, verifier)
-    run = Run(body, spec, maker, verifier, EpisodeWriter(folder, record) if folder else None)
+    run = Run(body, spec, maker, verifier, EpisodeWriter(folder, record) if folder else None, distance)
     film = Film(body)
     ending: Outcome = "interrupted"
     error, steps = "", 0
@@ -151,6 +162,8 @@ def _step(run: Run, film: Film, number: int) -> StepRecord:
             attempts=attempts,
             feedback=attempts[-1].error,
             **place(run.body.state()),
+            **place(run.body.state(), "end"),
+            **way_left(run.body.state(), run.distance),
             **seen,
         )
     verdict, call = _verify(run, number, view, decision, call)
@@ -168,6 +181,7 @@ def _step(run: Run, film: Film, number: int) -> StepRecord:
         call=CallRecord(skill=call.skill, params=dict(call.params)),
         feedback=feedback,
         **(before | place(run.body.state(), "end") | seen | outcome(run.body.scene, run.targets(), deed)),
+        **way_left(run.body.state(), run.distance),
         seconds={key: round(value, 4) for key, value in run.seconds.items()},
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,17 @@ import humanclaw
 from humanclaw.embodiment import Body, Deed
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import Contact, Decision, DecisionMaker, Usage, Verdict, Verifier, View, WorldState
+from humanclaw.interfaces import (
+    Contact,
+    Decision,
+    DecisionMaker,
+    Execution,
+    Usage,
+    Verdict,
+    Verifier,
+    View,
+    WorldState,
+)
 from humanclaw.pose import HISTORY, Array, Motion
 from humanclaw.records import (
     AnswerRecord,
@@ -80,6 +90,7 @@ def episode_record(
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
         targets={key: (_vec3(low), _vec3(high)) for key, (low, high) in boxes.items()},
+        movable=tuple(thing.id for thing in body.scene.objects if thing.movable),
         skills=tuple(sorted(body.skills)),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
@@ -90,24 +101,37 @@ def place(state: WorldState, prefix: str = "start") -> dict[str, Any]:
     return {prefix: _vec3(state.body.root[-1]), f"yaw_{prefix}": float(state.body.yaw()[-1])}
 
 
+def way_left(state: WorldState, distance: Callable[[Array], float] | None) -> dict[str, Any]:
+    """The shortest way to a target as a field of a record; None if nothing measures it or there is none."""
+    metres = distance(state.body.root[-1]) if distance else float("inf")
+    return {"geodesic": round(metres, 3) if np.isfinite(metres) else None}
+
+
 def outcome(scene: Scene, targets: Sequence[int], deed: Deed) -> dict[str, Any]:
     last = deed.chunks[-1].execution
     return {
         "motion_frames": sum(len(chunk.commanded) for chunk in deed.chunks),
         "contacts": _contact_records(deed),
-        "touches": tuple(touch for chunk in deed.chunks for touch in chunk.execution.touches),
+        "touches": tuple((start + at, a, b) for start, part in _timed(deed) for at, a, b in part.touches),
         "target_distance": _target_distance(scene, targets, last.realised),
         "pelvis_contacts": _pelvis_contacts(last.contacts, len(last.realised) - 1),
     }
 
 
+def _timed(deed: Deed) -> Iterator[tuple[int, Execution]]:
+    """What became of each chunk, with the frame of the step that it begins at."""
+    start = 0
+    for chunk in deed.chunks:
+        yield start, chunk.execution
+        start += len(chunk.commanded)
+
+
 def _contact_records(deed: Deed) -> tuple[ContactRecord, ...]:
     """One record a (joint, object) pair: the frames in which they touch, counted from the first frame of the step."""
     pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
-    for index, chunk in enumerate(deed.chunks):
-        offset = index * len(chunk.commanded)
-        for contact in chunk.execution.contacts:
-            pairs.setdefault((contact.joint, contact.object_id), []).append((offset + contact.frame, contact))
+    for start, part in _timed(deed):
+        for contact in part.contacts:
+            pairs.setdefault((contact.joint, contact.object_id), []).append((start + contact.frame, contact))
     return tuple(
         ContactRecord(
             joint=joint,

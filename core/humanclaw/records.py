@@ -112,11 +112,13 @@ class StepRecord(Record):
     yaw_end: float = 0.0
     contacts: tuple[ContactRecord, ...] = ()
     touches: tuple[tuple[int, int, int], ...] = ()
-    """(frame, object, object): a movable object touches another."""
+    """(frame of the step, object, object): a movable object touches another."""
     target_distance: float | None = None
     """Least distance from any body point to the bounding box of a target in the step's last frame, metres."""
     pelvis_contacts: tuple[int, ...] = ()
     """Ids that the pelvis touches in the step's last frame."""
+    geodesic: float | None = None
+    """Shortest way from the pelvis after the step to a place beside the nearest target, metres; None if not measured."""
     seconds: dict[str, float] = {}
     """Wall time of observe, decide, verify, generate, simulate."""
 
@@ -136,6 +138,10 @@ class EpisodeRecord(Record):
     scene_digest: str
     targets: dict[int, tuple[Vec3, Vec3]] = {}
     """Target id to its bounding box."""
+    movable: tuple[int, ...] = ()
+    """Ids of the objects that can be moved."""
+    geodesic: float | None = None
+    """Shortest way from the start to a place beside the nearest target, metres; None if not measured."""
     skills: tuple[str, ...] = ()
     created: str = ""
     outcome: Outcome = "running"

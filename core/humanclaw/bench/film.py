@@ -69,7 +69,8 @@ def poster(
     # The map fills its column: as wide as its shape makes it at the height of both rows.
     side = int((width - GAP * (moments + 2 + wide / deep)) / (moments + 2 * wide / deep))
     renderer.load(replay.open_scene)
-    frames = np.linspace(HISTORY, len(replay.motion) - 1, moments).astype(int)
+    last = len(replay.motion) - 1
+    frames = np.linspace(min(HISTORY, last), last, moments).astype(int)
     outside = [_shot(replay, renderer, int(frame), (side, side)) for frame in frames]
     # The eyes see the ceiling, so the ego views need the whole scene.
     renderer.load(scene)
@@ -130,7 +131,7 @@ class Replay:
 
 def without_ceilings(scene: Scene) -> Scene:
     """The same scene, open from above."""
-    return replace(scene, objects=tuple(thing for thing in scene.objects if thing.category != "ceiling"))
+    return replace(scene, objects=tuple(thing for thing in scene.objects if not thing.category.startswith("ceiling")))
 
 
 def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:

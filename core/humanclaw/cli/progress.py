@@ -38,7 +38,7 @@ def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")
         parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")
-    if record.spec.interact:
-        sat = bool(steps and set(steps[-1].pelvis_contacts) & set(record.spec.target_ids))
+    if record.spec.interact and steps:
+        sat = bool(set(steps[-1].pelvis_contacts) & set(record.spec.target_ids))
         parts.append("sitting on it" if sat else "not sitting on it")
     return ", ".join(parts) + "."

@@ -6,7 +6,8 @@ Its product is kinematic: what the body then really does, the simulator decides.
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -83,7 +84,7 @@ class DiTGenerator:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
         frames = [Frame.of_history(_checked(history)) for history in histories]
         states = [encode(frame.to_local(history)) for frame, history in zip(frames, histories, strict=True)]
-        with torch.inference_mode():
+        with torch.inference_mode(), _one_thread():
             clean = torch.as_tensor(np.stack(states), dtype=torch.float32)
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
             decoded = self.base.normaliser.inverse(future).numpy()
@@ -112,6 +113,20 @@ class DiTGenerator:
             known = _Branch(adapter, adapter.modulations(self.base.model, self._times), modified)
             self._branches[path] = known
         return known
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it costs seconds.
+
+    One thread also keeps the order of sums, and so the motion, the same on machines with other numbers of cores.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def shipped_base() -> Path:

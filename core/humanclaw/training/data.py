@@ -113,11 +113,9 @@ def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength
 
     Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter. The future
     starts where the spoilt history ends and returns to the clean one within ten frames, so that what is learned is a smooth
-    recovery and never a jump. A tenth of the bodies was held back, as by a wall, while the legs walked on. The lowest sole of the
-    history stays at height 0, as the canonical frame demands.
+    recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical frame demands.
     """
     device = root.device
-    root = _held_back(root, generator, 0.1 * strength)
     share = strength * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
     pose, drift, history = (curve.to(device)[None, :, None] for curve in _curves())
 
@@ -136,26 +134,16 @@ def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
 
 
-def _held_back(root: Tensor, generator: torch.Generator, probability: float) -> Tensor:
-    """Histories of some of the chunks with less travel than they had."""
-    held, kept = torch.rand(2, len(root), 1, 1, generator=generator, device=root.device)
-    kept = torch.where(held < probability, kept, 1.0)
-    now = root[:, HISTORY - 1 : HISTORY]
-    level = torch.tensor([1.0, 0.0, 1.0], device=root.device)
-    history = root[:, :HISTORY] + (1 - kept) * level * (now - root[:, :HISTORY])
-    return torch.cat([history, root[:, HISTORY:]], 1)
-
-
-def commanded(skill: str, params: Tensor, states: Tensor) -> Tensor:
-    """(B, k) parameters of chunks after their histories were spoilt, (B, 20, 219).
+def commanded(skill: str, params: Tensor, clean: Tensor, root: Tensor) -> Tensor:
+    """(B, k) parameters of chunks after their histories were spoilt; root (B, 20, 3) before (clean) and after.
 
     Where a body ends is as it was; only a rise is measured from where the spoilt history now has the pelvis.
     """
     sign = {"climb_upstairs": 1.0, "walk_downstairs": -1.0}.get(skill)
     if sign is None:
         return params
-    rise = sign * (states[:, -1, 1] - states[:, HISTORY - 1, 1])
-    return torch.cat([rise[:, None], params[:, 1:]], 1)
+    lifted = root[:, HISTORY - 1, 1] - clean[:, HISTORY - 1, 1]
+    return torch.cat([params[:, :1] - sign * lifted[:, None], params[:, 1:]], 1)
 
 
 def _curves() -> tuple[Tensor, Tensor, Tensor]:

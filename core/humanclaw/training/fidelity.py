@@ -209,7 +209,7 @@ def _row(skill: str, rollouts: Rollouts) -> Row:
     pop, inside = acceleration(joints)
     jerks = [root_jerk(motion) for motion in rollouts.whole]
     return Row(
-        skill, _mean(ratio), float(ratio.std()), _mean(after), error,
+        skill, _mean(ratio), float(np.nanstd(ratio)) if np.isfinite(ratio).any() else float("nan"), _mean(after), error,
         skate(future), penetration(future), pop, inside, _mean(np.array(jerks)),
     )  # fmt: skip
 
@@ -223,11 +223,13 @@ def _achieved(skill: str, rollouts: Rollouts) -> tuple[Array, float]:
     angle = np.array([name == "yaw" for name in PARAMETERS[skill]])
     difference[:, angle] = np.degrees((difference[:, angle] + np.pi) % (2 * np.pi) - np.pi)
     difference[:, ~angle] *= 100
-    return achieved[:, primary] / rollouts.commands[:, primary], float(np.abs(difference).mean())
+    # Data, unlike commands, may hold a displacement of exactly nothing.
+    wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
+    return achieved[:, primary] / wanted, float(np.abs(difference).mean())
 
 
 def _mean(values: Array) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
 def milliseconds(generator: DiTGenerator, adapter: Path, values: Sequence[float], times: int = 10) -> float:

@@ -65,16 +65,18 @@ class Weights:
     rotations: float = 1.0
     positions: float = 0.5
     velocities: float = 0.5
-    joints: float = 0.1
+    joints: float = 0.3
     """Forward kinematics of the predicted rotations, per (3 cm) squared."""
-    motion: float = 0.05
+    motion: float = 0.15
     """Their one-frame differences, per (5 mm) squared."""
     feet: float = 2.0
     """Of those, how much more the feet count than another joint,"""
     planted: float = 12.0
     """and how much more a foot that is at rest: this is what keeps feet from skating."""
-    outcome: float = 0.1
+    outcome: float = 0.2
     """Root at the last frame, per (1 cm) and (1 degree) squared, linear beyond: what the skills' parameters command."""
+    floor: float = 0.1
+    """Lowest sole of the last five frames, which will be the floor of the next chunk, per (2 mm) squared, linear beyond."""
 
 
 class Loss:
@@ -107,6 +109,7 @@ class Loss:
             + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
             + self.weights.motion * (self._care(true_steps) * ((steps - true_steps) / 0.005).square()).mean()
             + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
+            + self.weights.floor * _huber((_floor(joints) - _floor(true)) / 0.002)
         )
 
     def _care(self, true_steps: Tensor) -> Tensor:
@@ -119,7 +122,16 @@ class Loss:
 def _outcome(error: Tensor) -> Tensor:
     """(B, 6) root translation and rotation errors, metres and radians."""
     units = torch.tensor([0.01] * 3 + [math.radians(1)] * 3, device=error.device)
-    return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
+    return _huber(error / units)
+
+
+def _floor(joints: Tensor) -> Tensor:
+    """(B, T, 24, 3) to the (B,) height that the next chunk will take for the floor: the least of noisy heights errs downwards."""
+    return kinematics.support_height(joints[:, -HISTORY:]).amin(-1)
+
+
+def _huber(error: Tensor) -> Tensor:
+    return nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
 
 
 Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
@@ -180,9 +192,10 @@ class Trainer(Generic[M]):
         )
         size = self.recipe.batch
         chosen = torch.randint(len(self.chunks), (size,), generator=generator, device=device)
-        root, rotations = self.chunks.root[chosen], self.chunks.rotations[chosen]
-        states = kinematics.encode(*data.spoilt(root, rotations, generator, self.recipe.spoil))
-        values = data.commanded(self.chunks.name, self.chunks.params[chosen], states)
+        clean = self.chunks.root[chosen]
+        root, rotations = data.spoilt(clean, self.chunks.rotations[chosen], generator, self.recipe.spoil)
+        states = kinematics.encode(root, rotations)
+        values = data.commanded(self.chunks.name, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
         # Not uniform: the noisy joints of 15 frames together betray the outcome from tau 0.1 on, so what a model makes of its

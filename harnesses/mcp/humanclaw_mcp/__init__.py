@@ -1,0 +1,19 @@
+"""HumanCLAW harness: a Model Context Protocol server. Any agent that speaks MCP gets the skills as its tools."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    import click
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_mcp.command import command
+
+    cli.add_command(command)

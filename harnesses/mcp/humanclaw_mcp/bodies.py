@@ -1,0 +1,76 @@
+"""Which session has which body."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import anyio
+import anyio.to_thread
+
+from humanclaw.errors import HumanclawError
+from humanclaw.plugins import Plugins
+from humanclaw_mcp.session import Session
+from humanclaw_mcp.settings import Settings
+
+
+class Bodies:
+    """One body a session, up to a limit. Used from one event loop; the bodies themselves live on threads."""
+
+    def __init__(self, settings: Settings, discover: Callable[[], Plugins] = Plugins.discover) -> None:
+        """discover: finds the plugins; asked once for the tool list, and again for each session."""
+        self.settings = settings
+        self.plugins = discover()
+        self._discover = discover
+        self._stage = threading.Lock()
+        self._sessions: dict[str, Session] = {}
+        self._put_away: set[str] = set()
+
+    def __len__(self) -> int:
+        return len(self._sessions)
+
+    def find(self, key: str) -> Session | None:
+        return self._sessions.get(key)
+
+    def of(self, key: str, client: str) -> Session:
+        """The body of a session, which is made if there is none.
+
+        Raises HumanclawError at the limit, and once if the body was put away: a new one must not pass for it.
+        """
+        if key in self._put_away:
+            self._put_away.remove(key)
+            idle = f"your body was put away after {self.settings.idle:g} seconds without a call."
+            raise HumanclawError(idle, "Call reset to begin with a new one.")
+        if key not in self._sessions:
+            if len(self) >= self.settings.bodies:
+                raise HumanclawError(
+                    f"all {self.settings.bodies} bodies of this server are in use.",
+                    "Try again later, end another session, or start the server with a larger --bodies.",
+                )
+            self._sessions[key] = Session(self._discover(), self.settings, self._stage, client)
+        return self._sessions[key]
+
+    async def release(self, key: str) -> None:
+        """Put a session's body away; it may have none."""
+        self._put_away.discard(key)
+        session = self._sessions.pop(key, None)
+        if session:
+            await anyio.to_thread.run_sync(session.close)
+
+    async def release_idle(self) -> None:
+        """Put away the bodies that nobody has called for a while."""
+        oldest = time.monotonic() - self.settings.idle
+        for key in [key for key, session in self._sessions.items() if session.used < oldest and not session.busy]:
+            await self.release(key)
+            self._put_away.add(key)
+
+    async def tend(self) -> None:
+        """Release idle bodies for as long as the server runs."""
+        while True:
+            await anyio.sleep(min(self.settings.idle / 4, 30.0))
+            await self.release_idle()
+
+    async def close(self) -> None:
+        for key in list(self._sessions):
+            await self.release(key)

@@ -1,0 +1,47 @@
+"""`humanclaw mcp`."""
+
+from __future__ import annotations
+
+import functools
+import logging
+from pathlib import Path
+from typing import Any
+
+import click
+
+from humanclaw.cli.options import plugin_files
+
+
+@click.command("mcp")
+@click.option("--http", is_flag=True, help="Serve streamable HTTP on 127.0.0.1 instead of the standard streams.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port for --http.")
+@click.option("--scene", "scenes", multiple=True, default=("house:0",), show_default=True, help="Repeatable.")
+@click.option("--instruction", help="What the body is to do, if the client does not say.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Steps an episode.")
+@click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Bodies at most at one time.")
+@click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds an idle body is kept.")
+@click.option("--envelope/--no-envelope", default=False, help="Also ask what is seen and why, as the benchmark does.")
+@click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), help="Record the episodes here; without it none is recorded.")
+@plugin_files
+def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> None:
+    """Hand the skills to an agent over the Model Context Protocol."""
+    import anyio
+
+    from humanclaw.plugins import Plugins
+    from humanclaw_mcp.bodies import Bodies
+    from humanclaw_mcp.serve import serve_http, serve_stdio
+    from humanclaw_mcp.settings import Settings
+
+    # Session names are keys to a body, and the protocol library logs them below this level.
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    settings = Settings(**{key: value for key, value in options.items() if value is not None})
+    bodies = Bodies(settings, functools.partial(Plugins.discover, files))
+    try:
+        if http:
+            anyio.run(serve_http, bodies, port, lambda url: click.echo(f"Listening on {url}", err=True))
+        else:
+            anyio.run(serve_stdio, bodies)
+    except KeyboardInterrupt:
+        click.echo("Stopped.", err=True)

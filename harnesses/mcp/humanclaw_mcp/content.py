@@ -1,0 +1,271 @@
+"""What a client is shown: tools, results, the body's own state, the log and the task in words."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import io
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import jinja2
+import numpy as np
+from mcp_types import CallToolResult, ImageContent, TextContent, Tool, ToolAnnotations
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import BaseModel, ConfigDict
+
+from humanclaw.body import JOINTS
+from humanclaw.contract import Skill
+from humanclaw.errors import PluginError
+from humanclaw.pose import Frame
+from humanclaw.records import StepRecord
+from humanclaw.tools import parameter_schema, publish
+from humanclaw_mcp.session import Moment
+from humanclaw_mcp.settings import Settings
+
+Json = dict[str, Any]
+LOOK: Final = "look"
+RESET: Final = "reset"
+_FLOOR_CONTACT: Final = 0.0205
+"""Contacts with fixed things up to this height, metres over the floor, are steps on it and not touches."""
+
+
+# -- tools -------------------------------------------------------------------------------------------------------------
+class Outcome(BaseModel):
+    """The structured part of every tool result."""
+
+    model_config = ConfigDict(frozen=True)
+
+    executed: bool
+    """Whether the body carried out a skill."""
+    skill: str
+    parameters: dict[str, Any]
+    feedback: str
+    step: int
+    max_steps: int
+    outcome: str
+    """running, stopped, out_of_steps or interrupted."""
+
+
+def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
+    """Every skill that can run, then `look` and `reset`. Raises PluginError if a skill has the name of one of those."""
+    ready = [skill for skill in skills if skill.trained]
+    taken = sorted({LOOK, RESET} & {skill.name for skill in ready})
+    if taken:
+        raise PluginError(f"skill {taken[0]!r} has the name of a tool that this server offers itself.", "Rename it.")
+    schema = Outcome.model_json_schema()
+    acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
+    specs = publish(ready, "mcp", envelope=settings.envelope)
+    moving = [
+        Tool(**_snake(spec), output_schema=schema, annotations=acting, title=_title(spec["name"])) for spec in specs
+    ]
+    return [*moving, _look(schema), _reset(schema, settings, acting)]
+
+
+def _look(output: Json) -> Tool:
+    return Tool(
+        name=LOOK,
+        title="Look",
+        description="See what the body sees, without moving. Takes no step.",
+        input_schema={"type": "object", "properties": {}, "additionalProperties": False},
+        output_schema=output,
+        annotations=ToolAnnotations(read_only_hint=True, open_world_hint=False),
+    )
+
+
+def _reset(output: Json, settings: Settings, acting: ToolAnnotations) -> Tool:
+    return Tool(
+        name=RESET,
+        title="Reset",
+        description="Begin a new episode: the body stands at its start again and everything else is where it was. "
+        "What is left out stays as it was.",
+        input_schema=reset_schema(settings),
+        output_schema=output,
+        annotations=acting,
+    )
+
+
+def reset_schema(settings: Settings) -> Json:
+    return {
+        "type": "object",
+        "properties": {
+            "instruction": {
+                "type": "string",
+                "minLength": 1,
+                "maxLength": 500,
+                "description": "What the body is to do, such as: find a couch and sit on it. Recorded with the episode.",
+            },
+            "scene": {"type": "string", "enum": list(settings.scenes), "description": "Where to be."},
+            "seed": {
+                "type": "integer",
+                "minimum": 0,
+                "maximum": 2**31 - 1,
+                "description": "The same seed and the same calls give the same motion.",
+            },
+        },
+        "additionalProperties": False,
+    }
+
+
+def _snake(spec: Json) -> Json:
+    return {"name": spec["name"], "description": spec["description"], "input_schema": spec["inputSchema"]}
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").replace("-", " ").capitalize()
+
+
+# -- results -----------------------------------------------------------------------------------------------------------
+def result(moment: Moment, executed: bool = True) -> CallToolResult:
+    """Text, then the view, then the same as values. A refused call has no view: nothing has changed.
+
+    executed: whether the order was a call at all, which `look` and `reset` are not.
+    """
+    content: list[Any] = [TextContent(text=_words(moment))]
+    if not moment.refused:
+        content.append(ImageContent(data=jpeg(moment.rgb), mime_type="image/jpeg"))
+    values = _outcome(moment, executed and not moment.refused).model_dump(mode="json")
+    return CallToolResult(content=content, structured_content=values, is_error=moment.refused)
+
+
+def failure(text: str) -> CallToolResult:
+    """A result for a call that reached no body."""
+    return CallToolResult(content=[TextContent(text=text)], is_error=True)
+
+
+def _words(moment: Moment) -> str:
+    where = f"Step {len(moment.steps)} of {moment.max_steps}."
+    if moment.refused:
+        return f"{moment.feedback} {where}"
+    if moment.outcome != "running":
+        return f"{moment.feedback} {where} The episode has ended: {moment.outcome.replace('_', ' ')}."
+    return f"{moment.feedback} {where} The picture is what you see now.".strip()
+
+
+def _outcome(moment: Moment, executed: bool) -> Outcome:
+    call = moment.steps[-1].call if moment.steps and executed else None
+    return Outcome(
+        executed=executed,
+        skill=call.skill if call else "",
+        parameters=call.params if call else {},
+        feedback=moment.feedback,
+        step=len(moment.steps),
+        max_steps=moment.max_steps,
+        outcome=moment.outcome,
+    )
+
+
+def jpeg(rgb: NDArray[np.uint8]) -> str:
+    """A picture as base64 of a JPEG."""
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, "JPEG", quality=90)
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+# -- resources ---------------------------------------------------------------------------------------------------------
+class BodyState(BaseModel):
+    """What a body knows of itself, and nothing of the scene. Metres and degrees; a left turn is positive."""
+
+    model_config = ConfigDict(frozen=True)
+
+    step: int
+    max_steps: int
+    outcome: str
+    forward: float
+    """Way made since the episode began, in the direction that the body faced then; the next likewise to its left."""
+    left: float
+    heading: float
+    """Turned since then."""
+    pelvis_height: float
+    """Over the floor of the start."""
+    joints: dict[str, tuple[float, float, float]]
+    """Each joint in the body's own frame on that floor: to the left, up, to the front."""
+    touching: tuple[str, ...]
+    """Links that touched anything but the floor in the last step."""
+    seated: bool
+    """Whether the pelvis rests on something."""
+
+
+def body_state(moment: Moment) -> BodyState:
+    start, body = moment.start, moment.world.body[-1:]
+    began = Frame(start.x, start.z, start.yaw, start.floor)
+    left, height, forward = began.point_to_local(body.root[-1])
+    local = Frame.of(body, floor=start.floor).point_to_local(body.joints()[-1])
+    turned = (np.degrees(float(body.yaw()[-1]) - start.yaw) + 180.0) % 360.0 - 180.0
+    last = moment.steps[-1] if moment.steps else None
+    return BodyState(
+        step=len(moment.steps),
+        max_steps=moment.max_steps,
+        outcome=moment.outcome,
+        forward=round(float(forward), 3),
+        left=round(float(left), 3),
+        heading=round(float(turned), 1),
+        pelvis_height=round(float(height), 3),
+        joints={name: _point(place) for name, place in zip(JOINTS, local, strict=True)},
+        touching=_touching(last, start.floor) if last else (),
+        seated=bool(last and last.pelvis_contacts),
+    )
+
+
+def _point(place: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 3) for value in place)
+    return x, y, z
+
+
+def _touching(step: StepRecord, floor: float) -> tuple[str, ...]:
+    felt = {c.joint for c in step.contacts if c.movable or c.height - floor > _FLOOR_CONTACT}
+    return tuple(name for name in JOINTS if name in felt)
+
+
+def log(steps: Sequence[StepRecord]) -> str:
+    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene knows."""
+    return "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
+
+
+def _entry(step: StepRecord) -> Json:
+    last = step.attempts[-1]
+    said = {key: getattr(last, key) for key in ("visible_state", "progress", "mid_level_goal", "reasoning")}
+    return {
+        "step": step.step + 1,
+        "status": step.status,
+        "skill": step.call.skill if step.call else "",
+        "parameters": step.call.params if step.call else {},
+        "feedback": step.feedback,
+        "refused": [attempt.error for attempt in step.attempts if attempt.error],
+        **{key: text for key, text in said.items() if text},
+        "seconds": round(step.seconds.get("generate", 0.0) + step.seconds.get("simulate", 0.0), 3),
+    }
+
+
+# -- the task in words -------------------------------------------------------------------------------------------------
+def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
+    """Who the model is, what it is to do, with which skills, and what to beware of."""
+    ready = [skill for skill in skills if skill.trained]
+    return _template().render(
+        instruction=instruction,
+        skills=[_sheet(skill) for skill in ready],
+        endings=[skill.name for skill in ready if skill.ends_episode],
+        max_steps=settings.max_steps,
+        envelope=settings.envelope,
+    )
+
+
+def _sheet(skill: Skill) -> Json:
+    bounds = [f"{key} {_bounds(part)}" for key, part in parameter_schema(skill).items()]
+    return {"name": skill.name, "description": skill.description, "bounds": bounds, "checks": skill.checks}
+
+
+def _bounds(part: Json) -> str:
+    return f"{part['minimum']} to {part['maximum']}" if {"minimum", "maximum"} <= set(part) else str(part.get("type"))
+
+
+@functools.cache
+def _template() -> jinja2.Template:
+    loader = jinja2.PackageLoader("humanclaw_mcp", "templates")
+    # The output is text for a model, not a page.
+    environment = jinja2.Environment(
+        loader=loader, undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("task.jinja")

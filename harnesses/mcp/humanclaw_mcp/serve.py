@@ -1,0 +1,98 @@
+"""The two transports: standard streams, and streamable HTTP on this machine alone."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import Final
+
+import anyio
+import uvicorn
+from mcp.server.stdio import stdio_server
+from mcp.server.transport_security import TransportSecuritySettings
+from starlette.applications import Starlette
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from humanclaw.errors import HumanclawError
+from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.server import SESSION_HEADER, make_server
+
+HOST: Final = "127.0.0.1"
+PATH: Final = "/mcp"
+_BODY_BYTES: Final = 256 * 1024
+"""A request holds a call, not a file."""
+_SESSIONS: Final = 256
+"""Open sessions at most. A session costs little; bodies have a limit of their own."""
+
+
+async def serve_stdio(bodies: Bodies) -> None:
+    """Serve the one client at the other end of the standard streams until it leaves."""
+    server = make_server(bodies)
+    async with stdio_server() as (reading, writing):
+        await server.run(reading, writing, server.create_initialization_options())
+
+
+async def serve_http(bodies: Bodies, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
+    """Serve until interrupted. announce: called with the URL. Raises HumanclawError if the port is taken."""
+    with _listen(port) as listening:
+        number = listening.getsockname()[1]
+        config = uvicorn.Config(
+            http_app(bodies, number), log_level="warning", access_log=False, timeout_graceful_shutdown=2
+        )
+        announce(f"http://{HOST}:{number}{PATH}")
+        try:
+            await uvicorn.Server(config).serve(sockets=[listening])
+        finally:
+            with anyio.CancelScope(shield=True):
+                await bodies.close()
+
+
+def http_app(bodies: Bodies, port: int) -> Starlette:
+    """The ASGI application. Only names of this machine are answered, which keeps rebound DNS names out."""
+    names = [f"{name}:{port}" for name in (HOST, "localhost")]
+    security = TransportSecuritySettings(
+        enable_dns_rebinding_protection=True, allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
+    )
+    app = make_server(bodies).streamable_http_app(
+        streamable_http_path=PATH,
+        transport_security=security,
+        max_request_body_size=_BODY_BYTES,
+        max_sessions=_SESSIONS,
+        session_idle_timeout=bodies.settings.idle,
+    )
+    app.add_middleware(_ReleasesBodies, bodies=bodies)
+    return app
+
+
+class _ReleasesBodies:
+    """Puts a body away as soon as its session is deleted, rather than when it has been idle for long."""
+
+    def __init__(self, app: ASGIApp, bodies: Bodies) -> None:
+        self._app, self._bodies = app, bodies
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        accepted = False
+
+        async def watch(message: Message) -> None:
+            nonlocal accepted
+            if message["type"] == "http.response.start":
+                accepted = message["status"] < 400
+            await send(message)
+
+        await self._app(scope, receive, watch)
+        if accepted and scope.get("method") == "DELETE":
+            headers = dict(scope["headers"])
+            await self._bodies.release(headers.get(SESSION_HEADER.encode(), b"").decode("latin-1"))
+
+
+def _listen(port: int) -> socket.socket:
+    listening = socket.socket()
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((HOST, port))
+    except OSError as error:
+        listening.close()
+        reason = f"cannot listen on port {port} of {HOST}: {error.strerror}."
+        raise HumanclawError(reason, "Name another with --port; 0 picks a free one.") from error
+    listening.listen(128)
+    return listening

@@ -1,0 +1,38 @@
+"""What a server is started with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from humanclaw.errors import HumanclawError
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How bodies are made, and how many. Raises HumanclawError for values that cannot work."""
+
+    scenes: tuple[str, ...] = ("house:0",)
+    """The scenes that a client may choose from; the first is the default."""
+    instruction: str = "Do as you are asked."
+    """What episodes are recorded as, unless the client says what it is after."""
+    seed: int = 0
+    max_steps: int = 100
+    profile: Literal["default", "paper"] = "default"
+    envelope: bool = False
+    """Whether a call must also say what is seen and why, as in the benchmark."""
+    bodies: int = 4
+    """Bodies at most at one time, one a session."""
+    idle: float = 900.0
+    """Seconds after which a body that nobody calls is put away."""
+    out: Path | None = None
+    """Folder for the records of the episodes; None keeps none."""
+
+    def __post_init__(self) -> None:
+        if not self.scenes:
+            raise HumanclawError("there is no scene to offer.", "Name at least one, such as --scene house:0.")
+        if self.bodies < 1 or self.max_steps < 1 or self.idle <= 0:
+            raise HumanclawError("bodies, max_steps and idle must be positive.", "Leave them out for the defaults.")
+        if not self.instruction.strip():
+            raise HumanclawError("the instruction is empty.", "Say what the body is to do.")

@@ -1,0 +1,86 @@
+"""Limits that no body needs to move for."""
+
+from __future__ import annotations
+
+import anyio
+import pytest
+from mcp import Client
+
+from humanclaw import Keyframes, Plugins, skill
+from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.hookspecs import hookimpl
+from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.server import make_server
+from humanclaw_mcp.settings import Settings
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_a_body_that_nobody_calls_is_put_away():
+    bodies = Bodies(Settings(idle=0.2))
+    bodies.of("a", "")
+    await bodies.release_idle()
+    assert len(bodies) == 1
+    await anyio.sleep(0.25)
+    bodies.of("b", "")
+    await bodies.release_idle()
+    assert bodies.find("a") is None
+    assert bodies.find("b") is not None
+    with pytest.raises(HumanclawError, match=r"put away after 0.2 seconds without a call. Call reset"):
+        bodies.of("a", "")
+    assert bodies.of("a", "") is bodies.find("a"), "told once, the client may begin anew"
+    await bodies.close()
+
+
+async def test_there_are_no_more_bodies_than_allowed():
+    bodies = Bodies(Settings(bodies=1))
+    first = bodies.of("a", "")
+    assert bodies.of("a", "") is first
+    with pytest.raises(HumanclawError, match="all 1 bodies of this server are in use"):
+        bodies.of("b", "")
+    await bodies.release("a")
+    bodies.of("b", "")
+    await bodies.close()
+
+
+async def test_a_scene_that_does_not_exist_is_told_and_can_be_left():
+    bodies = Bodies(Settings(scenes=("hose:0",)))
+    async with Client(make_server(bodies)) as client:
+        for _ in range(2):
+            result = await client.call_tool("look", {})
+            assert result.is_error
+            assert "Did you mean house?" in result.content[0].text
+
+
+def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
+    @skill()
+    def look() -> Keyframes:
+        """Look up."""
+        return Keyframes.cycle("neck", axis="x", degrees=-20, seconds=0.5)
+
+    class Plugin:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            register(look)
+
+    def discover():
+        plugins = Plugins()
+        plugins.add(Plugin(), "looker")
+        return plugins
+
+    with pytest.raises(PluginError, match="'look' has the name of a tool"):
+        make_server(Bodies(Settings(), discover))
+
+
+async def test_with_the_envelope_a_call_says_what_is_seen_first():
+    bodies = Bodies(Settings(envelope=True))
+    async with Client(make_server(bodies)) as client:
+        walk = next(tool for tool in (await client.list_tools()).tools if tool.name == "walk")
+        assert list(walk.input_schema["properties"])[:2] == ["visible_state", "progress"]
+        assert list(walk.input_schema["properties"])[-1] == "yaw_deg"
+
+
+@pytest.mark.parametrize("wrong", [{"scenes": ()}, {"bodies": 0}, {"idle": 0}, {"instruction": " "}])
+def test_settings_that_cannot_work_are_refused(wrong):
+    with pytest.raises(HumanclawError):
+        Settings(**wrong)

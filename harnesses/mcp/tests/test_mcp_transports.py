@@ -1,0 +1,95 @@
+"""The command itself, over both transports, from the official client."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+
+import anyio
+import httpx
+import pytest
+from mcp import Client
+from mcp.client.stdio import StdioServerParameters
+from mcp.shared.exceptions import MCPError
+
+from humanclaw_mcp.server import LOG
+
+pytestmark = pytest.mark.anyio
+COMMAND = ("-m", "humanclaw", "mcp")
+HELLO = {
+    "jsonrpc": "2.0",
+    "id": 1,
+    "method": "initialize",
+    "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}},
+}
+ACCEPT = {"Accept": "application/json, text/event-stream"}
+
+
+@pytest.fixture(scope="module")
+def url():
+    """A server on a free port, with room for two bodies."""
+    command = [sys.executable, *COMMAND, "--http", "--port", "0", "--bodies", "2"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        yield next(found[0] for line in server.stderr if (found := re.search(r"http://\S+", line)))
+        server.terminate()
+
+
+async def steps(client):
+    text = (await client.read_resource(LOG)).contents[0].text
+    return [json.loads(line)["skill"] for line in text.splitlines()]
+
+
+async def test_over_http_every_session_has_its_own_body_up_to_a_limit(url):
+    async with Client(url) as first, Client(url) as second, Client(url) as third:
+        async with anyio.create_task_group() as both:
+            both.start_soon(first.call_tool, "turn_in_place", {"yaw_deg": 20})
+            both.start_soon(second.call_tool, "walk", {"z_cm": 30})
+        assert (await steps(first), await steps(second)) == (["turn_in_place"], ["walk"])
+        refused = await third.call_tool("look", {})
+        assert refused.is_error
+        assert "all 2 bodies of this server are in use" in refused.content[0].text
+    async with Client(url) as later:
+        assert not (await later.call_tool("look", {})).is_error, "sessions that end give their bodies back"
+
+
+async def test_over_standard_streams_nothing_but_the_protocol_is_written():
+    async with Client(StdioServerParameters(command=sys.executable, args=[*COMMAND])) as client:
+        result = await client.call_tool("walk", {"z_cm": 30})
+        assert [part.type for part in result.content] == ["text", "image"]
+        assert await steps(client) == ["walk"]
+
+
+async def test_over_http_the_sessionless_protocol_falls_back_to_a_session(url):
+    async with Client(url, mode="auto") as client:
+        assert client.protocol_version == "2025-11-25"
+    async with Client(url, mode="2026-07-28") as client:
+        with pytest.raises(MCPError, match="needs a session"):
+            await client.call_tool("look", {})
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"Host": "evil.example.com"}, 421),
+        ({"Host": "127.0.0.1.evil.example.com:80"}, 421),
+        ({"Origin": "http://evil.example.com"}, 403),
+    ],
+)
+def test_only_names_of_this_machine_are_answered(url, headers, status):
+    assert httpx.post(url, json=HELLO, headers=ACCEPT | headers).status_code == status
+
+
+def test_a_request_that_is_too_large_is_refused(url):
+    assert httpx.post(url, content=b" " * 300_000, headers=ACCEPT).status_code == 413
+
+
+def test_a_port_that_is_taken_is_told_in_a_sentence(url):
+    port = url.split(":")[-1].split("/")[0]
+    command = [sys.executable, *COMMAND, "--http", "--port", port]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert told.returncode == 2
+    assert f"cannot listen on port {port}" in told.stderr
+    assert "Traceback" not in told.stderr

@@ -1,0 +1,72 @@
+"""Episode records written by hand, a step a line, for the tests of metrics and root causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw.pose import HISTORY, Motion, rest_pose
+from humanclaw.records import (
+    AttemptRecord,
+    CallRecord,
+    ContactRecord,
+    EpisodeRecord,
+    EpisodeWriter,
+    RecordedEpisode,
+    StepRecord,
+)
+
+COUCH, LAMP, VASE, BOOK, TABLE = 20, 31, 32, 33, 40
+"""The couch is the target; lamp, vase and book can be moved; the table is fixed."""
+COUCH_BOX = ((5.0, 0.0, -1.0), (6.0, 0.8, 1.0))
+
+
+def touch(
+    thing: int, *frames: int, joint: str = "left_knee", group: str = "leg_foot", height: float = 0.5
+) -> ContactRecord:
+    return ContactRecord(
+        joint=joint, group=group, object_id=thing, movable=thing in (LAMP, VASE, BOOK), frames=frames or (0,), depth=0.001,
+        height=height,
+    )  # fmt: skip
+
+
+def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | None = 4.0, **more: Any) -> StepRecord:
+    """A step as one writes it down. away: distance to the target after it. A stop ends the episode; "" is no usable call."""
+    params = more.pop("params", {"walk": {"z_cm": 40}, "turn_in_place": {"yaw_deg": 30}}.get(skill, {}))
+    status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
+    written: dict[str, Any] = {
+        "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill else 0, "target_distance": away if skill else None,
+        "attempts": (AttemptRecord(visible_state=says),), "call": CallRecord(skill=skill, params=params) if skill else None,
+    }  # fmt: skip
+    return StepRecord(step=0, status=status, **(written | more))
+
+
+def rollout(
+    folder: Path, steps: Sequence[StepRecord], *, name: str = "one", outcome: str = "", interact: bool = True,
+    category: str = "couch", motion: tuple[Motion, Motion] | None = None, objects: dict[int, np.ndarray] | None = None,
+    max_steps: int = 100, agent: str = "model", **record: Any,
+) -> RecordedEpisode:  # fmt: skip
+    """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
+    spec = EpisodeSpec(
+        id=name, instruction="find a couch", scene="test:rooms", target_category=category,
+        target_ids=(COUCH,) if category else (), interact=interact, max_steps=max_steps,
+    )  # fmt: skip
+    fields = {
+        "start": StartPose(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
+        "movable": (LAMP, VASE, BOOK),
+    }  # fmt: skip
+    begun = EpisodeRecord(spec=spec, agent=agent, **(fields | record))
+    writer = EpisodeWriter(folder / name, begun)
+    for number, one in enumerate(steps):
+        writer.step(one.model_copy(update={"step": number}))
+    still = rest_pose(HISTORY + sum(one.motion_frames for one in steps))
+    arrays = {f"object_{key}": path for key, path in (objects or {}).items()}
+    for kind, frames in zip(("generated", "realised"), motion or (still, still), strict=True):
+        arrays |= {f"{kind}_root": frames.root, f"{kind}_rotations": frames.rotations}
+    ending = outcome or ("stopped" if steps and steps[-1].status == "stopped" else "out_of_steps")
+    writer.end(begun.model_copy(update={"outcome": ending, "steps": len(steps)}), arrays)
+    return RecordedEpisode(folder / name)

@@ -1,0 +1,103 @@
+"""The weights that come with the project: they fit together, are small, and do what the skills promise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanclaw.motion.checkpoint import load_adapter, read_header
+from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.pose import STANDING_HEIGHT, Frame, Motion, support_height
+from humanclaw.training.chunks import outcome
+
+SKILLS = Path(__file__).parents[2] / "skills"
+COMMANDS = {
+    "walk": (0.0, 0.5, np.radians(10)),
+    "side_step": (0.25,),
+    "step_back": (0.3,),
+    "turn_in_place": (np.radians(-50),),
+    "climb_upstairs": (0.17, 0.28),
+    "walk_downstairs": (0.17, 0.28),
+    "sit_in_place": (0.55,),
+    "stop": (),
+}
+
+
+def _adapter(skill: str) -> Path:
+    (path,) = SKILLS.glob(f"*/humanclaw_skill_*/{skill}/adapter.safetensors")
+    return path
+
+
+@pytest.fixture(scope="module")
+def generator():
+    return DiTGenerator.shipped()
+
+
+def _rollout(generator: DiTGenerator, *calls: tuple[str, tuple[float, ...]], seed: int = 0) -> Motion:
+    motion = generator.start()
+    for step, (skill, values) in enumerate(calls):
+        motion = motion.then(generator.generate(motion[-5:], _adapter(skill), values, (seed, step)))
+    return motion
+
+
+def test_an_episode_starts_upright_and_still_on_the_floor_facing_ahead(generator):
+    start = generator.start()
+    frame = Frame.of_history(start)
+    assert (frame.x, frame.z, frame.yaw, frame.floor) == pytest.approx((0, 0, 0, 0), abs=1e-5)
+    assert start.root[:, 1] == pytest.approx(STANDING_HEIGHT, abs=0.05)
+    assert np.abs(np.diff(start.joints(), axis=0)).max() < 0.005
+
+
+@pytest.mark.parametrize("skill", COMMANDS)
+def test_every_adapter_fits_the_shipped_base_and_says_where_it_comes_from(generator, skill):
+    path = _adapter(skill)
+    assert load_adapter(path, generator.base, skill).config.skill == skill
+    card = read_header(path)["card"]
+    assert card["licences"]
+    assert card["data"]["chunks"] == card["data"]["real"] + card["data"]["edited"]
+
+
+def test_all_weights_together_stay_small():
+    files = [shipped_base(), *map(_adapter, COMMANDS)]
+    assert sum(file.stat().st_size for file in files) < 75e6
+
+
+@pytest.mark.parametrize("skill", [skill for skill, values in COMMANDS.items() if values])
+def test_a_skill_does_what_it_is_told_from_standing(generator, skill):
+    motion = _rollout(generator, (skill, COMMANDS[skill]))
+    assert outcome(skill, motion) == pytest.approx(COMMANDS[skill], abs=0.04)
+
+
+@pytest.mark.parametrize("skill", [skill for skill, values in COMMANDS.items() if values])
+def test_a_skill_does_what_it_is_told_after_two_steps_of_walking(generator, skill):
+    ahead = ("walk", (0.0, 0.4, 0.0))
+    motion = _rollout(generator, ahead, ahead, (skill, COMMANDS[skill]))
+    assert outcome(skill, motion[-20:]) == pytest.approx(COMMANDS[skill], abs=0.05)
+
+
+def test_who_walks_and_stops_stands_still(generator):
+    motion = _rollout(generator, ("walk", (0.0, 0.5, 0.0)), *[("stop", ())] * 3)
+    assert np.linalg.norm(np.diff(motion.root[-15:], axis=0), axis=1).max() < 0.005
+    assert motion.root[-1, 1] > 0.9
+
+
+def test_who_sits_and_stops_stays_seated_and_stands_up_to_walk(generator):
+    calls = [("sit_in_place", (0.55,)), ("stop", ()), ("stop", ())]
+    assert _rollout(generator, *calls).root[-1, 1] == pytest.approx(0.55, abs=0.05)
+    assert _rollout(generator, *calls, *[("walk", (0.0, 0.4, 0.0))] * 2).root[-1, 1] > 0.88
+
+
+def test_a_long_random_life_stays_human(generator):
+    random = np.random.default_rng(0)
+    names = [name for name in COMMANDS if "stairs" not in name]
+    calls = [(name, COMMANDS[name]) for name in random.choice(names, 60)]
+    motion = _rollout(generator, *calls)
+    joints = motion.joints()
+    assert np.isfinite(joints).all()
+    assert np.abs(np.diff(joints, axis=0)).max() < 0.3  # 9 m/s: nothing leaps
+    above_soles = motion.root[:, 1] - support_height(joints)
+    assert above_soles.min() > 0.4
+    assert above_soles.max() < 1.1
+    assert (joints[:, 15, 1] - joints[:, 0, 1]).min() > 0.25  # head over pelvis
+    # Each chunk takes the lowest sole for the floor, so that errors add up; physics, which has a floor, lets none remain.
+    assert np.abs(support_height(joints)).max() < 0.003 * len(calls)
