@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from humanclaw import Body, Plugins
+from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.tasks import free_episode
 from humanclaw.loop import run_episode
 from humanclaw.records import RecordedEpisode
@@ -22,7 +23,7 @@ def play(body: Body, house: int, folder: Path) -> RecordedEpisode:
     spec = free_episode(INSTRUCTION, scene, seed=house, name=f"house-{house}")
     agent = body.plugins.make("decision_makers", "oracle", {})
     body.reset(scene, seed=house)
-    run_episode(body, spec, agent, folder=folder / spec.id)
+    run_episode(body, spec, agent, folder=folder / spec.id, ruler=geodesics)
     return RecordedEpisode(folder / spec.id)
 
 

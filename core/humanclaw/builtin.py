@@ -27,10 +27,11 @@ def humanclaw_decision_makers(register: RegisterFactory) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import run, show, train
+    from humanclaw.cli import bench, run, show, train
 
     for command in (
         run.run, show.skills, show.plugins_command, show.tools, show.report, train.train, train.fidelity, train.data,
+        bench.bench,
     ):  # fmt: skip
         cli.add_command(command)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner, Result
+from rich.console import Console
 from rollouts import COUCH, rollout, step
 
 from humanclaw.bench.attribution import CAUSES, attribute
@@ -25,6 +26,7 @@ from humanclaw.bench.tables import (
     main_table,
     markdown,
     named,
+    terminal,
     texts,
     verdict,
 )
@@ -163,6 +165,17 @@ def test_unknown_numbers_are_dashes() -> None:
     assert Column("x", percent=True).number(0.5) == "50.0%"
 
 
+@pytest.mark.parametrize("width", [60, 80, 120, 240])
+def test_a_terminal_shows_every_number_whatever_its_width(sheet: Sheet, width: int) -> None:
+    console = Console(width=width, file=io.StringIO())
+    console.print(terminal(sheet, width))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(len(line.rstrip()) for line in shown.splitlines()) <= width
+    for column, cells in zip(sheet.columns, zip(*(row.cells for row in sheet.rows), strict=True), strict=True):
+        assert column.head in shown
+        assert all(column.number(cell.value) in shown for cell in cells)
+
+
 # -- the commands ------------------------------------------------------------------------------------------------------
 def invoke(*args: object) -> Result:
     group = click.Group("humanclaw", commands={"bench": bench})
@@ -187,9 +200,9 @@ def test_table_prints_one_table_in_one_format(tmp_path: Path) -> None:
 def test_compare_says_which_run_is_better_and_what_is_noise(tmp_path: Path) -> None:
     result = invoke("compare", write_run(tmp_path / "a", 0, 14), write_run(tmp_path / "b", 14, 1))
     assert result.exit_code == 0
-    lines = {line.split("\u2502")[1].strip(): line for line in result.output.splitlines() if line.count("\u2502") > 5}
-    assert "B is better" in lines["InteractSR \u2191"]
-    assert "noise" in lines["FindSR \u2191"]
+    words = {line.split()[0]: line.strip() for line in result.output.splitlines() if line.strip()}
+    assert words["InteractSR"].endswith("B is better")
+    assert words["FindSR"].endswith("noise")
     assert "1 finished episode has no counterpart" in result.output
 
 

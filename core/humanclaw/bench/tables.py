@@ -5,17 +5,19 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from humanclaw.bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw.bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate
-from humanclaw.bench.statistics import CONFIDENCE, FEW, Difference, Estimate, wilson
+from humanclaw.bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
 
 NONE: Final = Estimate(float("nan"))
 MARK: Final = "\u2020"
@@ -56,6 +58,11 @@ class Column:
             return ""
         low, high = (self.number(bound).rstrip("%") for bound in (estimate.low, estimate.high))
         return f"[{low}, {high}]"
+
+    @property
+    def rounded(self) -> Column:
+        """The same with whole per cents, which leaves room for more columns."""
+        return replace(self, digits=0 if self.percent else self.digits)
 
 
 @dataclass(frozen=True)
@@ -194,22 +201,45 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
 
 
 # -- writing a table ---------------------------------------------------------------------------------------------------
-def terminal(sheet: Sheet) -> Table:
-    """A rich table: intervals in a second line of their cell."""
-    table = Table(title=sheet.title, title_justify="left", caption="\n".join(sheet.all_notes), caption_justify="left")
-    table.add_column(sheet.corner, overflow="fold")
-    for column in sheet.columns:
-        table.add_column(column.head, justify="right")
+def terminal(sheet: Sheet, width: int = 240) -> Group:
+    """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
+    parts = [_part(sheet, first, last) for first, last in _cuts(sheet, width)]
+    notes = (Text(note, style="dim") for note in sheet.all_notes)
+    return Group(Text(sheet.title, style="bold"), *parts, *notes, "")
+
+
+def _cuts(sheet: Sheet, width: int) -> Iterator[tuple[int, int]]:
+    """Ranges of columns that fit side by side, at least one in each."""
+    names = max(len(text) for text in (sheet.corner, *(row.name for row in sheet.rows)))
+    first, used = 0, names + 3
+    for index, column in enumerate(sheet.columns):
+        texts = [
+            column.head,
+            *(line for row in sheet.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
+        ]
+        wide = max(map(len, texts)) + 2
+        if used + wide > width and index > first:
+            yield first, index
+            first, used = index, names + 3
+        used += wide
+    yield first, len(sheet.columns)
+
+
+def _part(sheet: Sheet, first: int, last: int) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(sheet.corner, no_wrap=True)
+    for column in sheet.columns[first:last]:
+        table.add_column(column.head, justify="right", no_wrap=True)
     for index, row in enumerate(sheet.rows):
         if row.paper and not sheet.rows[index - 1].paper:
             table.add_section()
-        style = "dim" if row.paper else ""
-        table.add_row(Text(row.name), *map(_stacked, sheet.columns, row.cells), style=style)
+        cells = map(_stacked, sheet.columns[first:last], row.cells[first:last])
+        table.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
     return table
 
 
 def _stacked(column: Column, cell: Estimate) -> Text:
-    interval = column.interval(cell)
+    interval = column.rounded.interval(cell)
     return Text.assemble(column.number(cell.value), (f"\n{interval}" if interval else "", "dim"))
 
 
@@ -271,10 +301,10 @@ def _tex(column: Column, cell: Estimate) -> str:
     return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
 
 
-WRITERS: Final[Mapping[str, Callable[[Sheet], Any]]] = {
-    "terminal": terminal, "markdown": markdown, "csv": comma_separated, "latex": latex,
+WRITERS: Final[Mapping[str, Callable[[Sheet], str]]] = {
+    "markdown": markdown, "csv": comma_separated, "latex": latex,
 }  # fmt: skip
-"""What writes a table in which format."""
+"""What writes a table as text, by format."""
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
@@ -283,11 +313,13 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     count = max((d.count for d in differences.values()), default=0)
     caption = (
         f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, raised "
-        f"for the number of metrics (Holm). Noise: p of 0.05 or more."
+        f"(Holm) for the three success rates and for the other metrics. Noise: p of {SIGNIFICANT} or more."
     )
-    table = Table(title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left")
+    table = Table(
+        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
+    )
     for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
-        table.add_column(title, justify="left" if title in ("metric", "") else "right")
+        table.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
     for metric in metrics:
         if metric.name in differences:
             table.add_row(*_compared(Column.of(metric), differences[metric.name]))

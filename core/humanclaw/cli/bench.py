@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
+from rich.console import Console, RenderableType
 from tqdm import tqdm
 
 from humanclaw.bench.attribution import Cause, attribute
 from humanclaw.bench.metrics import ALL, Scores, common, compare, score
-from humanclaw.bench.tables import WRITERS, Result, all_tables, compare_table, named, terminal
+from humanclaw.bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
 from humanclaw.errors import RecordError
 from humanclaw.records import RecordedEpisode, load_run
 
@@ -30,7 +30,7 @@ def bench() -> None:
 
 @bench.command()
 @click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
-@click.option("--format", "form", type=click.Choice(list(WRITERS)), default="terminal", show_default=True)
+@click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
 @click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
 @click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
@@ -38,7 +38,10 @@ def table(runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool,
     """Print the paper's tables for one or more runs, a row for each agent."""
     sheets = all_tables(_results(runs), paper=paper, seed=seed)
     for name in only or NAMES:
-        _print(WRITERS[form](sheets[name]))
+        if form == "terminal":
+            _print(terminal(sheets[name], _console().width))
+        else:
+            click.echo(WRITERS[form](sheets[name]))
 
 
 @bench.command("compare")
@@ -67,7 +70,7 @@ def rescore(run: Path, out: Path | None) -> None:
         out.write_text("".join(_line(scores, cause) + "\n" for scores, cause in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(all_tables(named({run.name: found}), paper=False)["main"]))
+    _print(terminal(main_table(named({run.name: found}), paper=False), _console().width))
     click.echo(f"scores: {out}")
 
 
@@ -105,10 +108,11 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _print(what: Any) -> None:
-    """Tables of rich to the terminal, or as wide as they are into a pipe; text as it is."""
-    if isinstance(what, str):
-        click.echo(what)
-        return
+def _console() -> Console:
+    """A pipe has no width: tables are as wide there as they need."""
     console = Console()
-    (console if console.is_terminal else Console(width=240)).print(what)
+    return console if console.is_terminal else Console(width=240)
+
+
+def _print(what: RenderableType) -> None:
+    _console().print(what, soft_wrap=False)

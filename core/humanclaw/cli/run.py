@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 
 from humanclaw.bench.film import film, poster
+from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.report import write_report
 from humanclaw.bench.tasks import free_episode
 from humanclaw.cli.options import parse_pairs, plugin_files
@@ -73,7 +74,7 @@ def run(
     console = Console()
     plugins.add(Progress(console, max_steps), "console_progress")
     with Body(scene, seed=seed, plugins=plugins, engines=Engines(profile=profile)) as body:
-        record = run_episode(body, spec, maker, judge, folder=folder, options=options)
+        record = run_episode(body, spec, maker, judge, folder=folder, options=options, ruler=geodesics)
     console.print(summary(record, RecordedEpisode(folder).steps))
     _show(plugins, out, folder, scene, kind, console)
     _exit(record)

@@ -11,14 +11,16 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image
 
+from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.tasks import free_episode
 from humanclaw.embodiment import Body, Engines
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import CallError
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import Call
 from humanclaw.loop import check_call
 from humanclaw.plugins import Plugins
+from humanclaw.recorder import outcome
+from humanclaw.scene import Scene
 from humanclaw_gymnasium.actions import Action, Actions
 
 Picture = NDArray[np.uint8]
@@ -31,8 +33,8 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
     Observation: (size, size, 3) uint8, the ego view. Action: see Actions; `env.unwrapped.actions.encode("walk", z_cm=40)` makes
     one. Terminated by a skill that ends the episode, such as stop; truncated after max_steps.
-    Reward: metres by which the nearest target came nearer, times shaping, and 1 for stopping in success. The distance is that
-    of the body's nearest joint to the target's bounding box, straight through walls.
+    Reward: metres by which the way to the nearest target became shorter, times shaping, and 1 for stopping in success. The way
+    goes along the free floor, around walls and furniture.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as in gymnasium.Env
@@ -60,6 +62,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         self._plugins = plugins or Plugins.discover()
         self._engines = Engines(profile=profile)
         self._body: Body | None = None
+        self._measured: tuple[Scene, tuple[int, ...]] | None = None
         self.actions = Actions(self._plugins.skills)
         self.action_space = self.actions.space
         self.observation_space = Box(0, 255, (size, size, 3), np.uint8)
@@ -81,7 +84,8 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         self._stand(scene, seed=int(self.np_random.integers(2**31)))
         instruction = chosen.get("instruction") or self.instruction
         self._spec = free_episode(instruction, self.body.scene, max_steps=self.max_steps)
-        self._steps, self._distance = 0, self._target_distance()
+        self._measure()
+        self._steps, self._left, self._seated = 0, self._way_left(), frozenset[int]()
         return self._see(), self._info(None, False)
 
     def _stand(self, scene: str, seed: int) -> None:
@@ -91,32 +95,54 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
             same = self._body.scene.name == scene
             self._body.reset(self._body.scene if same else scene, seed=seed)
 
+    def _measure(self) -> None:
+        """Search the floor once for each scene and set of targets."""
+        wanted = (self.body.scene, self._spec.target_ids)
+        if self._measured != wanted and self._spec.target_ids:
+            self._way = geodesics(*wanted, self.body.start.floor)
+            self._measured = wanted
+
     def step(self, action: Action) -> tuple[Picture, float, bool, bool, dict[str, Any]]:
         """Carry out one call: about half a second. One that the skill refuses moves nothing; info says why."""
-        body, call, error = self.body, self.actions.decode(action), ""
+        body, call = self.body, self.actions.decode(action)
         self._steps += 1
-        seated: frozenset[int] = frozenset()
-        try:
-            deed = body.execute(check_call(call, body.skills))
-            last = deed.chunks[-1].execution
-            seated = frozenset(
-                c.object_id for c in last.contacts if c.joint == "pelvis" and c.frame == len(last.realised) - 1
-            )
-        except CallError as fault:
-            error = str(fault)
-        before, self._distance = self._distance, self._target_distance()
+        seated, left = self._seated, self._left
+        error = self._attempt(call)
+        self._left = self._way_left()
         terminated = not error and body.skills[call.skill].ends_episode
-        success = terminated and self._succeeded(self._spec, seated)
-        nearer = 0.0 if before is None or self._distance is None else before - self._distance
-        reward = self.shaping * nearer + float(success)
+        success = terminated and self._succeeded(seated)
+        shorter = 0.0 if left is None or self._left is None else left - self._left
+        reward = self.shaping * shorter + float(success)
         return self._see(), reward, terminated, self._steps >= self.max_steps, self._info(call, success, error)
 
-    def _succeeded(self, spec: EpisodeSpec, seated: frozenset[int]) -> bool:
-        near = self._distance is not None and self._distance <= ARRIVED
-        return near and (not spec.interact or bool(seated & set(spec.target_ids)))
+    def _attempt(self, call: Call) -> str:
+        """Carry a call out, and remember what the pelvis then rests on. Returns why it was refused, if it was."""
+        try:
+            deed = self.body.execute(check_call(call, self.body.skills))
+        except CallError as fault:
+            return str(fault)
+        self._seated = frozenset(outcome(self.body.scene, self._spec.target_ids, deed)["pelvis_contacts"])
+        return ""
+
+    def _succeeded(self, seated: frozenset[int]) -> bool:
+        """As the benchmark has it. seated: what the pelvis rested on before the stop."""
+        distance = self._target_distance()
+        near = distance is not None and distance <= ARRIVED
+        return near and (not self._spec.interact or bool(seated & set(self._spec.target_ids)))
+
+    def _way_left(self) -> float | None:
+        """Metres along the floor to the nearest target; None if the instruction names none, or no way leads to it.
+
+        0 for a body that has arrived: on a couch it is off the floor that leads there.
+        """
+        distance = self._target_distance()
+        if distance is None or distance <= ARRIVED:
+            return None if distance is None else 0.0
+        left = self._way(self.body.state().body.root[-1])
+        return left if np.isfinite(left) else None
 
     def _target_distance(self) -> float | None:
-        """Metres to the nearest target; None if the instruction names none, or there is none."""
+        """Metres from the nearest joint to the bounding box of the nearest target, straight; None if there is none."""
         joints = self.body.state().body[-1:].joints()[0]
         boxes = [self.body.scene.aabb(key) for key in self._spec.target_ids]
         return min((float(distance_to_box(joints, *box).min()) for box in boxes), default=None)
@@ -128,7 +154,8 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
             "step": self._steps,
             "call": str(call or ""),
             "error": error,
-            "target_distance": self._distance,
+            "way_left": self._left,
+            "target_distance": self._target_distance(),
             "success": success,
         }
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.tasks import free_episode
 from humanclaw.embodiment import Body, Engines
 from humanclaw.episode import EpisodeSpec
@@ -193,7 +194,7 @@ class Session:
         self._pending = order if isinstance(order, Decision) else None
         self._steps.taken, self._told, self._last = [], 0, None
         body = self._embody()
-        record = run_episode(body, self._spec(body), self, folder=self._folder())
+        record = run_episode(body, self._spec(body), self, folder=self._folder(), ruler=geodesics)
         return self._answer(self._moment(body.view().rgb, self._steps.taken[-1].feedback, record.outcome))
 
     def _embody(self) -> Body:
