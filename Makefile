@@ -1,7 +1,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 
-.PHONY: help install demo test lint fidelity bench-oracle clean
+.PHONY: help install demo test lint fidelity bench-oracle conformance clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,6 +31,9 @@ fidelity: install  ## Achieved against commanded motion, 200 rollouts a skill (m
 
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
+
+conformance: install  ## The MCP server against the official suite (needs npx)
+	$(BIN)/python harnesses/mcp/conformance/run.py
 
 clean:  ## Remove .venv and caches, keep runs
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
