@@ -72,6 +72,8 @@ def run(
     if (folder / "episode.json").exists():
         raise RecordError(f"{folder} already holds a record.", "Name another folder with --out, or remove that one.")
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=160)  # A pipe has no width; 80 columns would cut the reasons off.
     plugins.add(Progress(console, max_steps), "console_progress")
     with Body(scene, seed=seed, plugins=plugins, engines=Engines(profile=profile)) as body:
         record = run_episode(body, spec, maker, judge, folder=folder, options=options, ruler=geodesics)

@@ -66,6 +66,8 @@ def _check_refusals(skill: Skill) -> None:
 def _check_plan(skill: Skill) -> None:
     for legal in corners(skill):
         plan = skill.plan(skill.check(legal))
-        assert isinstance(plan, Control | Keyframes), f"{skill.name}: a skill returns a Control or Keyframes; got {plan!r}"
+        assert isinstance(plan, Control | Keyframes), (
+            f"{skill.name}: a skill returns a Control or Keyframes; got {plan!r}"
+        )
         if isinstance(plan, Control):
             assert len(plan.values) == len(skill.schema.get("properties", {})), f"{skill.name}: one value a parameter"

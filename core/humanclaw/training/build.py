@@ -15,7 +15,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from humanclaw.errors import HumanclawError
-from humanclaw.training.chunks import PARAMETERS, Chunks, load_pack
+from humanclaw.training.chunks import Chunks, load_pack
 from humanclaw.training.composer import edited_chunks
 from humanclaw.training.curate import build_real, statistics
 
@@ -25,9 +25,7 @@ def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunk
     clips = load_pack(source)
     real = build_real(clips)
     with tqdm(total=100, desc="editing", unit="%") as bar:
-        edited = edited_chunks(
-            clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None
-        )
+        edited = edited_chunks(clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
     found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in edited}
     out.mkdir(parents=True, exist_ok=True)
     for name, chunks in found.items():
@@ -39,7 +37,9 @@ def table(chunks: Mapping[str, Chunks]) -> str:
     """The statistics as a Markdown table: chunks, real ones, and 5-50-95 % of each parameter in SI."""
     lines = ["| skill | chunks | real | real s | parameters: 5 / 50 / 95 % |", "| --- | --- | --- | --- | --- |"]
     for name, found in statistics(chunks).items():
-        spread = "; ".join(f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items())
+        spread = "; ".join(
+            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
+        )
         lines.append(f"| {name} | {found.chunks} | {found.real} | {found.seconds:.1f} | {spread or '-'} |")
     return "\n".join(lines)
 

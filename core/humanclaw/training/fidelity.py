@@ -43,6 +43,7 @@ _LEAST: Final = 0.25
 """Commands smaller than this share of the largest are not asked for: a ratio to nothing says nothing."""
 _PRIMARY: Final = {"walk": 1, "climb_upstairs": 0, "walk_downstairs": 0}
 """Which parameter the ratio is of, where it is not the only one: the forward distance, and the height of the step."""
+_STAIRS: Final = ("climb_upstairs", "walk_downstairs")
 _TOUCH: Final = 0.02
 """A sole lower than this counts as being on the ground, metres."""
 
@@ -184,13 +185,13 @@ def _extend(
 def fidelity(generator: DiTGenerator, adapters: Mapping[str, Path], rollouts: int = 200, seed: int = 0) -> list[Row]:
     """One row a skill, in the order given. Raises CheckpointError for an adapter that does not fit the base."""
     commands = [Command.of(skill, path) for skill, path in adapters.items()]
-    return [
-        _row(
-            command.skill,
-            roll(generator, command, [other for other in commands if other is not command], rollouts, seed),
-        )
-        for command in commands
-    ]
+
+    def others(command: Command) -> list[Command]:
+        # Who steps onto a stair out of a seat rises by both, and the ratio would be that of the two together.
+        unfit = {command.skill, "sit_in_place"} if command.skill in _STAIRS else {command.skill}
+        return [other for other in commands if other.skill not in unfit]
+
+    return [_row(command.skill, roll(generator, command, others(command), rollouts, seed)) for command in commands]
 
 
 def reference(skill: str, chunks: Chunks, most: int = 1000) -> Row:

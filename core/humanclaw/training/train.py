@@ -75,8 +75,6 @@ class Weights:
     """and how much more a foot that is at rest: this is what keeps feet from skating."""
     outcome: float = 0.2
     """Root at the last frame, per (1 cm) and (1 degree) squared, linear beyond: what the skills' parameters command."""
-    floor: float = 0.1
-    """Lowest sole of the last five frames, which will be the floor of the next chunk, per (2 mm) squared, linear beyond."""
 
 
 class Loss:
@@ -109,7 +107,6 @@ class Loss:
             + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
             + self.weights.motion * (self._care(true_steps) * ((steps - true_steps) / 0.005).square()).mean()
             + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
-            + self.weights.floor * _huber((_floor(joints) - _floor(true)) / 0.002)
         )
 
     def _care(self, true_steps: Tensor) -> Tensor:
@@ -122,16 +119,7 @@ class Loss:
 def _outcome(error: Tensor) -> Tensor:
     """(B, 6) root translation and rotation errors, metres and radians."""
     units = torch.tensor([0.01] * 3 + [math.radians(1)] * 3, device=error.device)
-    return _huber(error / units)
-
-
-def _floor(joints: Tensor) -> Tensor:
-    """(B, T, 24, 3) to the (B,) height that the next chunk will take for the floor: the least of noisy heights errs downwards."""
-    return kinematics.support_height(joints[:, -HISTORY:]).amin(-1)
-
-
-def _huber(error: Tensor) -> Tensor:
-    return nn.functional.smooth_l1_loss(error, torch.zeros_like(error))
+    return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
 
 
 Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
