@@ -26,4 +26,11 @@ def _forward(name: str, module: str, explanation: str) -> click.Command:
 
 train = _forward("train", "humanclaw.training.train", "Train the base prior or a skill's adapter.")
 fidelity = _forward("fidelity", "humanclaw.training.fidelity", "Measure achieved against commanded motion, per skill.")
-data = _forward("data", "humanclaw.training.build", "Build the training chunks from motion capture.")
+
+
+@click.group()
+def data() -> None:
+    """Training data."""
+
+
+data.add_command(_forward("build", "humanclaw.training.build", "Build the training chunks from motion capture."))

@@ -1,6 +1,6 @@
 """Build the training chunks: motion capture in, one npz a skill and one for the prior out.
 
-    humanclaw data SOURCE --out .data/chunks
+    humanclaw data build SOURCE --out .data/chunks
 
 SOURCE holds clips.csv and the archives it names, or their unpacked folders.
 """
@@ -46,7 +46,7 @@ def table(chunks: Mapping[str, Chunks]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="humanclaw data", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
     parser.add_argument("--seconds", type=float, default=4000.0, help="edited motion a skill")
