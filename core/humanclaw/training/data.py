@@ -54,7 +54,7 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     files = [folder / f"{name}.npz" for folder in folders if (folder / f"{name}.npz").is_file()]
     if not files:
         listed = ", ".join(map(str, folders))
-        raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data chunks")
+        raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data build DIR")
     arrays = [_read(file) for file in files]
     root, rotations, params = (
         torch.from_numpy(np.concatenate([part[key] for part in arrays]).astype(np.float32))
