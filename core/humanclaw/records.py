@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.errors import RecordError
+from humanclaw.files import write_atomically
 from humanclaw.pose import Array, Motion
 
 FORMAT: Literal[1] = 1
@@ -156,7 +156,7 @@ class EpisodeWriter:
         self.folder = folder
         try:
             (folder / "frames").mkdir(parents=True, exist_ok=True)
-            _write_atomically(folder / "episode.json", record.model_dump_json(indent=1).encode())
+            write_atomically(folder / "episode.json", record.model_dump_json(indent=1).encode())
             self._steps = (folder / "steps.jsonl").open("w", encoding="utf-8")
         except OSError as error:
             reason = f"cannot write the record to {folder}: {error.strerror}."
@@ -164,7 +164,7 @@ class EpisodeWriter:
 
     def frame(self, name: str, data: bytes) -> str:
         """Keep a picture; returns its path relative to the folder."""
-        _write_atomically(self.folder / "frames" / name, data)
+        write_atomically(self.folder / "frames" / name, data)
         return f"frames/{name}"
 
     def step(self, step: StepRecord) -> None:
@@ -178,7 +178,7 @@ class EpisodeWriter:
         partial = self.folder / "motion.partial.npz"
         np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]
         partial.replace(self.folder / "motion.npz")
-        _write_atomically(self.folder / "episode.json", record.model_dump_json(indent=1).encode())
+        write_atomically(self.folder / "episode.json", record.model_dump_json(indent=1).encode())
 
 
 class RecordedEpisode:
@@ -229,13 +229,3 @@ def _read(path: Path) -> str:
         return path.read_text("utf-8")
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror}.") from error
-
-
-def _write_atomically(path: Path, data: bytes) -> None:
-    partial = path.with_suffix(path.suffix + ".partial")
-    partial.write_bytes(data)
-    partial.replace(path)
-
-
-def to_json(value: BaseModel) -> Any:
-    return json.loads(value.model_dump_json())

@@ -78,20 +78,14 @@ def base_file(chunks, tmp_path_factory) -> Path:
     )
 
 
+def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:
+    """The command line that trains step_back, its options left out."""
+    return ["adapter", "step_back", "--data", str(backwards), "--base", str(base_file), "--out", str(out)]
+
+
 def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
-    arguments = [
-        "adapter",
-        "step_back",
-        "--data",
-        str(backwards),
-        "--base",
-        str(base_file),
-        "--out",
-        str(out),
-        "--device",
-        "cpu",
-    ]
-    assert main([*arguments, "--batch", "16", *more]) == 0
+    arguments = _step_back(backwards, base_file, out)
+    assert main([*arguments, "--device", "cpu", "--batch", "16", *more]) == 0
     return out / "adapter.safetensors"
 
 
@@ -144,16 +138,7 @@ def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, 
 def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(backwards, base_file, tmp_path, capsys):
     first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "2").read_bytes()
     assert _adapter(backwards, base_file, tmp_path / "second", "--steps", "2", "--seed", "1").read_bytes() != first
-    arguments = [
-        "adapter",
-        "step_back",
-        "--data",
-        str(backwards),
-        "--base",
-        str(base_file),
-        "--out",
-        str(tmp_path / "first"),
-    ]
+    arguments = _step_back(backwards, base_file, tmp_path / "first")
     assert main([*arguments, "--steps", "4", "--seed", "1"]) == 2
     assert "seed 0" in capsys.readouterr().err
 

@@ -20,6 +20,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from humanclaw.errors import CheckpointError
+from humanclaw.files import write_atomically
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import DiT, ModelConfig
 
@@ -167,9 +168,7 @@ def _digest(tensors: Mapping[str, Tensor]) -> str:
 def _write(path: Path, tensors: dict[str, Tensor], header: Mapping[str, Any]) -> None:
     content = save(tensors, {_KEY: json.dumps({"format": FORMAT, **header}, sort_keys=True)})
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_bytes(content)
-    partial.replace(path)
+    write_atomically(path, content)
 
 
 def _read(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any], dict[str, Tensor]]:

@@ -26,6 +26,7 @@ from torch import Tensor, nn
 
 from humanclaw.body import N_JOINTS
 from humanclaw.errors import HumanclawError
+from humanclaw.files import write_atomically
 from humanclaw.motion import flow, kinematics
 from humanclaw.motion.checkpoint import Base, Card, Normaliser, load_base, save_adapter, save_base
 from humanclaw.motion.control import Adapter, AdapterConfig, Encoder
@@ -381,9 +382,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _copy(path: Path, to: Path) -> None:
     to.parent.mkdir(parents=True, exist_ok=True)
-    partial = to.with_name(to.name + ".partial")
-    partial.write_bytes(path.read_bytes())
-    partial.replace(to)
+    write_atomically(to, path.read_bytes())
 
 
 def _parser() -> argparse.ArgumentParser:
