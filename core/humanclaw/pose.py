@@ -93,6 +93,11 @@ def vector_from_quaternion(quaternion: Array) -> Array:
     return np.asarray(q[..., :3] * np.where(length < 1e-9, 2.0, angle / np.where(length < 1e-9, 1.0, length)))
 
 
+def wrap_angle(angle: float | Array) -> Array:
+    """Radians to the same direction in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
 def yaw_matrix(yaw: float | Array) -> Array:
     """Rotation about +Y; a positive yaw carries +Z towards +X."""
     yaw = np.asarray(yaw, float)

@@ -18,7 +18,7 @@ from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
-from humanclaw.pose import Array, Frame, matrix_from_vector
+from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
 from humanclaw.scene import Scene
 
 NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
@@ -238,7 +238,7 @@ class OracleAgent:
         left, forward = pose.local(edge)
         bearing = float(np.arctan2(left, forward))
         side = 1.0 if bearing >= 0 else -1.0
-        error = _wrap(bearing - side * np.pi / 2)
+        error = float(wrap_angle(bearing - side * np.pi / 2))
         if abs(error) > np.radians(20):
             return self._turn(error), f"My feet cannot get closer to the {self._noun}: I turn my side to it."
         return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
@@ -250,10 +250,12 @@ class OracleAgent:
         assert stand.seat_height is not None
         if not self._arrived(pose, stand, 0.15):
             return self._follow(pose)
-        error = _wrap(stand.yaw - pose.yaw)
+        error = float(wrap_angle(stand.yaw - pose.yaw))
         if not self._memory.seen:
-            self._memory.seen = abs(_wrap(error + np.pi)) < np.radians(45)
-            return self._turn(_wrap(error + np.pi)), f"I should look at the {self._noun} before I turn my back to it."
+            self._memory.seen = abs(float(wrap_angle(error + np.pi))) < np.radians(45)
+            return self._turn(
+                float(wrap_angle(error + np.pi))
+            ), f"I should look at the {self._noun} before I turn my back to it."
         if abs(error) > np.radians(12):
             return self._turn(error), f"I stand in front of the {self._noun} and turn my back to it."
         left, ahead = pose.local(stand.point)
@@ -456,10 +458,6 @@ def _aim(plan: FloorPlan, path: Array, point: Array) -> tuple[Array, float]:
 
 def _legs(path: Array) -> list[tuple[Array, Array]]:
     return list(pairwise(path)) or [(path[0], path[0])]
-
-
-def _wrap(angle: float) -> float:
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def _side_of(left: float) -> str:

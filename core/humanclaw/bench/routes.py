@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from skimage.graph import MCP_Geometric
 from skimage.measure import approximate_polygon
 
-from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.pose import Array, matrix_from_quaternion, wrap_angle
 from humanclaw.scene import Scene, SceneObject
 
 Mask = NDArray[np.bool_]
@@ -422,7 +422,7 @@ def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     legs = np.diff(simple, axis=0)
     bearing = np.arctan2(legs[:, 0], legs[:, 1])
-    return int((np.abs((np.diff(bearing) + np.pi) % (2 * np.pi) - np.pi) > np.radians(degrees)).sum())
+    return int((np.abs(wrap_angle(np.diff(bearing))) > np.radians(degrees)).sum())
 
 
 def rooms_on(scene: Scene, path: Array) -> tuple[str, ...]:

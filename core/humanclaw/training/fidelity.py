@@ -33,6 +33,7 @@ from humanclaw.pose import (
     matrix_from_vector,
     rest_pose,
     support_height,
+    wrap_angle,
 )
 from humanclaw.training.chunks import PARAMETERS, Chunks, canonical, outcomes
 
@@ -222,7 +223,7 @@ def _achieved(skill: str, rollouts: Rollouts) -> tuple[Array, float]:
     primary = _PRIMARY.get(skill, 0)
     difference = achieved - rollouts.commands
     angle = np.array([name == "yaw" for name in PARAMETERS[skill]])
-    difference[:, angle] = np.degrees((difference[:, angle] + np.pi) % (2 * np.pi) - np.pi)
+    difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Data, unlike commands, may hold a displacement of exactly nothing.
     wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])

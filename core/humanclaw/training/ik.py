@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
-from humanclaw.pose import matrix_from_vector
+from humanclaw.pose import matrix_from_vector, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ def place_legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> dict[str, 
 
 def _legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> tuple[Array, Array]:
     """Thigh and shin orientations; knees point ahead and a little up, halfway between hips and foot."""
-    aim = yaw[:, None] + 0.5 * wrap(feet.yaw - yaw[:, None])
+    aim = yaw[:, None] + 0.5 * wrap_angle(feet.yaw - yaw[:, None])
     pole = np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
     return solve(Limb.leg("left"), hips(root, pelvis), feet.ankles(), pole)  # both legs have the same bones
 
@@ -183,8 +183,3 @@ def _legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> tuple[Array, Ar
 def _excess(value: Array, width: float) -> Array:
     """max(value, 0) with its corner rounded over `width` on either side."""
     return np.asarray(np.where(value > width, value, np.maximum(value + width, 0.0) ** 2 / (4 * width)))
-
-
-def wrap(angle: Array) -> Array:
-    """Angles to [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
