@@ -21,6 +21,7 @@ from humanclaw.motion.checkpoint import Base, load_adapter, load_base
 from humanclaw.motion.control import Adapter
 from humanclaw.motion.dit import Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
+from humanclaw.motion.plant import planted
 from humanclaw.pose import HISTORY, Frame, Motion, decode, encode
 
 SHIPPED: Final = "motion/weights/base.safetensors"
@@ -36,11 +37,15 @@ class _Branch:
 
 
 class DiTGenerator:
-    """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes."""
+    """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    def __init__(self, base: Base, solver: Solver) -> None:
+    plant: hold standing feet still (humanclaw.motion.plant); without it the motion is as the model wrote it.
+    """
+
+    def __init__(self, base: Base, solver: Solver, plant: bool = True) -> None:
         self.base = base
         self.solver = solver
+        self.plant = plant
         self._times = torch.tensor(solver.times)
         self._branches: dict[Path, _Branch] = {}
         with torch.inference_mode():
@@ -48,13 +53,15 @@ class DiTGenerator:
 
     @classmethod
     def shipped(cls, profile: str = "default") -> DiTGenerator:
-        """The base that comes with the package. profile: `default` for few solver steps, `paper` for the paper's 30.
+        """The base that comes with the package.
+
+        profile: `default` for few solver steps and planted feet, `paper` for the paper's 30 steps and nothing after them.
 
         Raises HumanclawError for an unknown profile, CheckpointError when the weights are not there.
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        return cls(load_base(shipped_base()), PROFILES[profile])
+        return cls(load_base(shipped_base()), PROFILES[profile], plant=profile != "paper")
 
     @property
     def digest(self) -> str:
@@ -83,12 +90,16 @@ class DiTGenerator:
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
         frames = [Frame.of_history(_checked(history)) for history in histories]
-        states = [encode(frame.to_local(history)) for frame, history in zip(frames, histories, strict=True)]
+        local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
+        states = [encode(history) for history in local]
         with torch.inference_mode(), _one_thread():
             clean = torch.as_tensor(np.stack(states), dtype=torch.float32)
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
             decoded = self.base.normaliser.inverse(future).numpy()
-        return [frame.to_world(decode(state)) for frame, state in zip(frames, decoded, strict=True)]
+        futures = [decode(state) for state in decoded]
+        if self.plant:
+            futures = [planted(history, future) for history, future in zip(local, futures, strict=True)]
+        return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
     def _sample(self, history: Tensor, path: Path | None, values: Sequence[Sequence[float]], noise: Tensor) -> Tensor:
         model = self.base.model

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
+from humanclaw.motion.ik import Limb, solve
 from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw.training import augment, ik
@@ -623,9 +624,9 @@ def seat_table(stance: Array) -> Array:
     for side, sign in (("left", 1.0), ("right", -1.0)):
         hip, shoulder = (position[:, JOINT_INDEX[f"{side}_{joint}"]] for joint in ("hip", "shoulder"))
         ankle = np.stack([np.full_like(low, sign * 0.09), np.full_like(low, SOLE), seat_depth(_SEATS) - 0.02], -1)
-        thigh, _ = ik.solve(ik.Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
+        thigh, _ = solve(Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
         wrist = hip + thigh @ np.array([0.0, -0.27, 0.085]) - [0.0, 0.0, 0.03]
-        upper, fore = ik.solve(ik.Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
+        upper, fore = solve(Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
         for joint, parent, own in (
             ("shoulder", orientation[:, JOINT_INDEX[f"{side}_collar"]], upper),
             ("elbow", upper, fore),

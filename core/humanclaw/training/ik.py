@@ -1,4 +1,4 @@
-"""Inverse kinematics: two-bone limbs, feet that roll on the ground, and hips that stay within the reach of both legs.
+"""Legs for edited motion: feet that roll on the ground, and hips that stay within the reach of both legs.
 
 Everything is vectorised: (...) is any leading shape, (N, 2, T) are the left and right feet of N bodies over T frames. Metres and
 radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the world. Needs numpy alone.
@@ -12,76 +12,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
+from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
+from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Limb, solve
 from humanclaw.pose import matrix_from_vector, wrap_angle
 
 Array = NDArray[np.float64]
 
-TOE_BASE: Final = np.array([0.0, TOE_SOLE - SOLE, 0.13])
-"""From ankle to toe base in the frame of the foot."""
 HEEL: Final = np.array([0.0, -SOLE, -0.06])
 """From ankle to the rear edge of the sole in the frame of the foot."""
-REACH: Final = 0.8175
-"""From hip to ankle at most: a knee that locks straight would jerk as it bends again."""
-SIDES: Final = ("left", "right")
-
-
-@dataclass(frozen=True)
-class Limb:
-    """Two bones and their hinge. upper, lower: offsets of the hinge and of the end in the rest pose.
-
-    hinge: the axis, in the rest frame, about which a positive angle bends the limb.
-    """
-
-    upper: Array
-    lower: Array
-    hinge: Array
-
-    @property
-    def reach(self) -> float:
-        return float(np.linalg.norm(self.upper) + np.linalg.norm(self.lower))
-
-    @classmethod
-    def leg(cls, side: str) -> Limb:
-        """The knee bends about +X, which carries the shin backwards."""
-        knee, ankle = (OFFSETS[JOINT_INDEX[f"{side}_{joint}"]] for joint in ("knee", "ankle"))
-        return cls(knee, ankle, np.array([1.0, 0.0, 0.0]))
-
-    @classmethod
-    def arm(cls, side: str) -> Limb:
-        """The elbow bends about the vertical of the T-pose, which carries the hand forwards."""
-        elbow, wrist = (OFFSETS[JOINT_INDEX[f"{side}_{joint}"]] for joint in ("elbow", "wrist"))
-        return cls(elbow, wrist, np.array([0.0, -1.0 if side == "left" else 1.0, 0.0]))
-
-
-def solve(limb: Limb, start: Array, end: Array, pole: Array, slack: float = 1e-4) -> tuple[Array, Array]:
-    """World orientations (..., 3, 3) of the two bones that carry the limb from start (..., 3) to end (..., 3).
-
-    pole: (..., 3) the direction in which the hinge points. An end out of reach is approached as far as the limb goes, less slack.
-    """
-    a, b = float(np.linalg.norm(limb.upper)), float(np.linalg.norm(limb.lower))
-    span = np.asarray(end, float) - start
-    distance = np.linalg.norm(span, axis=-1)
-    reached = np.clip(distance, abs(a - b) + slack, a + b - slack)
-    bend = np.arccos(np.clip((reached**2 - a * a - b * b) / (2 * a * b), -1.0, 1.0))
-    fold = matrix_from_vector(bend[..., None] * limb.hinge)
-    rest = _basis(limb.upper + fold @ limb.lower, np.broadcast_to(limb.hinge, span.shape))
-    # The hinge lies square to the plane of start, end and pole; on a leg that hangs, pole x span is the body's left.
-    side = np.cross(pole, span) * float(np.sign(np.dot(np.cross(_pole(limb), limb.upper), limb.hinge)))
-    upper = _basis(span / np.maximum(distance, 1e-9)[..., None], side) @ np.swapaxes(rest, -1, -2)
-    return upper, upper @ fold
-
-
-def _pole(limb: Limb) -> Array:
-    """Where the hinge points in the rest pose: away from where the end goes when the limb bends."""
-    return -np.cross(limb.hinge, limb.lower)
-
-
-def _basis(along: Array, side: Array) -> Array:
-    first = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    square = side - np.sum(side * first, -1, keepdims=True) * first
-    second = square / np.maximum(np.linalg.norm(square, axis=-1, keepdims=True), 1e-9)
-    return np.stack([first, second, np.cross(first, second)], -1)
 
 
 def foot_orientation(yaw: Array, pitch: Array) -> Array:

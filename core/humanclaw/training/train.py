@@ -16,7 +16,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
@@ -28,7 +28,16 @@ from humanclaw.body import N_JOINTS
 from humanclaw.errors import HumanclawError
 from humanclaw.files import write_atomically
 from humanclaw.motion import flow, kinematics
-from humanclaw.motion.checkpoint import Base, Card, Normaliser, load_base, save_adapter, save_base
+from humanclaw.motion.checkpoint import (
+    Base,
+    Card,
+    Normaliser,
+    load_adapter,
+    load_base,
+    read_header,
+    save_adapter,
+    save_base,
+)
 from humanclaw.motion.control import Adapter, AdapterConfig, Encoder
 from humanclaw.motion.dit import SIZES, DiT, Prediction
 from humanclaw.motion.generator import shipped_base
@@ -54,6 +63,8 @@ class Recipe:
     spoil: float = 1.0
     jitter: float = 0.01
     """Noise on a condition, in units of its own deviation."""
+    init: str = ""
+    """Recipe digest of the checkpoint that the run began from; empty when it began from nothing."""
     licences: tuple[str, ...] = ()
     """Of the data, for the checkpoint's header."""
 
@@ -301,13 +312,27 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
 
 
 def train_adapter(
-    skill: str, folders: Sequence[Path], base: Base, out: Path, recipe: Recipe, device: torch.device, fast: bool = False
+    skill: str,
+    folders: Sequence[Path],
+    base: Base,
+    out: Path,
+    recipe: Recipe,
+    device: torch.device,
+    fast: bool = False,
+    init: Path | None = None,
 ) -> Path:
-    """Train the adapter of one skill on the frozen base; the path of its checkpoint, out/adapter.safetensors."""
+    """Train the adapter of one skill on the frozen base; the path of its checkpoint, out/adapter.safetensors.
+
+    init: a checkpoint of this skill on this base to go on from, instead of a copy of the base's blocks.
+    """
     chunks = data.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
-    frozen, normaliser = base.model.to(device), base.normaliser.to(device)
-    adapter = Adapter(frozen, adapter_config(skill, chunks.params)).to(device)
+    if init is None:
+        adapter = Adapter(base.model, adapter_config(skill, chunks.params))
+    else:
+        adapter = load_adapter(init, base, skill).train().requires_grad_()
+        recipe = replace(recipe, init=str(read_header(init)["card"]["recipe_digest"]))
+    frozen, normaliser, adapter = base.model.to(device), base.normaliser.to(device), adapter.to(device)
     trainer = Trainer(adapter, chunks, recipe)
     path = out / "adapter.safetensors"
 
@@ -364,14 +389,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.seed,
         options.spoil,
         options.jitter,
-        tuple(options.licence),
+        licences=tuple(options.licence),
     )
     try:
         if options.what == "base":
             path = train_base(options.data, options.out, recipe, device, options.compile)
         else:
             base = load_base(options.base)
-            path = train_adapter(options.skill, options.data, base, options.out, recipe, device, options.compile)
+            path = train_adapter(
+                options.skill, options.data, base, options.out, recipe, device, options.compile, options.init
+            )
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -397,6 +424,7 @@ def _parser() -> argparse.ArgumentParser:
             one.add_argument(
                 "--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default"
             )
+            one.add_argument("--init", type=Path, help="adapter to go on from, instead of a copy of the base")
         one.add_argument(
             "--data", type=Path, action="append", required=True, help="folder of chunks; may be given several times"
         )
