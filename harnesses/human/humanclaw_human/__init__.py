@@ -1,0 +1,25 @@
+"""HumanCLAW harness: a person at the keyboard decides what the body does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.interfaces import DecisionMaker
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_decision_makers(register: RegisterFactory) -> None:
+    register("human", _human, "a person at the keyboard, with the view in the browser")
+
+
+def _human(options: Mapping[str, Any]) -> DecisionMaker:
+    from humanclaw_human.person import Person, Settings
+
+    return Person(Settings.of(options))

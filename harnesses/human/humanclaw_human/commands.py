@@ -1,0 +1,86 @@
+"""What a person types, as a call: a skill or its first letters, then numbers in the order of the skill's schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from humanclaw.contract import Skill
+from humanclaw.errors import CallError
+from humanclaw.interfaces import Call
+
+
+@dataclass(frozen=True)
+class Command:
+    """One line. seen: what the person says is in view."""
+
+    call: Call
+    seen: str = ""
+
+
+def parse(line: str, skills: Mapping[str, Skill]) -> Command:
+    """Read one line. Raises CallError that says what was expected."""
+    text, _, seen = line.partition("#")
+    words = text.replace(",", " ").split()
+    if not words:
+        raise CallError("Type a skill and its numbers, or help.")
+    skill = skills[_name(words[0], skills)]
+    return Command(Call(skill.name, skill.check(_params(skill, words[1:]))), seen.strip())
+
+
+def _name(word: str, skills: Mapping[str, Skill]) -> str:
+    """The one skill meant: its name, its first letters, or those of a later word of it, as in back for step_back."""
+    word = word.lower()
+    if word in skills:
+        return word
+    found = [name for name in skills if name.lower().startswith(word)]
+    found = found or [name for name in skills if any(part.startswith(word) for part in name.lower().split("_"))]
+    if len(found) == 1:
+        return found[0]
+    what = f"{word!r} may be {' or '.join(found)}" if found else f"there is no skill {word!r}"
+    raise CallError(f"{what[0].upper()}{what[1:]}. The skills are {', '.join(skills)}.")
+
+
+def _params(skill: Skill, words: Sequence[str]) -> dict[str, Any]:
+    parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
+    if len(words) > len(parts):
+        raise CallError(f"{usage(skill)} takes {len(parts)} numbers; you gave {len(words)}.")
+    given = {key: _value(key, part, word) for (key, part), word in zip(parts.items(), words, strict=False)}
+    # What has a bound on either side of 0 may be left out: nothing is asked for there.
+    left_out = {
+        key: 0
+        for key, part in parts.items()
+        if key not in given and "default" not in part and part.get("minimum", 1) <= 0 <= part.get("maximum", -1)
+    }
+    return given | left_out
+
+
+def _value(key: str, part: Mapping[str, Any], word: str) -> Any:
+    kind = part.get("type")
+    if kind == "boolean":
+        return word.lower() in ("1", "true", "yes")
+    if kind not in ("integer", "number"):
+        return word
+    try:
+        return int(word) if kind == "integer" else float(word)
+    except ValueError:
+        raise CallError(f"{key} is a whole number; you gave {word!r}.") from None
+
+
+def usage(skill: Skill) -> str:
+    """A skill and its parameters on one line."""
+    return " ".join([skill.name, *skill.schema.get("properties", {})])
+
+
+def manual(skills: Mapping[str, Skill]) -> str:
+    """All skills with the bounds of their parameters."""
+    return "\n".join(_entry(skill) for skill in skills.values() if skill.trained)
+
+
+def _entry(skill: Skill) -> str:
+    bounds = [
+        f"{key} {part['minimum']} to {part['maximum']}" if "minimum" in part and "maximum" in part else key
+        for key, part in skill.schema.get("properties", {}).items()
+    ]
+    return f"  {usage(skill):28} {', '.join(bounds)}"

@@ -1,0 +1,96 @@
+"""The decision maker: shows the view, reads a line, and asks again until the line is a call."""
+
+from __future__ import annotations
+
+import webbrowser
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import click
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from humanclaw.errors import CallError, HumanclawError
+from humanclaw.interfaces import Decision, EpisodeContext, Observation, Past
+from humanclaw_human.commands import manual, parse
+from humanclaw_human.window import Window
+
+
+class Settings(BaseModel):
+    """Options of `--agent human`. Those that only concern a model are accepted, so that one command line serves both."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    profile: str = "default"
+    browser: bool = True
+    """Whether to open the page."""
+    port: int = Field(0, ge=0, le=65535)
+    """Of the page; 0 takes any free one."""
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> Settings:
+        """Raises HumanclawError for an option that a person does not have."""
+        try:
+            return cls(**options)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise HumanclawError(
+                f"--option {first['loc'][0]}: {first['msg']}.", "A person's options are browser and port."
+            ) from None
+
+
+class Person:
+    """Reads decisions from `ask`, which gets a prompt and returns a line; by default the terminal."""
+
+    name = "human"
+    privileged = False
+
+    def __init__(self, settings: Settings, ask: Callable[[str], str] | None = None) -> None:
+        self.settings = settings.model_dump()
+        self._settings = settings
+        self._ask = ask or _terminal
+        self._window: Window | None = None
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._skills = context.skills
+        if self._window is None:
+            self._window = _opened(self._settings)
+        click.echo(
+            f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: {self._window.address}"
+        )
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        assert self._window is not None
+        words = f"{observation.instruction}  Step {observation.step}. {observation.feedback}"
+        self._window.show(observation.rgb, observation.step, words)
+        if observation.feedback:
+            click.echo(observation.feedback)
+        while True:
+            line = self._ask(f"step {observation.step} > ")
+            if line.strip().lower() in ("help", "?"):
+                click.echo(manual(self._skills))
+                continue
+            try:
+                command = parse(line, self._skills)
+            except CallError as error:
+                click.echo(error)
+                continue
+            return Decision((command.call,), command.seen, raw=line)
+
+
+def _terminal(prompt: str) -> str:
+    try:
+        return input(prompt)
+    except EOFError:
+        raise KeyboardInterrupt from None
+
+
+def _opened(settings: Settings) -> Window:
+    try:
+        window = Window(settings.port)
+    except OSError as error:
+        raise HumanclawError(
+            f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."
+        ) from error
+    if settings.browser:
+        webbrowser.open(window.address)
+    return window

@@ -1,0 +1,103 @@
+"""A person's lines become calls, and the view is where a browser finds it."""
+
+import io
+import json
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import CallError, HumanclawError
+from humanclaw.interfaces import EpisodeContext, Observation
+from humanclaw.plugins import Plugins
+from humanclaw_human.commands import manual, parse
+from humanclaw_human.person import Person, Settings
+from humanclaw_human.window import Window
+
+
+@pytest.fixture(scope="module")
+def skills():
+    return Plugins.discover().skills
+
+
+PICTURE = np.zeros((8, 8, 3), np.uint8)
+PICTURE[:, :4] = (255, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("line", "skill", "params"),
+    [
+        ("walk 10 60 5", "walk", {"x_cm": 10, "z_cm": 60, "yaw_deg": 5}),
+        ("turn -45", "turn_in_place", {"yaw_deg": -45}),
+        ("back 20", "step_back", {"z_cm": 20}),
+        ("SIT 50", "sit_in_place", {"h_cm": 50}),
+        ("climb 17, 28", "climb_upstairs", {"h_cm": 17, "d_cm": 28}),
+        ("stop", "stop", {}),
+    ],
+)
+def test_a_line_is_a_skill_and_its_numbers(skills, line, skill, params):
+    call = parse(line, skills).call
+    assert call.skill == skill
+    assert dict(call.params) == params
+
+
+def test_what_follows_a_hash_is_what_the_person_sees(skills):
+    assert parse("turn 30 # a couch on the left", skills).seen == "a couch on the left"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [("", "Type a skill"), ("fly 3", "no skill 'fly'"), ("walk far", "whole number"), ("turn 1 2 3", "takes 1"),
+     ("turn 900", "yaw_deg"), ("st", "step_back or stop"), ("sit", "h_cm")],
+)  # fmt: skip
+def test_a_line_that_is_no_call_is_explained(skills, line, words):
+    with pytest.raises(CallError, match=words):
+        parse(line, skills)
+
+
+def test_the_manual_names_every_skill_and_its_bounds(skills):
+    assert all(name in manual(skills) for name in skills)
+    assert "h_cm 20 to 80" in manual(skills)
+
+
+def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
+    lines = iter(["help", "jump", "walk 0 30 # a chair"])
+    person = Person(Settings(browser=False), lambda prompt: next(lines))
+    spec = EpisodeSpec(id="a", instruction="Find a chair.", scene="house:0")
+    person.begin(EpisodeContext(spec, skills, 0))
+    decision = person.decide(Observation(0, "Find a chair.", PICTURE, "Executed stop()."), ())
+    told = capsys.readouterr().out
+    assert decision.calls[0].skill == "walk"
+    assert decision.visible_state == "a chair"
+    assert "no skill 'jump'" in told
+    assert "Executed stop()." in told
+
+
+def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
+    window = Window()
+    try:
+        window.show(PICTURE, 3, "Find a chair.")
+        assert json.load(urlopen(window.address + "state")) == {"step": 3, "words": "Find a chair."}
+        picture = np.array(Image.open(io.BytesIO(urlopen(window.address + "view.png?3").read())))
+        assert np.array_equal(picture, PICTURE)
+        assert b"<img" in urlopen(window.address).read()
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(window.address + "etc/passwd")
+    finally:
+        window.close()
+
+
+def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    person = Person(Settings(browser=False))
+    person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))
+    with pytest.raises(KeyboardInterrupt):
+        person.decide(Observation(0, "Stop.", PICTURE), ())
+
+
+def test_an_option_of_a_model_is_no_option_of_a_person():
+    with pytest.raises(HumanclawError, match="browser and port"):
+        Settings.of({"history": 10})
