@@ -1,0 +1,23 @@
+"""Pictures of a world from a software rasteriser: colour, depth and object ids on one CPU core."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw.hookspecs import RegisterFactory, hookimpl
+
+if TYPE_CHECKING:
+    from humanclaw.interfaces import Renderer
+
+__version__ = "0.1.0"
+
+
+def _renderer() -> Renderer:
+    from humanclaw_raster.renderer import RasterRenderer
+
+    return RasterRenderer()
+
+
+@hookimpl
+def humanclaw_renderers(register: RegisterFactory) -> None:
+    register("raster", _renderer, "Software rasteriser: colour, depth and object ids on one CPU core.")

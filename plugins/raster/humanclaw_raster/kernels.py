@@ -1,0 +1,448 @@
+"""The inner loops, compiled by Numba: what is in view, which triangle each pixel shows, how open it lies, its colour.
+
+Camera frame: x right, y down, z forward, metres. Pixel (row, column) is looked at through its middle. Arithmetic is strict
+(no fast-math) and in one fixed order, so that the same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from humanclaw.pose import Array
+from humanclaw_raster.packing import LEVELS, Floats, Model
+
+NEAR: Final = 0.02
+"""What is closer to the eye than this is cut away, metres."""
+SUN: Final = (0.505, 0.808, 0.303)
+"""Direction towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
+UPLIFT: Final = 0.6
+"""Normals are lifted by this much before shading, as light that comes from above and bounces all round would: without it
+every face that is turned away from the sun would have one and the same darkness, and corners between them would vanish."""
+BOUNCE: Final = 0.5
+"""Faces that look down are lit by the floor, with this share of what it gets."""
+AMBIENT: Final = 0.6
+DIFFUSE: Final = 0.45
+REACH: Final = 0.45
+"""Surfaces within this distance of each other take each other's light, metres."""
+DARKEST: Final = 0.4
+"""Share of the light that is left in the deepest corner."""
+DEPTH_OF_CORNERS: Final = 1.6
+"""How much of the light the taken share of the neighbourhood takes away."""
+RAYS: Final = 8
+"""Samples of the neighbourhood a pixel; 16 pixels of a square take 16 different sets and are then averaged."""
+SHADE: Final = 0.6
+"""Share of the light that a place loses of which all the sky is taken."""
+CONE: Final = 0.6
+"""Light comes down from within this distance aside, metres, ..."""
+STEEP: Final = 0.9
+"""... at least this steeply, as metres down for each metre aside."""
+LEAN: Final = 0.08
+"""Neighbours less steep than this above the surface do not count: they are the surface itself, seen with rounding."""
+
+
+SURFACE: Final = 27
+FLAT: Final = 8
+"""Numbers that _prepare writes, and where among them the normal of the face begins."""
+
+
+class Lens(NamedTuple):
+    """A pinhole."""
+
+    eye: Array
+    """(3,) world frame."""
+    axes: Array
+    """(3, 3) rows: right, down, forward."""
+    focal: float
+    """In pixels."""
+
+
+class Things(NamedTuple):
+    """The meshes of a model, put somewhere. N things."""
+
+    mesh: NDArray[np.int32]
+    id: NDArray[np.int32]
+    shown: NDArray[np.bool_]
+    turn: Array
+    """(N, 3, 3) rotation from the mesh's frame to the world."""
+    place: Array
+    """(N, 3) world frame."""
+
+
+class Canopy(NamedTuple):
+    """Height maps from above. S storeys."""
+
+    heights: Floats
+    """(S, Z, X) world height of the highest thing over each cell, minus infinity where there is none."""
+    floors: Array
+    """(S,) heights of the floors, ascending."""
+    corner: Array
+    """(2,) least x and z of the maps."""
+    cell: float
+    """Side of a cell, metres."""
+
+
+class Hits(NamedTuple):
+    """What each pixel shows: nearness is 1 / depth and 0 where nothing is, face and thing are -1 there. All (H, W)."""
+
+    nearness: Floats
+    face: NDArray[np.int32]
+    thing: NDArray[np.int32]
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Machine code, kept on disk beside the source or in the user's cache; compiled anew where neither can be written."""
+    how = {"error_model": "numpy", "nogil": True}
+    try:
+        return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
+    except RuntimeError:
+        return njit(**how)(function)  # type: ignore[no-any-return]
+
+
+def _inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    return njit(inline="always", error_model="numpy")(function)
+
+
+@_compiled
+def in_view(model: Model, things: Things, lens: Lens, width: int, height: int) -> tuple[NDArray[np.int32], Floats]:
+    """(K, 2) thing and cluster of all clusters that may be seen, and (K,) their least depths."""
+    count = 0
+    for thing in range(things.mesh.size):
+        count += model.meshes[things.mesh[thing], 1] - model.meshes[things.mesh[thing], 0]
+    found, depth = np.empty((count, 2), np.int32), np.empty(count, np.float32)
+    side, rise = width / 2 / lens.focal, height / 2 / lens.focal
+    side_slant, rise_slant = np.sqrt(1 + side * side), np.sqrt(1 + rise * rise)
+    count = 0
+    for thing in range(things.mesh.size):
+        if not things.shown[thing]:
+            continue
+        to_lens, shift = _placed(things, thing, lens)
+        for cluster in range(model.meshes[things.mesh[thing], 0], model.meshes[things.mesh[thing], 1]):
+            x, y, z = _moved(to_lens, shift, model.spheres[cluster])
+            radius = model.spheres[cluster, 3]
+            behind = z + radius < NEAR
+            if behind or abs(x) - side * z > radius * side_slant or abs(y) - rise * z > radius * rise_slant:
+                continue
+            found[count, 0], found[count, 1] = thing, cluster
+            depth[count] = z - radius
+            count += 1
+    return found[:count], depth[:count]
+
+
+@_compiled
+def _placed(things: Things, thing: int, lens: Lens) -> tuple[Array, Array]:
+    """Rotation and shift from the frame of a thing's mesh to that of the camera."""
+    turn, shift = np.zeros((3, 3)), np.zeros(3)
+    for a in range(3):
+        for b in range(3):
+            shift[a] += lens.axes[a, b] * (things.place[thing, b] - lens.eye[b])
+            for c in range(3):
+                turn[a, b] += lens.axes[a, c] * things.turn[thing, c, b]
+    return turn, shift
+
+
+@_compiled
+def _moved(turn: Array, shift: Array, point: Floats) -> tuple[float, float, float]:
+    return (
+        turn[0, 0] * point[0] + turn[0, 1] * point[1] + turn[0, 2] * point[2] + shift[0],
+        turn[1, 0] * point[0] + turn[1, 1] * point[1] + turn[1, 2] * point[2] + shift[1],
+        turn[2, 0] * point[0] + turn[2, 1] * point[1] + turn[2, 2] * point[2] + shift[2],
+    )
+
+
+@_compiled
+def draw(model: Model, things: Things, lens: Lens, order: NDArray[np.int32], hits: Hits) -> None:
+    """Fill the hits with the nearest triangles. Both sides of a face are drawn. order: (K, 2) as from in_view, nearest first."""
+    seen, flat = np.empty((3, 3)), np.empty((4, 3))
+    for item in range(order.shape[0]):
+        thing, cluster = order[item]
+        turn, shift = _placed(things, thing, lens)
+        for face in range(model.clusters[cluster, 0], model.clusters[cluster, 1]):
+            for corner in range(3):
+                seen[corner] = _moved(turn, shift, model.corners[face, corner])
+            count = _project(seen, lens.focal, hits.nearness.shape, flat)
+            for last in range(2, count):
+                _fill(flat[0], flat[last - 1], flat[last], face, thing, hits)
+
+
+@_compiled
+def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> int:
+    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and nearness."""
+    count = 0
+    for corner in range(3):
+        here, there = seen[corner], seen[(corner + 1) % 3]
+        if here[2] >= NEAR:
+            flat[count, 0] = shape[1] / 2 + focal * here[0] / here[2]
+            flat[count, 1] = shape[0] / 2 + focal * here[1] / here[2]
+            flat[count, 2] = 1 / here[2]
+            count += 1
+        if (here[2] >= NEAR) != (there[2] >= NEAR):
+            # From the visible end to the other, whichever comes first: neighbours cut their common side at one point.
+            a, b = (here, there) if here[2] >= NEAR else (there, here)
+            part = (NEAR - a[2]) / (b[2] - a[2])
+            flat[count, 0] = shape[1] / 2 + focal * (a[0] + part * (b[0] - a[0])) / NEAR
+            flat[count, 1] = shape[0] / 2 + focal * (a[1] + part * (b[1] - a[1])) / NEAR
+            flat[count, 2] = 1 / NEAR
+            count += 1
+    return count
+
+
+@_compiled
+def _fill(a: Array, b: Array, c: Array, face: int, thing: int, hits: Hits) -> None:
+    """Row by row. A pixel belongs to a triangle if its middle does; of two triangles with a common side exactly one has it."""
+    height, width = hits.nearness.shape
+    x0, y0, w0, x1, y1, w1, x2, y2, w2 = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    top = max(0, int(np.ceil(max(min(y0, y1, y2), 0.0) - 0.5)))
+    bottom = int(np.ceil(min(max(y0, y1, y2), float(height)) - 0.5))
+    if area == 0.0 or top >= bottom or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width - 0.5:
+        return
+    across = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
+    down = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area
+    corner = w0 + (0.5 - x0) * across + (0.5 - y0) * down
+    # Corners from top to bottom, so that neighbours compute their common side in the same way, to the last bit.
+    if y1 < y0 or (y1 == y0 and x1 < x0):
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    if y2 < y0 or (y2 == y0 and x2 < x0):
+        x0, y0, x2, y2 = x2, y2, x0, y0
+    if y2 < y1 or (y2 == y1 and x2 < x1):
+        x1, y1, x2, y2 = x2, y2, x1, y1
+    step = np.float32(across)
+    for row in range(top, bottom):
+        y = row + 0.5
+        long = x0 + (y - y0) * ((x2 - x0) / (y2 - y0))
+        short = x0 + (y - y0) * ((x1 - x0) / (y1 - y0)) if y < y1 else x1 + (y - y1) * ((x2 - x1) / (y2 - y1))
+        left = int(np.ceil(max(min(long, short), 0.0) - 0.5))
+        right = int(np.ceil(min(max(long, short), float(width)) - 0.5))
+        start = np.float32(corner + row * down)
+        for column in range(left, right):
+            nearness = start + step * np.float32(column)
+            if nearness > hits.nearness[row, column]:
+                hits.nearness[row, column] = nearness
+                hits.face[row, column] = face
+                hits.thing[row, column] = thing
+
+
+@_compiled
+def openness(model: Model, things: Things, lens: Lens, hits: Hits, canopy: Canopy) -> Floats:
+    """(H / 2, W / 2) share of the light that reaches every second pixel.
+
+    Ambient occlusion in screen space takes the light of corners; things over a place take the light that falls on it from above.
+    """
+    height, width = (hits.nearness.shape[0] + 1) // 2, (hits.nearness.shape[1] + 1) // 2
+    depth, normals = np.empty((height, width), np.float32), np.zeros((height, width, 3), np.float32)
+    surface, last, owner = np.empty(SURFACE), -1, -1
+    for row in range(height):
+        for column in range(width):
+            depth[row, column] = 1 / hits.nearness[2 * row, 2 * column]
+            face, thing = hits.face[2 * row, 2 * column], hits.thing[2 * row, 2 * column]
+            if thing < 0:
+                continue
+            if face != last or thing != owner:
+                _prepare(model, things, lens, face, thing, surface)
+                last, owner = face, thing
+            for axis in range(3):
+                normals[row, column, axis] = surface[FLAT + axis]
+    light = _occlusion(depth, normals, lens.focal / 2)
+    _shadow(depth, normals, lens, canopy, light)
+    return _smoothed(light, depth, normals)
+
+
+@_compiled
+def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
+    height, width = depth.shape
+    out, swing = np.ones((height, width), np.float32), _swing()
+    closeness = np.float32(1 / (REACH * REACH))
+    for row in range(height):
+        for column in range(width):
+            z = depth[row, column]
+            if z == np.inf:
+                continue
+            scale, mid, centre = np.float32(1 / focal), np.float32(width / 2 - 0.5), np.float32(height / 2 - 0.5)
+            x, y = (column - mid) * scale * z, (row - centre) * scale * z
+            a, b, c = normals[row, column]
+            radius = min(max(np.float32(focal * REACH) / z, np.float32(2)), np.float32(width / 8))
+            turn, taken = (row % 4) * 4 + column % 4, np.float32(0)
+            for ray in range(RAYS):
+                r = int(row + swing[turn, ray, 0] * radius + 100.5) - 100
+                c_ = int(column + swing[turn, ray, 1] * radius + 100.5) - 100
+                if r < 0 or c_ < 0 or r >= height or c_ >= width:
+                    continue
+                far = depth[r, c_]
+                dx, dy, dz = (c_ - mid) * scale * far - x, (r - centre) * scale * far - y, far - z
+                square = dx * dx + dy * dy + dz * dz
+                fade = np.float32(1) - square * closeness
+                if fade > 0 and square > 1e-9:
+                    taken += max(np.float32(0), (dx * a + dy * b + dz * c) / np.sqrt(square) - LEAN) * fade
+            out[row, column] = max(DARKEST, 1 - DEPTH_OF_CORNERS * taken / RAYS)
+    return out
+
+
+@_compiled
+def _shadow(depth: Floats, normals: Floats, lens: Lens, canopy: Canopy, light: Floats) -> None:
+    """Darken what lies under or close beside something. Light comes down in a cone; surfaces that face up receive it."""
+    height, width = depth.shape
+    axes, eye, swing = lens.axes, lens.eye, _swing()
+    deep, wide = canopy.heights.shape[1:]
+    for row in range(height):
+        for column in range(width):
+            n = normals[row, column]
+            up = n[0] * axes[0, 1] + n[1] * axes[1, 1] + n[2] * axes[2, 1]
+            if up < 0.2:
+                continue
+            z = depth[row, column]
+            right, down = (2 * column + 0.5 - width) / lens.focal * z, (2 * row + 0.5 - height) / lens.focal * z
+            x = (eye[0] + right * axes[0, 0] + down * axes[1, 0] + z * axes[2, 0] - canopy.corner[0]) / canopy.cell
+            y = eye[1] + right * axes[0, 1] + down * axes[1, 1] + z * axes[2, 1]
+            z = (eye[2] + right * axes[0, 2] + down * axes[1, 2] + z * axes[2, 2] - canopy.corner[1]) / canopy.cell
+            storey = 0
+            while storey + 1 < canopy.floors.size and canopy.floors[storey + 1] < y + 0.1:
+                storey += 1
+            turn, taken = (row % 4) * 4 + column % 4, 0
+            for ray in range(RAYS):
+                aside, ahead = swing[turn, ray, 0] * CONE, swing[turn, ray, 1] * CONE
+                i, j = int(z + ahead / canopy.cell), int(x + aside / canopy.cell)
+                if i >= 0 and j >= 0 and i < deep and j < wide:
+                    over = canopy.heights[storey, i, j] - y
+                    taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
+            light[row, column] *= 1 - SHADE * min(1.0, up) * taken / RAYS
+
+
+@_compiled
+def _swing() -> Floats:
+    """(16, RAYS, 2) points in the unit disk, spread by the golden angle, in 16 turns."""
+    out = np.empty((16, RAYS, 2), np.float32)
+    for turn in range(16):
+        for ray in range(RAYS):
+            angle, reach = 2.399963 * ray + 2 * np.pi * (turn * 7 % 16) / 16, np.sqrt((ray + 0.5) / RAYS)
+            out[turn, ray, 0], out[turn, ray, 1] = reach * np.sin(angle), reach * np.cos(angle)
+    return out
+
+
+@_compiled
+def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
+    """The mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
+    height, width = raw.shape
+    out = np.ones_like(raw)
+    for row in range(height):
+        for column in range(width):
+            z, total, weight = depth[row, column], raw[row, column], np.float32(1)
+            x, y, n = normals[row, column]
+            for r in range(max(0, row - 2), min(height, row + 2)):
+                for c in range(max(0, column - 2), min(width, column + 2)):
+                    same = abs(depth[r, c] - z) < np.float32(0.05) * z
+                    if same and normals[r, c, 0] * x + normals[r, c, 1] * y + normals[r, c, 2] * n > np.float32(0.8):
+                        total += raw[r, c]
+                        weight += np.float32(1)
+            out[row, column] = total / weight
+    return out
+
+
+@_compiled
+def paint(model: Model, things: Things, lens: Lens, hits: Hits, light: Floats, rgb: NDArray[np.uint8]) -> None:
+    """Colour every pixel that shows something. light: as from openness. rgb: (H, W, 3), its other pixels stay as they are."""
+    height, width = hits.nearness.shape
+    s, last, owner = np.empty(SURFACE), -1, -1
+    for row in range(height):
+        down = (row + 0.5 - height / 2) / lens.focal
+        for column in range(width):
+            thing, face = hits.thing[row, column], hits.face[row, column]
+            if thing < 0:
+                continue
+            if face != last or thing != owner:
+                _prepare(model, things, lens, face, thing, s)
+                last, owner = face, thing
+            depth, right = 1 / hits.nearness[row, column], (column + 0.5 - width / 2) / lens.focal
+            b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
+            c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
+            bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
+            bright *= _light_at(light, hits.nearness, row, column)
+            u, v = s[20] + b * s[22] + c * s[24], s[21] + b * s[23] + c * s[25]
+            _texture(model, things.mesh[thing], u, v, s[26] * depth, bright, rgb, row, column)
+
+
+@_compiled
+def _prepare(model: Model, things: Things, lens: Lens, face: int, thing: int, out: Array) -> None:
+    """What all pixels of a face share.
+
+    0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the camera
+    frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading, world frame,
+    at the first corner and its change to the others. 20..25: uv likewise. 26: texels a pixel at a depth of one metre.
+    """
+    turn, shift = _placed(things, thing, lens)
+    px, py, pz = _moved(turn, shift, model.corners[face, 0])
+    qx, qy, qz = _moved(turn, shift, model.corners[face, 1])
+    rx, ry, rz = _moved(turn, shift, model.corners[face, 2])
+    ux, uy, uz, vx, vy, vz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    square = nx * nx + ny * ny + nz * nz + 1e-30
+    out[1], out[2], out[3] = (vy * nz - vz * ny) / square, (vz * nx - vx * nz) / square, (vx * ny - vy * nx) / square
+    out[5], out[6], out[7] = (ny * uz - nz * uy) / square, (nz * ux - nx * uz) / square, (nx * uy - ny * ux) / square
+    out[0], out[4] = -(out[1] * px + out[2] * py + out[3] * pz), -(out[5] * px + out[6] * py + out[7] * pz)
+    side = 1.0 if nx * px + ny * py + nz * pz < 0 else -1.0
+    size = side / np.sqrt(square)
+    out[8], out[9], out[10] = nx * size, ny * size, nz * size
+    for axis in range(3):
+        for corner in range(3):
+            n = model.normals[face, corner]
+            t = things.turn[thing, axis]
+            out[11 + 3 * corner + axis] = side * (t[0] * n[0] + t[1] * n[1] + t[2] * n[2])
+        out[14 + axis] -= out[11 + axis]
+        out[17 + axis] -= out[11 + axis]
+    for axis in range(2):
+        out[20 + axis] = model.uv[face, 0, axis]
+        out[22 + axis] = model.uv[face, 1, axis] - model.uv[face, 0, axis]
+        out[24 + axis] = model.uv[face, 2, axis] - model.uv[face, 0, axis]
+    out[26] = model.density[face] / lens.focal
+
+
+@_inlined
+def _texture(
+    model: Model, mesh: int, u: float, v: float, footprint: float, bright: float,
+    rgb: NDArray[np.uint8], row: int, column: int,
+) -> None:  # fmt: skip
+    """Write the colour between four texels, in the size where a pixel covers about one. footprint: texels a pixel."""
+    level = 0
+    while footprint > 1.5 and level < LEVELS - 1:
+        footprint *= 0.5
+        level += 1
+    first, height, width = model.levels[mesh, level, 0], model.levels[mesh, level, 1], model.levels[mesh, level, 2]
+    x, y = (u - np.floor(u)) * width - 0.5, (np.ceil(v) - v) * height - 0.5
+    left, upper = int(np.floor(x)), int(np.floor(y))
+    east, south = np.float32(x - left), np.float32(y - upper)
+    right, lower = (left + 1 if left + 1 < width else 0), (upper + 1 if upper + 1 < height else 0)
+    left, upper = (left if left >= 0 else width - 1), (upper if upper >= 0 else height - 1)
+    a, b = first + upper * width + left, first + upper * width + right
+    c, d = first + lower * width + left, first + lower * width + right
+    west, north, scale = np.float32(1) - east, np.float32(1) - south, np.float32(bright)
+    for channel in range(3):
+        high = model.texels[a, channel] * west + model.texels[b, channel] * east
+        low = model.texels[c, channel] * west + model.texels[d, channel] * east
+        tone = (high * north + low * south) * scale + np.float32(0.5)
+        rgb[row, column, channel] = min(tone, np.float32(255))
+
+
+@_inlined
+def _lit(x: float, y: float, z: float) -> float:
+    """The brightness of a surface from its normal in the world, before what stands around it is counted."""
+    y = (-BOUNCE * y if y < 0 else y) + UPLIFT
+    size = np.sqrt(x * x + y * y + z * z) + 1e-20
+    return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)
+
+
+@_inlined
+def _light_at(light: Floats, nearness: Floats, row: int, column: int) -> float:
+    """The light of the nearest samples, each by how near it is and whether it lies on the same surface."""
+    if row % 2 == 0 and column % 2 == 0:
+        return light[row // 2, column // 2]
+    here, total, weight = nearness[row, column], np.float32(1e-6), np.float32(1e-6)
+    for r in range(row // 2, min(row // 2 + 1 + row % 2, light.shape[0])):
+        for c in range(column // 2, min(column // 2 + 1 + column % 2, light.shape[1])):
+            near = here / (here + 40 * abs(nearness[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            total += near * light[r, c]
+            weight += near
+    return total / weight

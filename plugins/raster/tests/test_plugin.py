@@ -1,0 +1,27 @@
+"""How the plugin is found, and where its machine code is kept."""
+
+import os
+import subprocess
+import sys
+
+from humanclaw.plugins import Plugins
+from humanclaw_raster.renderer import RasterRenderer
+
+
+def test_the_renderer_is_found_under_its_name():
+    assert isinstance(Plugins.discover().make("renderers", "raster"), RasterRenderer)
+
+
+def test_importing_the_plugin_does_not_load_the_compiler():
+    code = "import sys, humanclaw_raster; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_it_works_where_no_cache_can_be_written(tmp_path):
+    """A file instead of a folder: nobody, not even root, can write below it."""
+    blocked = tmp_path / "file"
+    blocked.touch()
+    code = "from humanclaw_raster import kernels; print(kernels._swing().shape)"
+    surroundings = os.environ | {"NUMBA_CACHE_DIR": str(blocked / "cache")}
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, env=surroundings)
+    assert done.stdout == "(16, 8, 2)\n", done.stderr
