@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -18,6 +19,21 @@ class StartPose(BaseModel):
     z: float
     yaw: float
     floor: float = 0.0
+
+
+class Difficulty(BaseModel):
+    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
+
+    model_config = Frozen
+
+    distance: float
+    """Its length, metres."""
+    turns: int
+    """Of more than 30 degrees."""
+    rooms: int
+    """That it enters, the one of the start included."""
+    obstacles: float
+    """Pieces of furniture within a metre, averaged along it."""
 
 
 class EpisodeSpec(BaseModel):
@@ -40,3 +56,10 @@ class EpisodeSpec(BaseModel):
     """Whether the target is to be sat on."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 100
     seed: int = 0
+    difficulty: Difficulty | None = None
+    """Known of the episodes of a split."""
+
+
+def name_of(scene: str) -> str:
+    """A scene reference as part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be called."""
+    return re.sub(r"[^A-Za-z0-9._]+", "-", scene).strip("-")[:60]

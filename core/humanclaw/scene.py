@@ -25,6 +25,8 @@ STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "win
 """Categories that belong to the building and not to the furniture."""
 TARGET_CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
 SIT_CATEGORIES: Final = ("bed", "couch", "toilet")
+GROUND: Final = ("floor", "stairs")
+"""Categories of what feet are meant to stand on."""
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "chair": ("chair", "armchair", "seat", "stool"),
     "couch": ("couch", "sofa", "settee", "loveseat"),
@@ -130,6 +132,12 @@ class Scene:
             raise SceneError(f"scene {self.name!r} uses assets that it does not hold: {', '.join(missing)}.")
 
     @cached_property
+    def licences(self) -> tuple[str, ...]:
+        """What the assets in use are under and whom to name for them: 'licence: source', each once, in order."""
+        used = {thing.asset for thing in self.objects}
+        return tuple(sorted({f"{asset.licence}: {asset.source}" for key, asset in self.assets.items() if key in used}))
+
+    @cached_property
     def by_id(self) -> Mapping[int, SceneObject]:
         return {thing.id: thing for thing in self.objects}
 
@@ -153,13 +161,16 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 over everything physical and visible; two scenes with one digest behave and look the same."""
+        """SHA-256 over everything physical and visible; two scenes with one digest behave and look the same.
+
+        The name is not in it: it may hold a path, which differs from machine to machine.
+        """
         state = hashlib.sha256()
         for name in sorted(self.assets):
             asset = self.assets[name]
             state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
             for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
                 state.update(np.ascontiguousarray(array).tobytes())
-        rest = [self.name, [vars(o) for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
+        rest = [[vars(o) for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
         state.update(json.dumps(rest, sort_keys=True).encode())
         return state.hexdigest()

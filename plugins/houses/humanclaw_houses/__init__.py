@@ -7,17 +7,26 @@ from typing import TYPE_CHECKING
 from humanclaw.hookspecs import RegisterFactory, hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from humanclaw.scene import Scene
 
 __version__ = "0.1.0"
 
 
 def _house(argument: str) -> Scene:
-    from humanclaw_houses.source import house
+    from humanclaw_houses.door import open_house
 
-    return house(argument)
+    return open_house(argument)
 
 
 @hookimpl
 def humanclaw_scenes(register: RegisterFactory) -> None:
     register("house", _house, "Generated houses: house:0 to house:40 for validation, house:train-N for training.")
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_houses.command import assets
+
+    cli.add_command(assets)

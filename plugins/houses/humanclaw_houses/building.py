@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.plan import CEILING, WALL, Area, Opening, Plan, Wall, room_at
 from humanclaw_houses.shapes import Array, Point, Shape, box, post, sheet
+from humanclaw_houses.stairs import staircase
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
@@ -68,33 +69,53 @@ def _floor_tiles(rng: np.random.Generator) -> Tile:
 
 
 def build(plan: Plan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[Placed]:
-    """Everything that does not move and is not furniture."""
+    """Everything of one storey that does not move and is not furniture; heights are over the storey's floor."""
     outside = t.plain((206, 198, 186), style.rng)
     for area in plan.areas:
-        yield _floor(area, finishes[area.name])
-        yield _ceiling(area, style)
+        stairs, upper = area.kind == "stairs", plan.floor > 0
+        if not (stairs and upper):
+            yield _floor(area, finishes[area.name], 0.12 if upper else 0.2)
+        if not stairs or upper:
+            yield _ceiling(area, style)
+        if stairs and not upper:
+            yield _stairs(plan, area, finishes, style)
+    above = "upper_" if plan.floor > 0 else ""
     for number, wall in enumerate(plan.walls):
         tiles = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
-        yield _wall(plan, wall, number, tiles, style)
+        yield _wall(plan, wall, f"{above}{number}", tiles, style)
         for index, opening in enumerate(wall.openings):
-            yield from _fill(wall, opening, f"{number}_{index}", style)
+            yield from _fill(wall, opening, f"{above}{number}_{index}", style)
+
+
+def _stairs(plan: Plan, area: Area, finishes: Mapping[str, Finish], style: Style) -> Placed:
+    """The staircase, from the wall line of the hall to the wall behind the half-landing."""
+    assert plan.stair is not None
+    wall = next(wall for wall in plan.walls if wall.openings and wall.openings[0].kind == "stairs")
+    x0, z0, x1, z1 = area.inner
+    if wall.axis == "x":
+        z0, z1 = (wall.line, z1) if wall.high == area.name else (z0, wall.line)
+        size, yaw = (x1 - x0, z1 - z0), np.pi if wall.high == area.name else 0.0
+    else:
+        x0, x1 = (wall.line, x1) if wall.high == area.name else (x0, wall.line)
+        size, yaw = (z1 - z0, x1 - x0), -np.pi / 2 if wall.high == area.name else np.pi / 2
+    piece = staircase(style, plan.stair, *(round(v, 4) for v in size), finishes[area.name].wall)
+    return Placed(piece, (x0 + x1) / 2, 0.0, (z0 + z1) / 2, yaw, area.name)
 
 
 def _cells(length: float) -> int:
     return max(1, round(length / _CELL))
 
 
-def _floor(area: Area, finish: Finish) -> Placed:
-    """A slab 0.2 m thick whose top is at 0."""
+def _floor(area: Area, finish: Finish, thick: float) -> Placed:
+    """A slab whose top is at 0."""
     m = Model()
     w, d = area.x1 - area.x0, area.z1 - area.z0
-    for chart in _tiled((-w / 2, 0.2, d / 2), (w, 0, 0), (0, 0, -d)):
+    for chart in _tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)):
         m.add(chart, finish.floor)
-    m.add(box((w, 0.2, d), (0, 0, 0), skip="t"), finish.floor)
-    m.solid((w, 0.2, d), (0, 0, 0))
-    return Placed(
-        m.piece(f"floor_{area.name}", "floor"), (area.x0 + area.x1) / 2, -0.2, (area.z0 + area.z1) / 2, room=area.name
-    )
+    m.add(box((w, thick, d), (0, 0, 0), skip="t"), finish.floor)
+    m.solid((w, thick, d), (0, 0, 0))
+    middle = (area.x0 + area.x1) / 2, (area.z0 + area.z1) / 2
+    return Placed(m.piece(f"floor_{area.name}", "floor"), middle[0], -thick, middle[1], room=area.name)
 
 
 def _tiled(corner: Point, along: Point, up: Point) -> Iterator[Shape]:
@@ -123,7 +144,7 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
-def _wall(plan: Plan, wall: Wall, number: int, tiles: list[Tile], style: Style) -> Placed:
+def _wall(plan: Plan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
     """Both faces, the reveals of the openings, the top, skirting, and a collision box for every solid stretch.
 
     Built along x; a wall along z is turned so that its x becomes z, and then its low room is at the model's +Z.
@@ -133,16 +154,17 @@ def _wall(plan: Plan, wall: Wall, number: int, tiles: list[Tile], style: Style) 
     for low, tile in zip((True, False), tiles, strict=True):
         start, end = _face_ends(plan, wall, low)
         side = (-1 if low else 1) * turn
-        for x0, x1, y0, y1 in _stretches(wall, start - middle, end - middle, middle):
+        for x0, x1, y0, y1 in _stretches(wall, start - middle, end - middle, middle, plan.height):
             _face(m, side, (x0, x1, y0, y1), tile)
             if y0 == 0 and (wall.low if low else wall.high):
                 m.add(box((x1 - x0, SKIRTING, 0.012), ((x0 + x1) / 2, 0, side * (WALL / 2 + 0.006)), "b"), style.white)
     reach = WALL / 2
-    for x0, x1, y0, y1 in _stretches(wall, wall.start - middle - reach, wall.end - middle + reach, middle):
+    for x0, x1, y0, y1 in _stretches(wall, wall.start - middle - reach, wall.end - middle + reach, middle, plan.height):
         m.solid((x1 - x0, y1 - y0, WALL), ((x0 + x1) / 2, y0, 0))
-    m.add(box((wall.end - wall.start + WALL, 0.004, WALL), (0, CEILING - 0.004, 0), "bfk"), style.black)
+    if not any(opening.top > plan.height for opening in wall.openings):
+        m.add(box((wall.end - wall.start + WALL, 0.004, WALL), (0, plan.height - 0.004, 0), "bfk"), style.black)
     for opening in wall.openings:
-        _reveal(m, opening, opening.at - middle, style)
+        _reveal(m, replace(opening, top=min(opening.top, plan.height)), opening.at - middle, style)
     x, z = wall.point(middle)
     piece = _centred(m, f"wall_{number}")
     yaw = 0.0 if wall.axis == "x" else -np.pi / 2
@@ -178,18 +200,20 @@ def _face_ends(plan: Plan, wall: Wall, low: bool) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _stretches(wall: Wall, start: float, end: float, middle: float) -> list[tuple[float, float, float, float]]:
+def _stretches(
+    wall: Wall, start: float, end: float, middle: float, height: float
+) -> list[tuple[float, float, float, float]]:
     """x0, x1, y0, y1 of the solid rectangles between start and end, around the openings."""
     parts, x = [], start
     for hole in sorted(wall.openings, key=lambda hole: hole.at):
         left, right = hole.at - hole.width / 2 - middle, hole.at + hole.width / 2 - middle
-        parts.append((x, left, 0.0, CEILING))
+        parts.append((x, left, 0.0, height))
         if hole.bottom > 0:
             parts.append((left, right, 0.0, hole.bottom))
-        parts.append((left, right, hole.top, CEILING))
+        parts.append((left, right, hole.top, height))
         x = right
-    parts.append((x, end, 0.0, CEILING))
-    return [part for part in parts if part[1] - part[0] > 1e-6]
+    parts.append((x, end, 0.0, height))
+    return [part for part in parts if part[1] - part[0] > 1e-6 and part[3] - part[2] > 1e-6]
 
 
 def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Tile) -> None:
@@ -206,16 +230,18 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
     depth = WALL
     m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (0, 0, -depth), (0, high, 0)),)), style.white)
     m.add(Shape((sheet((x + half, hole.bottom, -depth / 2), (0, 0, depth), (0, high, 0)),)), style.white)
-    m.add(Shape((sheet((x - half, hole.top, -depth / 2), (hole.width, 0, 0), (0, 0, depth)),)), style.white)
+    if hole.kind != "stairs":
+        m.add(Shape((sheet((x - half, hole.top, -depth / 2), (hole.width, 0, 0), (0, 0, depth)),)), style.white)
     if hole.bottom > 0:
         m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (hole.width, 0, 0), (0, 0, -depth)),)), style.white)
-    sill = 0.06 if hole.bottom > 0 else 0.0
+    sill, lintel = 0.06 if hole.bottom > 0 else 0.0, 0.0 if hole.kind == "stairs" else 0.06
     for z in (-1, 1):
         face = z * (WALL / 2 + 0.008)
         for side in (-1, 1):
             at = (x + side * (half + 0.03), hole.bottom - sill, face)
-            m.add(box((0.06, high + 0.06 + sill, 0.016), at), style.white)
-        m.add(box((hole.width, 0.06, 0.016), (x, hole.top, face)), style.white)
+            m.add(box((0.06, high + lintel + sill, 0.016), at), style.white)
+        if lintel:
+            m.add(box((hole.width, lintel, 0.016), (x, hole.top, face)), style.white)
         if hole.bottom > 0:
             m.add(box((hole.width, 0.06, 0.03), (x, hole.bottom - 0.06, z * (WALL / 2 + 0.015))), style.white)
 

@@ -13,6 +13,7 @@ from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, plants
 from humanclaw_houses.model import Piece
 from humanclaw_houses.plan import CEILING
 from humanclaw_houses.space import SIDES, YAW, Rect, Side, Space, at_hand, block_of, local, turn
+from humanclaw_houses.stock import Stock, apart
 from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
@@ -26,6 +27,8 @@ class Kit:
     rng: np.random.Generator
     rooms: tuple[str, ...]
     """Kinds of room in this house."""
+    stock: Stock | None = None
+    """Imported furniture, taken where it has what a rule asks for."""
     _count: dict[str, int] = field(default_factory=dict)
 
     def name(self, word: str) -> str:
@@ -34,7 +37,8 @@ class Kit:
 
     def make(self, maker: Callable[..., Piece], *args: object, **options: object) -> Piece:
         word = maker.__name__.rstrip("_")
-        return maker(self.style, self.name(word), *args, **options)
+        piece = maker(self.style, self.name(word), *args, **options)
+        return self.stock.instead_of(word, piece) if self.stock else piece
 
     def chance(self, share: float) -> bool:
         return bool(self.rng.random() < share)
@@ -44,7 +48,7 @@ def furnish(space: Space, kit: Kit) -> None:
     """Furnish one room by the rule of its kind."""
     _RULES[space.area.kind](space, kit)
     for side, hole in space.windows:
-        if space.area.kind not in ("bathroom", "laundry", "hall", "kitchen"):
+        if space.area.kind not in ("bathroom", "laundry", "hall", "kitchen", "landing", "stairs"):
             _curtain(space, kit, side, hole.at, hole.width, hole.top)
     _light(space, kit)
 
@@ -163,9 +167,28 @@ def _hall(space: Space, kit: Kit) -> None:
         _mat(space, kit, *((2.2, 0.75) if long_x else (0.75, 2.2)))
 
 
+def _landing(space: Space, kit: Kit) -> None:
+    """The hall upstairs: the way from the stairs to the bedrooms."""
+    if kit.chance(0.6):
+        console = _stand(space, kit, tables.console)
+        if console:
+            _above(space, console, kit.make(decor.mirror), 1.15)
+    if kit.chance(0.5):
+        _stand(space, kit, storage.bookshelf, front=0.4)
+    _plant(space, kit)
+    if kit.chance(0.4):
+        _stand(space, kit, seats.dining_chair, front=0.3, target=True)
+    _hang(space, kit, 3)
+
+
+def _stairs(space: Space, kit: Kit) -> None:
+    """Nothing stands on stairs."""
+
+
 _RULES: Final[dict[str, Callable[[Space, Kit], None]]] = {
     "living": _living, "dining": _dining, "kitchen": _kitchen, "bedroom": _bedroom, "kids": _kids, "office": _office,
     "bathroom": _bathroom, "laundry": _laundry, "hall": _hall,
+    "landing": _landing, "stairs": _stairs,
 }  # fmt: skip
 
 
@@ -282,12 +305,12 @@ def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> l
 def _at_table(table: Placed, chair: Piece, along: float, side: int, rng: np.random.Generator) -> Placed:
     out = table.piece.size[2] / 2 + chair.size[2] / 2 - 0.16 + float(rng.uniform(0.0, 0.1))
     yaw = (np.pi if side > 0 else 0.0) + float(rng.uniform(-0.06, 0.06))
-    return _beside(table, chair, along, side * out, yaw)
+    return apart(_beside(table, chair, along, side * out, yaw), table)
 
 
 def _at_end(table: Placed, chair: Piece, side: int) -> Placed:
     out = table.piece.size[0] / 2 + chair.size[2] / 2 - 0.12
-    return _beside(table, chair, side * out, 0.0, -side * np.pi / 2)
+    return apart(_beside(table, chair, side * out, 0.0, -side * np.pi / 2), table)
 
 
 def _counters(space: Space, kit: Kit) -> None:
@@ -382,7 +405,7 @@ def _work_place(space: Space, kit: Kit) -> bool:
     desk = kit.make(tables.desk)
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
-        seat = _beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi)
+        seat = apart(_beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi), spot)
         if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
             y = desk.tops[0].y + 0.002
             space.put(replace(_beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
@@ -524,6 +547,7 @@ _ON_TOP: Final[dict[str, tuple[Maker, ...]]] = {
     "bathroom": (small.soap, small.cup),
     "laundry": (small.bottle, small.basket, small.soap),
     "hall": (small.vase, small.book, small.bowl),
+    "landing": (small.vase, small.book, small.bowl),
 }
 _ON_FLOOR: Final[tuple[Maker, ...]] = (
     small.carton, small.basket, small.toy_ball, small.backpack, small.shoe, small.book, seats.stool,

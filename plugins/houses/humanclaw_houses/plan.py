@@ -1,7 +1,8 @@
-"""Floor plans: a hall with rooms on both sides, walls between, doors and windows in them.
+"""Floor plans: a hall with rooms on both sides, walls between, doors and windows in them; a plan for each storey.
 
 Rooms are rectangles on the middle lines of the walls. Two kinds of house: a living block across the end of the hall, or all rooms
-in two rows along it; both are mirrored and turned at random.
+in two rows along it; both are mirrored and turned at random. A house of two storeys has a staircase in the same place of both,
+at one end of a row, open to the hall.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ WALL: Final = 0.12
 """Thickness of every wall, metres."""
 CEILING: Final = 2.5
 DOOR_HEIGHT: Final = 2.05
+OPEN_TOP: Final = 100.0
+"""Top of an opening that reaches up to whatever is above."""
 Axis = Literal["x", "z"]
 
 
@@ -47,7 +50,7 @@ class Opening:
     width: float
     bottom: float
     top: float
-    kind: Literal["door", "front_door", "passage", "window"]
+    kind: Literal["door", "front_door", "passage", "stairs", "window"]
     leaf: int = 0
     """The side of the hinge along the wall for a door with a leaf, -1 or 1; 0 for none."""
     opens_low: bool = False
@@ -72,12 +75,39 @@ class Wall:
 
 
 @dataclass(frozen=True)
+class Stair:
+    """A staircase that goes up to a half-landing, turns round and comes back: twice `steps` risers in all. Metres."""
+
+    riser: float
+    going: float
+    steps: int = 8
+    """Risers of each of its two flights."""
+    left: bool = True
+    """The lower flight is on the left of somebody who looks at the stairs from the hall."""
+
+    @property
+    def rise(self) -> float:
+        """From floor to floor."""
+        return round(2 * self.steps * self.riser, 4)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Stair:
+        riser = float(rng.choice([0.17, 0.175, 0.18]))
+        return cls(riser, round(float(rng.uniform(0.26, 0.29)), 2), left=bool(rng.random() < 0.5))
+
+
+@dataclass(frozen=True)
 class Plan:
+    """One storey."""
+
     areas: tuple[Area, ...]
     walls: tuple[Wall, ...]
-
-    def area(self, name: str) -> Area:
-        return next(area for area in self.areas if area.name == name)
+    floor: float = 0.0
+    """Height of its floor, metres."""
+    height: float = CEILING
+    """From its floor to the top of its walls: the ceiling, or the next floor."""
+    stair: Stair | None = None
+    """The staircase in the area named stairs, if there is one: on the lower storey its body, on the upper one the hole."""
 
 
 _SIZES: Final = {
@@ -87,16 +117,84 @@ _SIZES: Final = {
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
 
 
-def draw_plan(rng: np.random.Generator) -> Plan:
-    """A plan with 5 to 12 rooms. Raises SceneError if none was found, which no seed has yet done."""
+STAIR_WIDTH: Final = 2.22
+"""Of the place for the stairs, between the middle lines of its walls: two flights of a metre and what is between them."""
+
+
+def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[Plan, ...]:
+    """The storeys of a house from the lowest, with 4 to 12 rooms together. storeys: 1 or 2.
+
+    Raises SceneError if none was found, which no seed has yet done.
+    """
     for _ in range(400):
-        areas = _draw_areas(rng)
-        if areas is None:
-            continue
-        walls = _with_windows(_with_doors(_walls(areas), areas, rng), areas, rng)
-        if walls is not None:
-            return Plan(areas, tuple(walls))
+        plans = _one_storey(rng) if storeys == 1 else _two_storeys(rng)
+        if plans is not None:
+            return plans
     raise SceneError("no floor plan was found for this seed.", "Take another index and report this one.")
+
+
+def _one_storey(rng: np.random.Generator) -> tuple[Plan, ...] | None:
+    areas = _draw_areas(rng)
+    if areas is None:
+        return None
+    walls = _with_windows(_with_doors(_walls(areas), areas, rng), areas, rng)
+    return None if walls is None else (Plan(areas, tuple(walls)),)
+
+
+def _two_storeys(rng: np.random.Generator) -> tuple[Plan, ...] | None:
+    """Living downstairs, sleeping upstairs; the stairs at the near end of the first row."""
+    stair, hall, block = Stair.draw(rng), float(rng.uniform(1.6, 1.95)), bool(rng.random() < 0.4)
+    depths = float(rng.uniform(3.3, 3.75)), float(rng.uniform(3.4, 4.3))
+    lower = _rows(_downstairs(rng, block), depths, rng, stairs=STAIR_WIDTH)
+    if lower is None:
+        return None
+    length = sum(width for _, width in lower[0])
+    tries = (_rows(_upstairs(rng), depths, rng, stairs=STAIR_WIDTH, length=length) for _ in range(30))
+    upper = next((rows for rows in tries if rows), None)
+    if upper is None:
+        return None
+    rects = [_lay_out(rows, depths, hall) for rows in (lower, upper)]
+    if block:
+        rects[0] += _living_block(lower, depths, hall, float(rng.uniform(4.4, 5.4)))
+    ground, first = (_named(turned) for turned in _turned(rects, rng))
+    if len(ground) + len(first) - 1 > 12:  # the stairs count once
+        return None
+    walls = [_with_windows(_with_doors(_walls(areas), areas, rng, upper), areas, rng, upper)
+             for areas, upper in ((ground, False), (first, True))]  # fmt: skip
+    if walls[0] is None or walls[1] is None:
+        return None
+    plan = Plan(first, tuple(walls[1]), stair.rise, CEILING, stair)
+    return Plan(ground, tuple(walls[0]), 0.0, stair.rise, stair), _renamed(plan, {area.name for area in ground})
+
+
+def _downstairs(rng: np.random.Generator, block: bool) -> list[str]:
+    """Kinds of rooms on the ground floor of two, without the living block if that has its own place."""
+    kinds = [] if block else ["living", "kitchen"]
+    shares = {"bathroom": 0.6, "dining": 0.35, "office": 0.5, "laundry": 0.4, "bedroom": 0.25}
+    return kinds + [kind for kind, share in shares.items() if rng.random() < share]
+
+
+def _upstairs(rng: np.random.Generator) -> list[str]:
+    extra = ["bedroom", "kids", "kids", "office", "bathroom", "bedroom", "laundry"]
+    return ["bedroom", "bathroom", *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))])]
+
+
+def _renamed(plan: Plan, taken: set[str]) -> Plan:
+    """The upper storey with names that the lower one has not; its hall is the landing."""
+    names = {"": "", "stairs": "stairs"}
+    for area in plan.areas:
+        number, stem = 1, "landing" if area.kind == "hall" else area.kind
+        while area.name not in names:
+            name = stem if number == 1 else f"{stem}_{number}"
+            if name not in taken and name not in names.values():
+                names[area.name] = name
+            number += 1
+    areas = tuple(
+        replace(area, name=names[area.name], kind="landing" if area.kind == "hall" else area.kind)
+        for area in plan.areas
+    )
+    walls = tuple(replace(wall, low=names[wall.low], high=names[wall.high]) for wall in plan.walls)
+    return replace(plan, areas=areas, walls=walls)
 
 
 def _programme(rng: np.random.Generator) -> list[str]:
@@ -129,30 +227,41 @@ def _draw_areas(rng: np.random.Generator) -> tuple[Area, ...] | None:
     rects = _lay_out(rows, depths, hall)
     if block:
         rects += _living_block(rows, depths, hall, float(rng.uniform(4.4, 5.4)))
-    return _named(_turned(rects, rng))
+    return _named(_turned([rects], rng)[0])
 
 
 Rect = tuple[str, float, float, float, float]
 
 
 def _rows(
-    kinds: list[str], depths: tuple[float, float], rng: np.random.Generator
+    kinds: list[str],
+    depths: tuple[float, float],
+    rng: np.random.Generator,
+    stairs: float = 0.0,
+    length: float | None = None,
 ) -> tuple[list[tuple[str, float]], list[tuple[str, float]]] | None:
-    """(kind, width) along each side of the hall, the two sides equally long; None if that would distort the rooms."""
-    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]] = ([], [])
+    """(kind, width) along each side of the hall, the two sides equally long; None if that would distort the rooms.
+
+    stairs: width of the staircase at the head of the first row, 0 for none. length: of both rows; by default what the
+    rooms ask for.
+    """
+    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]] = ([("stairs", stairs)] if stairs else [], [])
     for kind in _grouped(kinds, rng):
         lengths = [sum(width for _, width in row) for row in rows]
-        side = int(np.argmin(lengths)) if not rows[0] or kind not in ("kitchen", "dining") else _side_of(rows, "living")
+        shortest = not rows[0] or kind not in ("kitchen", "dining")
+        side = int(np.argmin(lengths)) if shortest else _side_of(rows, "living")
         width = float(rng.uniform(*_SIZES[kind])) / depths[side]
         rows[side].append((kind, max(width, _LEAST_WIDTH.get(kind, 2.8))))
     lengths = [sum(width for _, width in row) for row in rows]
-    goal = sum(lengths) / 2
-    if not all(rows) or not all(0.87 < goal / length < 1.22 for length in lengths):
+    goal = sum(lengths) / 2 if length is None else length
+    fixed = (stairs, 0.0)
+    if not all(0.87 < (goal - own) / max(total - own, 1e-9) < 1.22 for total, own in zip(lengths, fixed, strict=True)):
         return None
     scaled = tuple(
-        [(kind, width * goal / length) for kind, width in row] for row, length in zip(rows, lengths, strict=True)
+        [(kind, width if kind == "stairs" else width * (goal - own) / (total - own)) for kind, width in row]
+        for row, total, own in zip(rows, lengths, fixed, strict=True)
     )
-    fair = all(width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for row in scaled for kind, width in row)
+    fair = all(width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for row in scaled for kind, width in row if kind != "stairs")
     return scaled if fair else None  # type: ignore[return-value]
 
 
@@ -192,19 +301,21 @@ def _living_block(
     return [("living", x, 0.0, x + width, split), ("kitchen", x, split, x + width, split + depths[1])]
 
 
-def _turned(rects: list[Rect], rng: np.random.Generator) -> list[Rect]:
-    """Rounded to the centimetre, mirrored and turned at random."""
+def _turned(storeys: list[list[Rect]], rng: np.random.Generator) -> list[list[Rect]]:
+    """Rounded to the centimetre, mirrored and turned at random, all storeys alike."""
     flip_x, flip_z, swap = (bool(v) for v in rng.integers(0, 2, 3))
-    far_x, far_z = max(r[3] for r in rects), max(r[4] for r in rects)
+    far_x, far_z = (max(rect[k] for rects in storeys for rect in rects) for k in (3, 4))
     result = []
-    for kind, x0, z0, x1, z1 in rects:
-        if flip_x:
-            x0, x1 = far_x - x1, far_x - x0
-        if flip_z:
-            z0, z1 = far_z - z1, far_z - z0
-        if swap:
-            x0, z0, x1, z1 = z0, x0, z1, x1
-        result.append((kind, round(x0, 2), round(z0, 2), round(x1, 2), round(z1, 2)))
+    for rects in storeys:
+        result.append([])
+        for kind, x0, z0, x1, z1 in rects:
+            if flip_x:
+                x0, x1 = far_x - x1, far_x - x0
+            if flip_z:
+                z0, z1 = far_z - z1, far_z - z0
+            if swap:
+                x0, z0, x1, z1 = z0, x0, z1, x1
+            result[-1].append((kind, round(x0, 2), round(z0, 2), round(x1, 2), round(z1, 2)))
     return result
 
 
@@ -252,9 +363,11 @@ def _along(areas: tuple[Area, ...], axis: Axis, line: float, cuts: list[float]) 
 
 
 # -- doors -------------------------------------------------------------------------------------------------------------
-def _with_doors(walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Generator) -> list[Wall] | None:
-    """Doors from the hall to every room (a second bathroom may open from a bedroom), wide passages to the living room, and
-    the front door at an outer end of the hall."""
+def _with_doors(
+    walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
+) -> list[Wall] | None:
+    """Doors from the hall to every room (a second bathroom may open from a bedroom), wide passages to the living room, the
+    stairs open to the hall, and on the ground floor the front door at an outer end of the hall."""
     kind = {area.name: area.kind for area in areas} | {"": ""}
     walls = list(walls)
     linked = {"hall"}
@@ -262,7 +375,11 @@ def _with_doors(walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Gener
         wall = walls[index]
         names, length = {wall.low, wall.high}, wall.end - wall.start
         kinds = {kind[wall.low], kind[wall.high]}
-        if "hall" in names and "" not in names and (names - {"hall"}).isdisjoint(linked) and length > 1.3:
+        if names == {"hall", "stairs"}:
+            linked |= names
+            middle, width = round((wall.start + wall.end) / 2, 3), round(length - WALL, 3)
+            walls[index] = replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, "stairs"),))
+        elif "hall" in names and "" not in names and (names - {"hall"}).isdisjoint(linked) and length > 1.3:
             linked |= names
             walls[index] = replace(wall, openings=(_door(wall, kind, rng),))
         elif kinds in ({"living", "kitchen"}, {"living", "dining"}, {"kitchen", "dining"}) and length > 2.2:
@@ -273,7 +390,7 @@ def _with_doors(walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Gener
         return None
     if not _joined(walls, areas):
         return None
-    return _front_door(walls, rng)
+    return walls if upper else _front_door(walls, rng)
 
 
 def _door(wall: Wall, kind: dict[str, str], rng: np.random.Generator) -> Opening:
@@ -315,22 +432,24 @@ def _front_door(walls: list[Wall], rng: np.random.Generator) -> list[Wall] | Non
 
 
 # -- windows -----------------------------------------------------------------------------------------------------------
-def _with_windows(walls: list[Wall] | None, areas: tuple[Area, ...], rng: np.random.Generator) -> list[Wall] | None:
-    """Windows in the outer walls: small and high ones where people wash, large ones where they live."""
+def _with_windows(
+    walls: list[Wall] | None, areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
+) -> list[Wall] | None:
+    """Windows in the outer walls: small and high ones where people wash, large ones where they live; above the stairs only."""
     if walls is None:
         return None
     kind = {area.name: area.kind for area in areas}
     result = []
     for wall in walls:
         inside = wall.low or wall.high
-        outer = "" in (wall.low, wall.high)
+        outer = "" in (wall.low, wall.high) and (upper or kind[inside] != "stairs")
         result.append(wall if not outer or wall.openings else replace(wall, openings=_windows(wall, kind[inside], rng)))
     return result
 
 
 def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[Opening, ...]:
     length = wall.end - wall.start
-    small = kind in ("bathroom", "laundry", "hall")
+    small = kind in ("bathroom", "laundry", "hall", "stairs")
     width = 0.6 if small else round(float(rng.uniform(1.1, 1.7)), 2)
     if length < width + 0.9:
         return ()

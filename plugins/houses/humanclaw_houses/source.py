@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,32 +12,38 @@ from humanclaw.errors import SceneError
 from humanclaw.scene import Placement, Quaternion, Room, Scene, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
-from humanclaw_houses.plan import Plan, draw_plan
+from humanclaw_houses.library import Library
+from humanclaw_houses.names import seed_of
+from humanclaw_houses.plan import Plan, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
+from humanclaw_houses.stock import Stock
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
 
-VALIDATION_HOUSES: Final = 41
 _DRAFTS: Final = 12
+_STOREYS: Final = 1_015
+"""Sets the draw of the number of storeys apart from those of the drafts."""
+_TWO_STOREYS: Final = 1 / 3
+"""The share of houses with two storeys."""
 _MOVABLE: Final = 0.21
 """The share of the furniture that can be moved."""
-_REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training house with N from 0 on."
 
 
-def house(argument: str) -> Scene:
-    """The house that '0' to '40' or 'train-N' names. Raises SceneError for any other argument."""
-    match = re.fullmatch(r"(train-)?(0|[1-9][0-9]{0,8})", argument)
-    if not match or (not match[1] and int(match[2]) >= VALIDATION_HOUSES):
-        raise SceneError(f"there is no house {argument!r}.", _REMEDY)
-    return generate((1 if match[1] else 0, int(match[2])), f"house:{argument}")
+def house(argument: str, library: Library | None = None) -> Scene:
+    """The house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
+
+    library: imported furniture that takes the place of parametric pieces where it has what is wanted.
+    """
+    return generate(seed_of(argument), f"house:{argument}", library)
 
 
-def generate(seed: Sequence[int], name: str) -> Scene:
+def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
     """A house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none is."""
     wrong: list[str] = []
+    storeys = storeys_of(seed)
     for draft in range(_DRAFTS):
-        scene = _draft(np.random.default_rng([*seed, draft]), name)
+        scene = _draft(np.random.default_rng([*seed, draft]), name, storeys, library)
         wrong = problems(scene)
         if not wrong:
             return scene
@@ -46,30 +52,48 @@ def generate(seed: Sequence[int], name: str) -> Scene:
     )
 
 
-def _draft(rng: np.random.Generator, name: str) -> Scene:
-    plan, style = draw_plan(rng), Style.draw(rng)
-    placed = list(build(plan, style, draw_finishes(plan, style)))
-    spaces = _furnish(plan, style, rng)
-    placed += [thing for space in spaces for thing in space.things]
-    return _scene(name, plan, placed, spaces, rng)
+def storeys_of(seed: Sequence[int]) -> int:
+    """1 or 2: how many storeys the house of a seed has."""
+    return 2 if np.random.default_rng([*seed, _STOREYS]).random() < _TWO_STOREYS else 1
 
 
-def _furnish(plan: Plan, style: Style, rng: np.random.Generator) -> list[Space]:
-    kit = Kit(style, rng, tuple(area.kind for area in plan.areas))
-    spaces = [Space(area, plan) for area in plan.areas]
+def _draft(rng: np.random.Generator, name: str, storeys: int, library: Library | None) -> Scene:
+    plans, style = draw_plans(rng, storeys), Style.draw(rng)
+    placed: list[Placed] = []
+    for plan in plans:
+        placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
+    for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
+        placed += _lifted(space.things, space.floor)
+    return _scene(name, plans, placed, rng)
+
+
+def _lifted(things: Iterable[Placed], floor: float) -> Iterator[Placed]:
+    """Things of a storey at their heights in the world."""
+    return (replace(thing, y=thing.y + floor) for thing in things)
+
+
+def _furnish(plans: Sequence[Plan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
+    areas = [(area, plan) for plan in plans for area in plan.areas]
+    kit = Kit(style, rng, tuple(area.kind for area, _ in areas), stock)
+    spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
     for space in spaces:
         furnish(space, kit)
     things = [thing.piece for space in spaces for thing in space.things]
     movable = sum(piece.mass > 0 for piece in things)
     wanted = round((_MOVABLE * len(things) - movable) / (1 - _MOVABLE))
-    scatter(spaces, kit, max(wanted, 0))
+    scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
     return spaces
 
 
-def _scene(name: str, plan: Plan, placed: Sequence[Placed], spaces: Sequence[Space], rng: np.random.Generator) -> Scene:
+def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
     assets = {thing.piece.asset.name: thing.piece.asset for thing in placed}
     objects = tuple(_object(number, thing) for number, thing in enumerate(placed, 1))
-    rooms = tuple(Room(area.name, area.kind, *(round(v, 3) for v in area.inner)) for area in plan.areas)
+    rooms = tuple(
+        Room(area.name, area.kind, *(round(v, 3) for v in area.inner), plan.floor)
+        for plan in plans
+        for area in plan.areas
+        if area.kind != "stairs" or plan.floor == 0
+    )
     scene = Scene(name, assets, objects, rooms, Placement(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 

@@ -101,10 +101,11 @@ def local(thing: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
 
 
 class Space:
-    """One room while it is being furnished."""
+    """One room while it is being furnished. Heights are over its own floor."""
 
     def __init__(self, area: Area, plan: Plan) -> None:
         self.area = area
+        self.floor = plan.floor
         self.rect = Rect(*area.inner)
         self.things: list[Placed] = []
         self._taken: list[Block] = []

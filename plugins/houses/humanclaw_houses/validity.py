@@ -9,9 +9,10 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
+from humanclaw.bench.routes import RADIUS
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import SIT_CATEGORIES, STRUCTURE, TARGET_CATEGORIES, Scene, SceneObject
-from humanclaw_houses.starting import WalkMap
+from humanclaw_houses.starting import Walkways, inside
 
 REACH: Final = 0.42
 """How far from the middle of a standing body a target may be, seen from above, metres."""
@@ -21,44 +22,62 @@ _SHARED: Final = 2e-5
 
 def problems(scene: Scene) -> list[str]:
     """Everything wrong with a house, in words; empty if it can be used."""
-    walk = WalkMap.of(scene)
+    ways = Walkways.of(scene)
     found = [f"there is no {category}" for category in TARGET_CATEGORIES if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
-    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walk)]
+    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, ways)]
     for thing in scene.objects:
-        if thing.category in TARGET_CATEGORIES and not walk.near(*scene.aabb(thing.id), REACH).any():
+        if thing.category in TARGET_CATEGORIES and not _any(ways.near(*scene.aabb(thing.id), REACH)):
             found.append(f"{thing.asset} cannot be approached")
-        if thing.category in SIT_CATEGORIES and not standing_room(scene, walk, thing).any():
-            found.append(f"there is no room to stand before {thing.asset}")
-    start = walk.cell(scene.start.x, scene.start.z)
-    if not walk.main[start] or walk.clearance[start] < 0.5:
+        if thing.category in SIT_CATEGORIES:
+            found += _wrong_seat(scene, thing)
+            if not _any(standing_room(scene, ways, thing)):
+                found.append(f"there is no room to stand before {thing.asset}")
+    plan = ways.storeys.plans[0]
+    if plan.at(ways.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
         found.append("there is no room at the start")
     return found
 
 
-def unreached_rooms(scene: Scene, walk: WalkMap) -> list[str]:
-    """Rooms with less than three quarters of their free floor in the part that can be walked in one piece."""
+def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:
+    return any(bool(mask.any()) for mask in masks)
+
+
+def unreached_rooms(scene: Scene, ways: Walkways) -> list[str]:
+    """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are passed
+    over if a storey that they lead to is reached."""
     names = []
     for room in scene.rooms:
-        (row0, column0), (row1, column1) = walk.cell(room.x0, room.z0), walk.cell(room.x1, room.z1)
-        window = slice(row0, row1), slice(column0, column1)
-        if walk.main[window].sum() < max(1.0, 0.75 * walk.walkable[window].sum()):
-            names.append(room.name)
+        for k, plan in enumerate(ways.storeys.floors):
+            free = inside(plan, room) & plan.fits(RADIUS)
+            walked = int((free & np.isfinite(ways.reached[2 * k])).sum())
+            if abs(room.floor - plan.floor) < 0.5 and room.kind != "stairs" and walked < max(1.0, 0.75 * free.sum()):
+                names.append(room.name)
     return names
 
 
-def standing_room(scene: Scene, walk: WalkMap, thing: SceneObject) -> NDArray[np.bool_]:
-    """Cells from which a body can sit down on a thing: before its front edge (beds: beside them too), and reached on foot."""
+def standing_room(scene: Scene, ways: Walkways, thing: SceneObject) -> tuple[NDArray[np.bool_], ...]:
+    """On each storey, the cells from which a body can sit down on a thing: before its front edge (beds: beside them too), and
+    reached on foot."""
     points = scene.assets[thing.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
-    rows, columns = np.indices(walk.clearance.shape)
-    x, z = walk.x0 + (columns + 0.5) * 0.05 - thing.position[0], walk.z0 + (rows + 0.5) * 0.05 - thing.position[2]
-    matrix = matrix_from_quaternion(np.array(thing.rotation))
-    side, ahead = matrix[0, 0] * x + matrix[2, 0] * z, matrix[0, 2] * x + matrix[2, 2] * z
+    plan = ways.storeys.plans[0]
+    offset = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1)) - np.array(thing.position)[[0, 2]]
+    turn = matrix_from_quaternion(np.array(thing.rotation))[np.ix_([0, 2], [0, 2])]
+    side, ahead = np.moveaxis(offset @ turn, -1, 0)
     before = (ahead > front) & (ahead < front + 0.5) & (np.abs(side) < max(half - 0.1, 0.2))
     if thing.category == "bed":
         before |= (np.abs(ahead) < front - 0.2) & (np.abs(side) > half) & (np.abs(side) < half + 0.5)
-    return np.asarray(before & walk.main)
+    return tuple(before & near for near in ways.near(*scene.aabb(thing.id), 2.0))
+
+
+def _wrong_seat(scene: Scene, thing: SceneObject) -> list[str]:
+    """A seat is where the asset says if a collision hull ends there, and it can be sat on at 0.35 to 0.65 m."""
+    asset = scene.assets[thing.asset]
+    if asset.seat_height is None or not 0.35 <= asset.seat_height <= 0.65:
+        return [f"{thing.asset} has its seat at {asset.seat_height} m"]
+    gap = min(abs(float(hull[:, 1].max()) - asset.seat_height) for hull in asset.hulls)
+    return [f"{thing.asset} has nothing to sit on at its seat height"] if gap > 0.015 else []
 
 
 def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:

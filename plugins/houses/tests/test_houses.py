@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,11 +15,12 @@ import humanclaw_houses
 from humanclaw.errors import SceneError
 from humanclaw.plugins import Plugins
 from humanclaw.scene import SIT_CATEGORIES, STRUCTURE, TARGET_CATEGORIES, Scene, SceneObject
-from humanclaw_houses.source import house
-from humanclaw_houses.starting import WalkMap
+from humanclaw_houses.source import house, storeys_of
+from humanclaw_houses.starting import Walkways
 from humanclaw_houses.validity import interpenetrating, problems
 
-SAMPLE = ("0", "12", "27", "train-17")
+SAMPLE = ("0", "12", "20", "train-17")
+"""The second has two storeys."""
 
 
 @cache
@@ -122,22 +124,27 @@ def doorways(scene: Scene) -> list[tuple[str, float, float]]:
     for wall in scene.of_category("wall"):
         parts = boxes(scene, wall)
         axis = 0 if np.ptp([p for pair in parts for p in pair], axis=0)[0] > 0.5 else 2
-        high = [(low, top) for low, top in parts if low[1] > 1.5]
+        floor = min(low[1] for low, _ in parts)
+        high = [(low, top) for low, top in parts if low[1] > floor + 1.5]
         for low, top in high:
-            under = [a for a, b in parts if a[1] < 0.1 and a[axis] < top[axis] - 0.01 and b[axis] > low[axis] + 0.01]
+            under = [
+                a for a, b in parts if a[1] < floor + 0.1 and a[axis] < top[axis] - 0.01 and b[axis] > low[axis] + 0.01
+            ]
             middle = (low + top) / 2
             closed = any(
-                (a <= [middle[0], 1, middle[2]]).all() and (b >= [middle[0], 1, middle[2]]).all() for a, b in doors
+                (a <= [middle[0], floor + 1, middle[2]]).all() and (b >= [middle[0], floor + 1, middle[2]]).all()
+                for a, b in doors
             )
             if not under and not closed:
-                found.append((wall.asset, float(top[axis] - low[axis]), float(low[1])))
+                found.append((wall.asset, float(top[axis] - low[axis]), float(low[1] - floor)))
     return found
 
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_doorways_are_wide_and_high_enough_for_a_body(name: str) -> None:
     holes = doorways(scene(name))
-    assert len(holes) >= len(scene(name).rooms) - 1
+    by_stairs = 2 * len(scene(name).of_category("stairs"))  # hall to stairs to landing: no lintel over either
+    assert len(holes) >= len(scene(name).rooms) - 1 - by_stairs
     assert all(width >= 0.85 and height >= 2.04 for _, width, height in holes), holes
 
 
@@ -186,14 +193,96 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("name", SAMPLE)
-def test_the_floor_can_be_walked_from_the_start_to_every_target(name: str) -> None:
-    walk = WalkMap.of(scene(name))
-    start = walk.cell(scene(name).start.x, scene(name).start.z)
-    assert walk.clearance[start] >= 0.5
-    for thing in scene(name).objects:
+def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
+    whole, ways = scene(name), Walkways.of(scene(name))
+    start = np.array([whole.start.x, whole.start.floor, whole.start.z])
+    assert ways.storeys.plans[0].at(ways.storeys.plans[0].clearance, start[[0, 2]]) >= 0.5
+    for thing in whole.objects:
         if thing.category in TARGET_CATEGORIES:
-            way = walk.distances(walk.near(*scene(name).aabb(thing.id), 0.42))[start]
-            assert np.isfinite(way), thing.asset
+            assert np.isfinite(ways.storeys.geodesic(start, ways.storeys.near(whole, thing.id))), thing.asset
+
+
+# -- storeys -----------------------------------------------------------------------------------------------------------
+TALL = "12"
+
+
+def staircase(whole: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Boxes of the steps, lowest first: they stand on the floor and are about a metre wide."""
+    (stairs,) = whole.of_category("stairs")
+    steps = [(low, high) for low, high in boxes(whole, stairs) if low[1] < 0.01 and max((high - low)[[0, 2]]) > 0.9]
+    return sorted(steps, key=lambda box: box[1][1])
+
+
+def test_a_third_of_the_validation_houses_has_two_storeys() -> None:
+    tall = [number for number in range(41) if storeys_of((0, number)) == 2]
+    assert 11 <= len(tall) <= 16
+    assert int(TALL) in tall
+
+
+def test_the_steps_of_a_staircase_are_those_of_a_building_code() -> None:
+    steps, upstairs = staircase(scene(TALL)), max(room.floor for room in scene(TALL).rooms)
+    heights = [0.0, *(high[1] for _, high in steps), upstairs]
+    assert len(steps) == 15
+    assert all(0.15 <= rise <= 0.2 for rise in np.diff(heights))
+    treads = [min((high - low)[[0, 2]]) for low, high in steps if (high - low)[[0, 2]].min() < 0.5]
+    assert len(treads) == 14
+    assert all(0.24 <= tread <= 0.3 for tread in treads)
+
+
+def test_over_every_step_there_is_room_for_a_head() -> None:
+    whole = scene(TALL)
+    rest = [box for thing in whole.objects if thing.category not in ("stairs", "wall") for box in boxes(whole, thing)]
+    for low, high in staircase(whole):
+        x, z = (low + high)[[0, 2]] / 2
+        over = [a[1] for a, b in rest if a[0] <= x <= b[0] and a[2] <= z <= b[2] and a[1] > high[1] - 0.01]
+        assert min(over, default=9.0) - high[1] > 1.95
+
+
+def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
+    """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something waist-high."""
+    whole, ways = scene(TALL), Walkways.of(scene(TALL))
+    plan = ways.storeys.floors[1]
+    solid = np.array([box for thing in whole.objects for box in boxes(whole, thing)])
+    for cell in np.argwhere(np.isfinite(ways.reached[2]))[::7]:
+        point = plan.point(cell)
+        for angle in np.linspace(0, 2 * np.pi, 8, endpoint=False):
+            gap = 0  # a centimetre lies between the edge and the rail
+            for reach in np.arange(0.03, 0.36, 0.03):
+                x, z = point + reach * np.array([np.sin(angle), np.cos(angle)])
+                there = (solid[:, 0, [0, 2]] <= [x, z]).all(1) & (solid[:, 1, [0, 2]] >= [x, z]).all(1)
+                top = max(solid[there & (solid[:, 0, 1] < plan.floor + 0.5), 1, 1], default=-9.0)
+                if top > plan.floor + 0.5:
+                    break
+                gap += top < plan.floor - 0.2
+            assert gap < 2, (point, angle)
+
+
+def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
+    whole, ways = scene(TALL), Walkways.of(scene(TALL))
+    upstairs = [room for room in whole.rooms if room.floor > 2]
+    assert {"bedroom", "bathroom", "landing"} <= {room.kind for room in upstairs}
+    start = np.array([whole.start.x, 0.0, whole.start.z])
+    bed = next(thing for thing in whole.of_category("bed") if thing.position[1] > 2)
+    direct = np.linalg.norm(np.array(bed.position) - start)
+    assert direct + 2 < ways.storeys.geodesic(start, ways.storeys.near(whole, bed.id)) < 30
+
+
+def test_a_house_whose_stairs_are_barred_is_noticed() -> None:
+    whole = scene(TALL)
+    low, high = staircase(whole)[3]
+    fridge = whole.of_category("fridge")[0]
+    middle = (low + high) / 2
+    barred = SceneObject(10_000, fridge.asset, "fridge", (float(middle[0]), float(high[1]), float(middle[2])))
+    broken = Scene(whole.name, whole.assets, (*whole.objects, barred), whole.rooms, whole.start)
+    assert any("landing cannot be walked to" in problem for problem in problems(broken))
+
+
+def test_a_seat_at_a_wrong_height_is_noticed() -> None:
+    whole = scene("0")
+    couch = whole.of_category("couch")[0]
+    assets = {**whole.assets, couch.asset: replace(whole.assets[couch.asset], seat_height=0.36)}
+    broken = Scene(whole.name, assets, whole.objects, whole.rooms, whole.start)
+    assert any("nothing to sit on at its seat height" in problem for problem in problems(broken))
 
 
 @pytest.mark.parametrize("name", SAMPLE)

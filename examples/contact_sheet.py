@@ -1,0 +1,141 @@
+"""Pictures of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES]
+
+Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a body sees that stands in them) and prints what is
+on each. The default is 12 houses into examples/images.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from humanclaw import Plugins
+from humanclaw.bench.agents import in_view
+from humanclaw.bench.routes import Storeys
+from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw.pose import Frame, matrix_from_quaternion, rest_pose
+from humanclaw.scene import Placement, Scene
+
+SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
+NOBODY = WorldState(Frame(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
+TILE, VIEW, EYES = (460, 330), 384, 1.55
+
+
+def storey(scene: Scene, floor: float) -> Scene:
+    """One storey without what is above it, on the ceilings of the one below."""
+    kept = []
+    for thing in scene.objects:
+        low, high = (corner[1] for corner in scene.aabb(thing.id))
+        over = low > floor + (1.0 if thing.category.startswith("ceiling") else 2.3)
+        if not over and high > floor - 0.4:
+            kept.append(thing)
+    return replace(scene, objects=tuple(kept))
+
+
+def from_above(scene: Scene, floor: float, size: tuple[int, int]) -> Camera:
+    """A camera high over the house, so that walls hide little."""
+    corners = np.array([[room.x0, room.z0, room.x1, room.z1] for room in scene.rooms])
+    low, high = corners[:, :2].min(0) - 0.2, corners[:, 2:].max(0) + 0.2
+    middle, (wide, deep) = (low + high) / 2, high - low
+    up = np.array([0.0, 0.0, 1.0]) if wide / deep > size[0] / size[1] / 2 else np.array([1.0, 0.0, 0.0])
+    across, along = (wide, deep) if up[2] else (deep, wide)
+    need = max(along, across * size[1] / size[0])
+    eye = np.array([middle[0], floor + 30.0, middle[1]])
+    return Camera(eye, np.array([0.0, -1.0, 0.0]), up, float(np.degrees(2 * np.arctan(need / 2 / 27.5))), *size)
+
+
+def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
+    """The storeys side by side under the name of the house."""
+    floors = sorted({room.floor for room in scene.rooms})
+    size = TILE[0] // len(floors), TILE[1] - 24
+    tile = Image.new("RGB", TILE, "white")
+    for k, floor in enumerate(floors):
+        renderer.load(storey(scene, floor))
+        tile.paste(Image.fromarray(renderer.render(NOBODY, from_above(scene, floor, size)).rgb), (k * size[0], 24))
+    furniture = sum(thing.room != "" and thing.category not in ("wall", "floor", "ceiling") for thing in scene.objects)
+    words = (
+        f"{scene.name}: {len(scene.rooms)} rooms on {len(floors)} floor{'s' * (len(floors) > 1)}, {furniture} things"
+    )
+    ImageDraw.Draw(tile).text((6, 4), words, fill="black", font_size=15)
+    return tile
+
+
+def standing(place: Placement) -> WorldState:
+    return WorldState(Frame(place.x, place.z, place.yaw, place.floor).to_world(rest_pose()), {})
+
+
+def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Placement:
+    """Somewhere one can walk to, 2 to 4 m from a thing of this category, facing it, with nothing between."""
+    storeys = Storeys.of(scene)
+    start = np.array([scene.start.x, scene.start.floor, scene.start.z])
+    places = np.concatenate(storeys.starts(start, room=0.4))
+    for thing in scene.of_category(category):
+        goal = _front(scene, thing.id, 1.0)
+        away = np.linalg.norm(places - goal, axis=1)
+        for place in rng.permutation(places[(away > 1.2) & (away < 3.2)])[:200]:
+            towards = np.array(thing.position) - place
+            yaw = float(np.arctan2(towards[0], towards[2]))
+            here = Placement(float(place[0]), float(place[2]), yaw, float(place[1]))
+            plan = storeys.plans[int(storeys.level(place))]
+            if in_view(plan, scene, standing(here), thing.id) and np.linalg.norm(towards) < 4.0:
+                return here
+    return scene.start
+
+
+def at_stairs(scene: Scene, upper: bool) -> Placement:
+    """In the hall, or on the landing above it, facing the stairs."""
+    (stairs,) = scene.of_category("stairs")
+    x, _, z = _front(scene, stairs.id, 1.3)
+    dx, _, dz = np.array(stairs.position) - [x, 0, z]
+    return Placement(float(x), float(z), float(np.arctan2(dx, dz)), max(r.floor for r in scene.rooms) if upper else 0.0)
+
+
+def _front(scene: Scene, key: int, distance: float) -> np.ndarray:
+    """(3,) a point so far before the front of a thing."""
+    thing = scene.by_id[key]
+    reach = float(scene.assets[thing.asset].mesh.vertices[:, 2].max()) + distance
+    return np.array(thing.position) + matrix_from_quaternion(np.array(thing.rotation)) @ [0.0, 0.0, reach]
+
+
+def view_tile(renderer: Renderer, scene: Scene, subject: str, seed: int) -> Image.Image:
+    rng = np.random.default_rng(seed)
+    place = at_stairs(scene, upper=seed % 2 == 0) if subject == "stairs" else viewpoint(scene, subject, rng)
+    renderer.load(scene)
+    state = standing(place)
+    tile = Image.fromarray(renderer.render(state, ego_camera(state.body)).rgb).resize((VIEW, VIEW), Image.LANCZOS)
+    ImageDraw.Draw(tile).text((6, VIEW - 20), f"{scene.name}, {subject.replace('_', ' ')}", fill="black", font_size=14)
+    return tile
+
+
+def sheet(tiles: list[Image.Image], columns: int) -> Image.Image:
+    wide, high = tiles[0].size
+    rows = -(-len(tiles) // columns)
+    whole = Image.new("RGB", (columns * wide, rows * high), "white")
+    for number, tile in enumerate(tiles):
+        whole.paste(tile, (number % columns * wide, number // columns * high))
+    return whole
+
+
+def main(folder: str = "examples/images", houses: str = "12") -> None:
+    plugins = Plugins.discover()
+    renderer = plugins.make("renderers", "raster")
+    scenes = [plugins.scene(f"house:{number}") for number in range(int(houses))]
+    tall = [scene for scene in scenes if scene.of_category("stairs")]
+    sheets = {"houses": [house_tile(renderer, scene) for scene in scenes], "views": []}
+    for number, (scene, subject) in enumerate(zip(scenes, SUBJECTS, strict=False)):
+        if subject == "stairs" and tall:
+            scene = tall[number % len(tall)]
+        elif subject == "stairs":
+            subject = "chair"
+        sheets["views"].append(view_tile(renderer, scene, subject, number))
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for name, tiles in sheets.items():
+        path = Path(folder) / f"{name}.jpg"
+        sheet(tiles, 3 if name == "houses" else 4).save(path, quality=82, optimize=True)
+        print(f"{path}: {len(tiles)} pictures, {path.stat().st_size // 1000} kB")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

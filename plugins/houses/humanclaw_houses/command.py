@@ -1,0 +1,96 @@
+"""`humanclaw assets`: furniture of other people's making."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+from tqdm import tqdm
+
+from humanclaw.errors import HumanclawError
+from humanclaw_houses.importers import open_collection
+from humanclaw_houses.importers.folder import COLUMNS, Facts
+from humanclaw_houses.intake import TRIANGLES, Report, take_in
+from humanclaw_houses.library import Library
+
+
+@click.group()
+def assets() -> None:
+    """Libraries of furniture for houses."""
+
+
+@assets.command("import")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option("--out", "library", required=True, type=click.Path(path_type=Path), help="Folder of the library.")
+@click.option("--name", default="", help="Name of the collection; its file's or folder's name if not given.")
+@click.option("--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(50), help="Most for one asset.")
+@click.option("--table", type=click.Path(path_type=Path), help=f"For a folder of models: a CSV file with {COLUMNS}.")
+@click.option("--licence", default="", help="For a folder of models: their licence, an SPDX name such as CC0-1.0.")
+@click.option("--author", default="", help="For a folder of models: who made them.")
+@click.option("--front", default="+z", show_default=True, type=click.Choice(["+z", "-z", "+x", "-x"]),
+              help="For a folder of models: the way fronts face that the mesh itself does not tell.")  # fmt: skip
+def import_(
+    source: Path, library: Path, name: str, triangles: int, table: Path | None, licence: str, author: str, front: str
+) -> None:
+    """Import furniture into a library: a Sweet Home 3D library (.sh3f) or a folder of GLB or OBJ models.
+
+    Importing again changes nothing; importing another source into the same library adds to it.
+    """
+    total = Report()
+    for collection in open_collection(source, name, Facts(licence, author, front, table)):
+        with tqdm(collection.offers, desc=collection.name, unit="model", leave=False) as bar:
+            _add(total, take_in(collection, library, triangles, bar))
+    _tell(total, Console(), library)
+    if not total.imported:
+        raise HumanclawError(
+            "nothing was imported.", "The models have none of the categories, or none was usable; see above."
+        )
+
+
+@assets.command("list")
+@click.argument("library", type=click.Path(path_type=Path))
+def list_(library: Path) -> None:
+    """What a library holds, and under which licences."""
+    entries = Library(library).entries
+    table = Table("asset", "category", "size", "seat", "triangles", "hulls", "licence", "author")
+    for e in entries:
+        size = " x ".join(f"{value:.2f}" for value in e.size)
+        seat = f"{e.seat_height:.2f}" if e.seat_height else ""
+        table.add_row(e.id, e.category, size, seat, str(e.triangles), str(e.hulls), e.licence, e.author)
+    Console().print(table)
+
+
+def _add(total: Report, report: Report) -> None:
+    total.imported += report.imported
+    total.other += report.other
+    total.aside |= report.aside
+    for field in ("unchanged", "passed_over", "triangles", "hulls"):
+        setattr(total, field, getattr(total, field) + getattr(report, field))
+
+
+def _tell(report: Report, console: Console, library: Path) -> None:
+    table = Table("category", "assets")
+    for category, count in sorted(report.imported.items()):
+        table.add_row(category, str(count))
+    count = report.imported.total()
+    table.add_section()
+    table.add_row("all", str(count))
+    console.print(table)
+    for name, reason in report.aside.items():
+        console.print(f"set aside: {name}: {reason}", highlight=False, markup=False)
+    if report.other:
+        console.print(f"left out, of no category: {report.other.total()} ({_some(report.other)})", highlight=False)
+    if report.passed_over:
+        console.print(f"left out, doors, windows and stairs: {report.passed_over}", highlight=False)
+    console.print(
+        f"{library}: {count} assets from this source ({report.unchanged} unchanged), {report.triangles} triangles, "
+        f"{report.hulls} hulls, {len(report.aside)} set aside.", highlight=False,
+    )  # fmt: skip
+
+
+def _some(names: Counter[str]) -> str:
+    first = [name for name, _ in names.most_common(6)]
+    return ", ".join(first) + (", ..." if len(names) > len(first) else "")

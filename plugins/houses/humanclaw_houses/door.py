@@ -1,0 +1,56 @@
+"""What `house:ARGUMENT` opens: a house by its number, furnished from a library if one is named, and kept once it is made.
+
+3, train-17                a house with our own parametric furniture
+3?assets=/path/to/LIB      the same house with imported furniture where the library has what is wanted
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl
+
+from humanclaw.errors import SceneError
+from humanclaw.scene import Scene
+from humanclaw_houses.caching import kept
+from humanclaw_houses.names import seed_of
+
+if TYPE_CHECKING:
+    from humanclaw_houses.library import Library
+
+
+def open_house(argument: str) -> Scene:
+    """Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a bad library."""
+    number, library = _parts(argument)
+    seed_of(number)
+    scene = kept(number, library.digest if library else "", lambda: _make(number, library))
+    return replace(scene, name=f"house:{argument}")
+
+
+def _make(number: str, library: Library | None) -> Scene:
+    # Only here: the geometry libraries take longer to load than a kept house does.
+    from humanclaw_houses.source import house
+
+    return house(number, library)
+
+
+def _parts(argument: str) -> tuple[str, Library | None]:
+    number, _, query = argument.partition("?")
+    try:
+        options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=True)) if query else {}
+    except ValueError as error:
+        raise SceneError(f"cannot read the options {query!r} of house:{argument}.", _REMEDY) from error
+    folder = options.pop("assets", None)
+    if options or folder == "":
+        raise SceneError(f"house:{argument} has options that a house does not know.", _REMEDY)
+    return number, _library(Path(folder).expanduser()) if folder else None
+
+
+def _library(folder: Path) -> Library:
+    from humanclaw_houses.library import Library
+
+    return Library(folder)
+
+
+_REMEDY = "The one option is the library to furnish it from: house:3?assets=/path/to/LIB."

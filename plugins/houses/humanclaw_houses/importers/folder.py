@@ -1,0 +1,74 @@
+"""A folder of models without a catalogue of its own, such as Kenney's Furniture Kit, or with a plain table beside it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from humanclaw.errors import HumanclawError
+from humanclaw_houses.importers.offers import Collection, Offer
+from humanclaw_houses.importers.sweethome import slug
+
+SUFFIXES: Final = (".glb", ".gltf", ".obj")
+COLUMNS: Final = "file, name, category, creator, licence, width_m, height_m, depth_m, catalogue_rotation"
+_BESIDE: Final = (".collision.", ".hulls.")
+"""Parts of names of files that belong to another model."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the user says of all models of a folder, and the table that says more of each."""
+
+    licence: str = ""
+    author: str = ""
+    front: str = "+z"
+    table: Path | None = None
+
+
+def open_folder(source: Path, name: str, facts: Facts) -> Collection:
+    """Every GLB and OBJ under a folder. With a table, its rows say more; models that it does not name are imported too."""
+    rows = _rows(facts.table, source) if facts.table else {}
+    paths = sorted(path for path in source.rglob("*") if path.suffix.lower() in SUFFIXES)
+    paths = [path for path in paths if not any(mark in path.name for mark in _BESIDE)]
+    offers = [_offer(path, path.relative_to(source), rows.get(path.resolve(), {}), facts) for path in paths]
+    return Collection(name or source.resolve().name, offers)
+
+
+def _offer(path: Path, inside: Path, row: Mapping[str, str], facts: Facts) -> Offer:
+    stem = inside.with_suffix("")
+    parts = stem.parts[:-1] if len(stem.parts) > 1 and stem.parts[-1] == stem.parts[-2] else stem.parts
+    rotation = tuple(float(value) for value in row.get("catalogue_rotation", "").split())
+    try:
+        size = tuple(float(row[key]) for key in ("width_m", "height_m", "depth_m"))
+    except (KeyError, ValueError):
+        size = None
+    return Offer(
+        id=slug("-".join(parts)),
+        name=row.get("name") or parts[-1].split(".")[0],
+        fetch=lambda _: path,
+        group=row.get("category", "").replace("_", " "),
+        size=size,  # type: ignore[arg-type]
+        rotation=rotation if len(rotation) == 9 else None,
+        front=facts.front,
+        author=row.get("creator") or facts.author,
+        licence=row.get("licence") or facts.licence or "LicenseRef-unknown",
+    )
+
+
+def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
+    """The rows of a table by the model they are of; its paths are relative to the table or to the folder."""
+    try:
+        with table.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise HumanclawError(f"cannot read the table {table}: {error}.", f"It is a CSV file with {COLUMNS}.") from error
+    if not rows or "file" not in rows[0]:
+        raise HumanclawError(f"{table} has no column `file`.", f"Its columns are {COLUMNS}; only `file` is needed.")
+    found = {}
+    for row in rows:
+        for base in (table.parent, source):
+            found.setdefault((base / row["file"]).resolve(), row)
+    return found

@@ -1,0 +1,187 @@
+"""From what a collection offers to the assets of a library."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from humanclaw.errors import HumanclawError
+from humanclaw.meshes import Part, bake, convex_pieces, read_model
+from humanclaw.meshes.hulls import Hollow
+from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of, top_of
+from humanclaw.meshes.reading import bounds
+from humanclaw.meshes.shaping import base_of, lightened, moved, turned, with_lid
+from humanclaw.pose import Array
+from humanclaw.scene import Mesh
+from humanclaw_houses.importers.categories import category_of, misfit, otherwise, scale_of, sits
+from humanclaw_houses.importers.offers import Collection, Offer, Vec3, digest_of
+from humanclaw_houses.importers.sweethome import slug
+from humanclaw_houses.library import Entry, Level, paths, read_index, write_asset, write_index
+
+VERSION: Final = 1
+"""To be raised when the same source gives another asset; assets of another version are made anew."""
+TRIANGLES: Final = 1200
+_QUARTERS: Final = {"+z": 0, "+x": 3, "-z": 2, "-x": 1}
+"""Quarter turns to the left about y that bring a front which faces there to +z."""
+_OPPOSITE: Final = {"-z": "+z", "+z": "-z", "-x": "+x", "+x": "-x"}
+_SURFACES: Final = frozenset(
+    {"table", "coffee_table", "side_table", "desk", "nightstand", "tv_stand", "dresser", "sideboard", "bookshelf"}
+)
+_ONE_PIECE: Final = frozenset(
+    {"cup", "bowl", "bottle", "book", "clock", "backpack", "ball", "basket", "box", "vase", "bin", "teddy_bear"}
+)
+_POT: Final = 0.3
+"""The share of a plant's height that collides, as far as it is known; leaves give way."""
+
+
+@dataclass
+class Report:
+    """What came of an import."""
+
+    imported: Counter[str] = field(default_factory=Counter)
+    """Assets by category, those that were there already among them."""
+    unchanged: int = 0
+    other: Counter[str] = field(default_factory=Counter)
+    """Names of things that no category wants."""
+    aside: dict[str, str] = field(default_factory=dict)
+    """Models of a known category that could not be used, and why."""
+    passed_over: int = 0
+    triangles: int = 0
+    hulls: int = 0
+
+
+def take_in(collection: Collection, library: Path, triangles: int, watch: Iterable[Offer] | None = None) -> Report:
+    """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
+
+    watch: the collection's offers, wrapped by something that shows how far they are. Raises HumanclawError if the library
+    cannot be written; a model that cannot be used is set aside.
+    """
+    index = read_index(library)
+    known = {entry.id: entry for entry in index.assets} if index else {}
+    report, kept = Report(passed_over=collection.passed_over), {}
+    for offer in collection.offers if watch is None else watch:
+        entry = _take(offer, collection, library, triangles, known, report)
+        if entry:
+            kept[entry.id] = entry
+            report.imported[entry.category] += 1
+            report.triangles += entry.triangles
+            report.hulls += entry.hulls
+    others = [entry for entry in known.values() if entry.collection != collection.name]
+    try:
+        write_index(library, [*others, *kept.values()])
+    except OSError as error:
+        raise HumanclawError(f"cannot write {library}: {error.strerror}.", "Name another folder with --out.") from error
+    for entry in known.values():
+        if entry.collection == collection.name and entry.id not in kept:
+            for path in paths(library, entry.id):
+                path.unlink(missing_ok=True)
+    return report
+
+
+def _take(
+    offer: Offer, collection: Collection, library: Path, triangles: int, known: dict[str, Entry], report: Report
+) -> Entry | None:
+    category = offer.category or category_of(offer.name, offer.group)
+    if not category:
+        report.other[offer.name] += 1
+        return None
+    name = f"{slug(collection.name)}-{offer.id}"
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = offer.fetch(Path(folder))
+            digest, recipe = digest_of(path, offer.statement), f"{VERSION}/{category}/{triangles}"
+            old = known.get(name)
+            if (
+                old
+                and (old.source_digest, old.recipe) == (digest, recipe)
+                and all(file.is_file() for file in paths(library, name))
+            ):
+                report.unchanged += 1
+                return old
+            parts = read_model(path)
+        return _entry(offer, parts, category, triangles, library, name, collection.name, digest, recipe)
+    except (HumanclawError, OSError) as error:
+        report.aside[offer.id] = error.message if isinstance(error, HumanclawError) else str(error)
+        return None
+
+
+def _entry(
+    offer: Offer, parts: Sequence[Part], category: str, triangles: int, library: Path, name: str, collection: str,
+    digest: str, recipe: str,
+) -> Entry:  # fmt: skip
+    sized, unit = _sized(parts, offer, category)
+    mesh = bake(sized)
+    mesh = lightened(moved(mesh, -base_of(mesh.vertices)), triangles)
+    category = otherwise(category, _size(mesh))
+    quarters = _QUARTERS[offer.front]
+    if sits(category):
+        back = back_of(turned(mesh, quarters))
+        quarters = (quarters + _QUARTERS[_OPPOSITE[back]] if back else quarters) % 4
+    mesh = turned(mesh, quarters)
+    size = _size(mesh)
+    seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if sits(category) else None
+    wrong = misfit(category, size, seat.height if seat else None)
+    if wrong:
+        raise HumanclawError(f"{offer.name} ({category}): {wrong}.")
+    top = top_of(mesh) if category in _SURFACES else None
+    hulls = _hulls(mesh, category, seat.room if seat else top)
+    return Entry(
+        id=name, name=offer.name, category=category, size=size, unit=unit, turned=f"{90 * quarters} degrees" if quarters else "",
+        seat_height=seat.height if seat else None, top=Level(**vars(top)) if top else None, mass=offer.mass,
+        movable=offer.movable, triangles=len(mesh.faces), triangles_in_source=sum(len(part.faces) for part in parts),
+        textured=any(part.picture is not None for part in parts), hulls=len(hulls), licence=offer.licence,
+        author=offer.author, collection=collection, source_digest=digest, recipe=recipe,
+        digest=write_asset(library, name, mesh, hulls),
+    )  # fmt: skip
+
+
+def _sized(parts: Sequence[Part], offer: Offer, category: str) -> tuple[list[Part], str]:
+    """The parts in metres, and where their scale comes from."""
+    if offer.rotation:
+        matrix = np.array(offer.rotation).reshape(3, 3)
+        parts = [replace(part, vertices=part.vertices @ matrix.T) for part in parts]
+    low, high = bounds(parts)
+    extent = high - low
+    if offer.size is not None:
+        scale, unit = np.array(offer.size) / np.maximum(extent, 1e-9), "size from the catalogue"
+    else:
+        found = scale_of(category, _vec3(extent))
+        if found is None:
+            said = " x ".join(f"{value:.3g}" for value in extent)
+            raise HumanclawError(f"{offer.name} measures {said} in its file, which is no {category} in any unit.")
+        unit, scale = found[0], np.full(3, found[1])
+    return [replace(part, vertices=part.vertices * scale) for part in parts], unit
+
+
+def _size(mesh: Mesh) -> Vec3:
+    return _vec3(np.round(np.ptp(mesh.vertices, axis=0).astype(float), 4))
+
+
+def _vec3(values: Array) -> Vec3:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _hulls(mesh: Mesh, category: str, level: Hollow | None) -> tuple[np.ndarray, ...]:
+    """Few pieces for small things, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
+    if category in _ONE_PIECE:
+        return convex_pieces(mesh, 1)
+    if category == "potted_plant":
+        return convex_pieces(_below(mesh, _POT), 1)
+    pieces = convex_pieces(mesh, 6 if category in ("lamp", "tv", "laptop") else 12, level)
+    if level is None or len(pieces) == 1:
+        return pieces
+    return with_lid(pieces, level)
+
+
+def _below(mesh: Mesh, share: float) -> Mesh:
+    """The faces of a mesh whose middle is in the lower part of it; all of it if there are too few."""
+    heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
+    faces = mesh.faces[heights < share * mesh.vertices[:, 1].max()]
+    return replace(mesh, faces=faces) if len(faces) > 12 else mesh

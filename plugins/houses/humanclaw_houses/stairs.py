@@ -1,0 +1,106 @@
+"""Staircases: two flights side by side with a half-landing between them, a rail between and a guard above the lower flight."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.plan import Stair
+from humanclaw_houses.shapes import box
+from humanclaw_houses.style import Style
+from humanclaw_houses.textures import Tile
+
+GUARD: Final = 0.92
+"""Height of a handrail over the step below it, metres."""
+_TREAD: Final = 0.035
+_EDGE: Final = 0.045
+"""Width of the strip along the edge of a tread, metres."""
+_SPINE: Final = 0.1
+"""Width of what stands between the flights, metres."""
+
+
+def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
+    """A staircase on a floor of width x depth metres. It is entered, and left on the floor above, at its front (+Z).
+
+    The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights, and
+    the guard at the front over the lower flight.
+    """
+    m = Model()
+    flight = (width - _SPINE) / 2
+    # Somebody in the hall looks along -Z, so that their left is at -X.
+    lower = (-1 if stair.left else 1) * (flight + _SPINE) / 2
+    front = depth / 2
+    for k in range(1, stair.steps):
+        near, far = front - (k - 1) * stair.going, front - k * stair.going
+        _step(m, style, wall, (flight, k * stair.riser), lower, near, far, 1)
+        _step(m, style, wall, (flight, (2 * stair.steps - k) * stair.riser), -lower, near, far, -1)
+        _between(m, style, stair, wall, (2 * stair.steps - k) * stair.riser, near, far)
+    edge = front - (stair.steps - 1) * stair.going
+    _landing(m, style, wall, width, stair.steps * stair.riser, -front, edge)
+    _rail(m, style, stair, front, edge)
+    _guard(m, style, stair, flight, lower, front)
+    return m.piece("stairs", "stairs")
+
+
+def _step(
+    m: Model, style: Style, wall: Tile, size: tuple[float, float], x: float, near: float, far: float, front: int
+) -> None:
+    """One step: a white riser that faces +Z (front 1) or -Z, a wooden tread with a strip along its edge, by which
+    one tells the steps apart from above, and plastered sides."""
+    w, h = size
+    d, z = near - far, (near + far) / 2
+    m.add(box((w, h - _TREAD, d), (x, 0, z), "tbfk"), wall)
+    m.add(box((w, h - _TREAD, d), (x, 0, z), "tblr" + ("k" if front > 0 else "f")), style.white)
+    m.add(box((w, h - _TREAD, d), (x, 0, z), "tblr" + ("f" if front > 0 else "k")), wall)
+    m.add(box((w, _TREAD, d + 0.02), (x, h - _TREAD, z + 0.01 * front)), style.wood)
+    m.add(box((w, 0.002, _EDGE), (x, h, z + front * (d / 2 + 0.01 - _EDGE / 2)), "b"), _edging(style))
+    m.solid((w, h, d), (x, 0, z))
+
+
+def _edging(style: Style) -> Tile:
+    """Dark on light wood and light on dark."""
+    return style.black if float(style.wood.pixels.mean()) > 95 else style.white
+
+
+def _between(m: Model, style: Style, stair: Stair, wall: Tile, height: float, near: float, far: float) -> None:
+    """The spine between the flights, as high as the upper one, and two bars of the rail."""
+    d, z = near - far, (near + far) / 2
+    m.add(box((_SPINE, height, d), (0, 0, z), "b"), wall)
+    m.solid((_SPINE, height + GUARD, d), (0, 0, z))
+    for share in (0.25, 0.75):
+        top = height + GUARD - 0.04 + (share - 0.5) * stair.riser
+        m.add(box((0.025, top - height, 0.025), (0, height, far + share * d), "tb"), style.white)
+
+
+def _landing(m: Model, style: Style, wall: Tile, width: float, height: float, back: float, edge: float) -> None:
+    d, z = edge - back, (edge + back) / 2
+    m.add(box((width, height - _TREAD, d), (0, 0, z), "tb"), style.white)
+    m.add(box((width, _TREAD, d + 0.02), (0, height - _TREAD, z + 0.01)), style.wood)
+    m.add(box((width, 0.002, _EDGE), (0, height, edge + 0.01 - _EDGE / 2), "b"), _edging(style))
+    m.solid((width, height, d), (0, 0, z))
+
+
+def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> None:
+    """The sloping handrail over the spine, with a newel post at each end."""
+    top = 2 * stair.steps * stair.riser
+    low, high = (stair.steps + 0.5) * stair.riser + GUARD, top - 0.5 * stair.riser + GUARD
+    run, rise = front - edge, high - low
+    bar = box((0.06, 0.05, math.hypot(run, rise)), (0, -0.025, 0))
+    m.add(
+        bar.moved((0, (low + high) / 2, (front + edge) / 2), (-math.degrees(math.atan2(rise, run)), 0, 0)), style.wood
+    )
+    m.add(box((0.09, GUARD + 0.16, 0.09), (0, low - GUARD - 0.5 * stair.riser, edge + 0.045)), style.wood)
+    m.add(box((0.09, GUARD + 0.12 + stair.riser, 0.09), (0, top - stair.riser, front - 0.045)), style.wood)
+
+
+def _guard(m: Model, style: Style, stair: Stair, flight: float, lower: float, front: float) -> None:
+    """What keeps people on the floor above from stepping over the edge into the lower flight."""
+    top, z = 2 * stair.steps * stair.riser, front - 0.04
+    m.add(box((flight, 0.05, 0.06), (lower, top + GUARD - 0.05, z)), style.wood)
+    m.add(box((flight, 0.12, 0.04), (lower, top - 0.12, z)), style.white)
+    count = round(flight / 0.11)
+    for k in range(count):
+        x = lower + flight * ((k + 0.5) / count - 0.5)
+        m.add(box((0.025, GUARD - 0.05, 0.025), (x, top, z), "tb"), style.white)
+    m.solid((flight, GUARD + 0.12, 0.06), (lower, top - 0.12, z))

@@ -1,0 +1,127 @@
+"""Imported furniture in place of parametric: the parametric piece says what is wanted, and how large it should be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from manifold3d import Manifold
+
+from humanclaw.scene import SIT_CATEGORIES, Asset
+from humanclaw_houses.building import Placed
+from humanclaw_houses.importers.categories import sits
+from humanclaw_houses.library import Entry, Library
+from humanclaw_houses.model import Piece, Top, exact
+from humanclaw_houses.space import turn
+
+CATEGORY: Final = {
+    "couch": "couch", "armchair": "chair", "dining_chair": "chair", "office_chair": "chair", "stool": "chair",
+    "bench": "bench", "bed": "bed", "tv": "tv", "wall_tv": "tv", "toilet": "toilet", "plant": "potted_plant",
+    "coffee_table": "coffee_table", "side_table": "side_table", "dining_table": "table", "desk": "desk",
+    "nightstand": "nightstand", "dresser": "dresser", "wardrobe": "wardrobe", "bookshelf": "bookshelf",
+    "sideboard": "sideboard", "tv_stand": "tv_stand", "floor_lamp": "lamp", "table_lamp": "lamp", "bathtub": "bathtub",
+    "washing_machine": "washing_machine", "fridge": "fridge", "bin": "bin", "cushion_block": "pouffe", "vase": "vase",
+    "cup": "cup", "bottle": "bottle", "bowl": "bowl", "book": "book", "clock": "clock", "backpack": "backpack",
+    "toy_ball": "ball", "basket": "basket", "carton": "box", "teddy": "teddy_bear", "laptop": "laptop",
+}  # fmt: skip
+"""Makers of parametric pieces that imported ones can stand in for. Kitchen units are not: they are cut to fit."""
+_SCALE: Final = 0.1
+"""A model is made larger or smaller by this share at most, the same in all directions."""
+_SMALLER: Final = 1.5
+_WIDER: Final = 1.2
+"""How many times smaller than what is wanted a model may be along each axis, and how many times wider and deeper: rules count
+on the room."""
+_SEAT: Final = (0.36, 0.64)
+"""Heights of couches, beds and toilets that can be sat on, metres."""
+_STEP: Final = 0.03
+_STEPS: Final = 16
+"""How a chair is moved back from a table: so many steps at most, so long each, metres."""
+_FLAT: Final = 0.14
+"""Depth of a television that can hang on a wall, metres."""
+
+
+class Stock:
+    """Pieces of a library for one house; what it gives depends on the library and the random numbers alone."""
+
+    def __init__(self, library: Library, rng: np.random.Generator) -> None:
+        self._library, self._rng = library, rng
+        self._pieces: dict[tuple[str, float], Piece] = {}
+
+    def instead_of(self, maker: str, wanted: Piece) -> Piece:
+        """An imported piece like one that `maker` made; that one itself if the library has none like it."""
+        found = [(entry, scale) for entry in self._fitting(maker, wanted) if (scale := _scale(entry, wanted))]
+        if not found:
+            return wanted
+        entry, scale = found[int(self._rng.integers(len(found)))]
+        return self._piece(entry, scale, wanted)
+
+    def _fitting(self, maker: str, wanted: Piece) -> list[Entry]:
+        category = CATEGORY.get(maker)
+        return [
+            entry for entry in self._library.entries
+            if entry.category == category
+            and (entry.top is not None or not wanted.tops or maker == "bookshelf")
+            and (maker != "wall_tv" or entry.size[2] <= _FLAT)
+        ]  # fmt: skip
+
+    def _piece(self, entry: Entry, scale: float, wanted: Piece) -> Piece:
+        key = entry.id, scale
+        if key not in self._pieces:
+            self._pieces[key] = _scaled(self._library.asset(entry), entry, scale)
+        mass = entry.mass if entry.mass and wanted.mass else wanted.mass
+        return replace(self._pieces[key], mass=mass, friction=wanted.friction)
+
+
+def _scale(entry: Entry, wanted: Piece) -> float | None:
+    """The scale at which a model is nearest to the size that is wanted; None if it is far from it all the same."""
+    have = np.maximum(entry.size, 1e-6)
+    scale = round(float(np.clip(np.exp(np.log(wanted.size / have).mean()), 1 - _SCALE, 1 + _SCALE)), 2)
+    ratio = have * scale / wanted.size
+    too_large = ratio[[0, 2]].max() > _WIDER or ratio[1] > _SMALLER
+    if too_large or ratio.min() < 1 / _SMALLER or not _sittable(entry, scale):
+        return None
+    return scale
+
+
+def _sittable(entry: Entry, scale: float) -> bool:
+    """What the sitting skill is asked for must be sat on at a height that a body can sit at."""
+    if entry.category not in SIT_CATEGORIES or entry.seat_height is None:
+        return True
+    return _SEAT[0] <= scale * entry.seat_height <= _SEAT[1]
+
+
+def _scaled(asset: Asset, entry: Entry, scale: float) -> Piece:
+    mesh = replace(asset.mesh, vertices=exact(asset.mesh.vertices.astype(float) * scale))
+    hulls = tuple(exact(hull.astype(float) * scale) for hull in asset.hulls)
+    seat = None if entry.seat_height is None or not sits(entry.category) else round(entry.seat_height * scale, 4)
+    name = entry.id if scale == 1.0 else f"{entry.id}@{scale:.2f}"
+    top = entry.top
+    tops = () if top is None else (Top(*(scale * value for value in (top.x0, top.z0, top.x1, top.z1, top.y))),)
+    return Piece(replace(asset, name=name, mesh=mesh, hulls=hulls, seat_height=seat), tops)
+
+
+def apart(chair: Placed, table: Placed) -> Placed:
+    """A chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under every top.
+
+    Parametric chairs go under parametric tables, so they stay where they are.
+    """
+    if {chair.piece.asset.source, table.piece.asset.source} == {"generated"}:
+        return chair
+    for _ in range(_STEPS):
+        if not _share_space(chair, table):
+            break
+        x, z = chair.x - _STEP * np.sin(chair.yaw), chair.z - _STEP * np.cos(chair.yaw)
+        chair = replace(chair, x=float(x), z=float(z))
+    return chair
+
+
+def _share_space(one: Placed, other: Placed) -> bool:
+    """A collision hull of one piece reaches into one of the other's."""
+    first, second = _solids(one), _solids(other)
+    return any((a ^ b).volume() > 1e-6 for a in first for b in second)
+
+
+def _solids(thing: Placed) -> list[Manifold]:
+    offset = np.array([thing.x, thing.y, thing.z])
+    return [Manifold.hull_points(turn(np.asarray(hull, float), thing.yaw) + offset) for hull in thing.piece.asset.hulls]

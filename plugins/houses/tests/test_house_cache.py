@@ -1,0 +1,126 @@
+"""A house is generated once: afterwards it comes from the cache, the same to the last byte, or anew if the cache is damaged."""
+
+from __future__ import annotations
+
+import multiprocessing
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from humanclaw.scene import Scene
+from humanclaw_houses import caching
+from humanclaw_houses.door import open_house
+from humanclaw_houses.source import house
+
+
+@pytest.fixture(scope="module")
+def fresh() -> Scene:
+    return house("2")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
+    return tmp_path / "houses"
+
+
+def refuse() -> Scene:
+    raise AssertionError("the house was generated although it is in the cache")
+
+
+def test_a_house_from_the_cache_has_the_digest_of_a_fresh_one(folder: Path, fresh: Scene) -> None:
+    assert caching.kept("2", "", lambda: fresh) is fresh
+    again = caching.kept("2", "", refuse)
+    assert again is not fresh
+    assert again.digest == fresh.digest
+    assert again.objects == fresh.objects
+    assert again.licences == fresh.licences
+
+
+def test_the_reference_opens_what_the_generator_makes(folder: Path, fresh: Scene) -> None:
+    assert open_house("2").digest == fresh.digest
+    assert open_house("2").name == "house:2"
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_a_damaged_file_is_made_anew_with_a_warning(folder: Path, fresh: Scene) -> None:
+    caching.kept("2", "", lambda: fresh)
+    (path,) = folder.iterdir()
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(bytes(data))
+    with pytest.warns(UserWarning, match="is made anew: it is damaged"):
+        assert caching.kept("2", "", lambda: fresh) is fresh
+    assert caching.kept("2", "", refuse).digest == fresh.digest
+
+
+def test_another_generator_or_library_never_gets_a_stale_house(
+    folder: Path, fresh: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caching.kept("2", "", lambda: fresh)
+    assert caching.kept("2", "a library", lambda: fresh) is fresh
+    monkeypatch.setattr(caching, "generator_version", lambda: "another")
+    assert caching.kept("2", "", lambda: fresh) is fresh
+
+
+def test_any_change_of_the_code_is_another_generator(tmp_path: Path) -> None:
+    """A copy of the package with one character more has another version."""
+    import shutil
+
+    import humanclaw_houses
+
+    copy = tmp_path / "humanclaw_houses"
+    shutil.copytree(Path(humanclaw_houses.__file__).parent, copy)
+    versions = [_version_of(tmp_path)]
+    plan = copy / "plan.py"
+    plan.write_text(plan.read_text() + "\n# another thought\n")
+    versions.append(_version_of(tmp_path))
+    assert versions[0] == caching.generator_version()
+    assert versions[1] != versions[0]
+
+
+def _version_of(folder: Path) -> str:
+    code = f"import sys; sys.path.insert(0, {str(folder)!r})\n"
+    code += "from humanclaw_houses import caching; print(caching.generator_version())"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_two_processes_may_fill_the_cache_at_once(folder: Path, fresh: Scene) -> None:
+    context = multiprocessing.get_context("fork")
+    workers = [context.Process(target=_open_often, args=(fresh,)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert [worker.exitcode for worker in workers] == [0, 0, 0]
+    assert [path.name for path in folder.iterdir() if path.suffix == ".partial"] == []
+    assert caching.kept("2", "", refuse).digest == fresh.digest
+
+
+def _open_often(fresh: Scene) -> None:
+    warnings.simplefilter("error")
+    for _ in range(5):
+        caching.Cache("houses").put("same", caching.pack_scene(fresh))
+        assert caching.kept("2", "", lambda: fresh).digest == fresh.digest
+
+
+def test_the_second_time_takes_less_than_two_seconds(folder: Path) -> None:
+    """In CPU time of a new process, everything that is imported included."""
+    code = "from humanclaw import Plugins; Plugins.discover().scene('house:2').digest; import time; print(time.process_time())"
+    taken = [
+        float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+        for _ in range(2)
+    ]
+    assert taken[1] < 2.0, taken
+
+
+def test_a_cache_that_cannot_be_written_only_warns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Scene
+) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "file"))
+    with pytest.warns(UserWarning, match="HUMANCLAW_CACHE"):
+        assert caching.kept("2", "", lambda: fresh) is fresh
