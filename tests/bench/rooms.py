@@ -1,4 +1,4 @@
-"""A hand-made scene for the tests of routes and agents: two rooms, a wall with a doorway, a few pieces of furniture."""
+"""Hand-made scenes for the tests of routes and agents: two rooms on one floor, and two floors with a straight staircase."""
 
 from __future__ import annotations
 
@@ -65,3 +65,45 @@ def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:
     ]
     rooms = (Room("bedroom", "bedroom", 0, 0, 4, 6), Room("living room", "living_room", 4, 0, 8, 6))
     return scene(*placed, rooms=rooms)
+
+
+RISER, GOING, STEPS = 0.17, 0.25, 16
+UPSTAIRS = 2.72
+"""Height of the upper floor: 16 risers of 17 cm."""
+
+
+def two_storeys(*extra: tuple[Asset, SceneObject]) -> Scene:
+    """A room of 8 m x 3 m below another, and a flight of stairs along the wall z = 0, a metre wide.
+
+    It rises in the direction +X, its first riser at x = 2 and its last, which leads onto the upper floor, at x = 5.75. Rails stand
+    along it on both floors. Below a plant (id 30) at (1, 2.5); above a bed (31) whose foot looks along -Z, and a plant (32) at
+    (7.4, 2.6). Start at (1, 0.5) facing +X.
+    """
+    ends = [("wall_w", -0.05), ("wall_e", 8.05)]
+    parts = [(asset(name, "wall", block(0.1, 5.4, 3.2)), x, 1.5, 0.0) for name, x in ends]
+    parts += [
+        (asset(name, "wall", block(8.2, 5.4, 0.1)), 4.0, z, 0.0) for name, z in [("wall_s", -0.05), ("wall_n", 3.05)]
+    ]
+    parts += [(asset("ground", "floor", block(8.2, 0.1, 3.2)), 4.0, 1.5, -0.1)]
+    parts += [(asset("slab", "floor", block(5.75, 0.12, 2.0, (-1.125, 0, 0)), block(2.25, 0.12, 3.0, (2.875, 0, -0.5))),
+               4.0, 2.0, UPSTAIRS - 0.12)]  # fmt: skip
+    steps = [block(GOING, k * RISER, 1.0, (2.0 + (k - 0.5) * GOING, 0, 0.5)) for k in range(1, STEPS)]
+    parts += [(asset("stairs", "stairs", *steps), 0.0, 0.0, 0.0)]
+    rail = asset("rail", "stairs", block(3.75, 0.9, 0.06))
+    parts += [(rail, 3.875, 1.03, UPSTAIRS), (asset("under", "wall", block(3.75, 2.6, 0.06)), 3.875, 1.03, 0.0)]
+    end = asset("end", "stairs", block(0.06, 0.9, 1.0))
+    parts += [(end, 2.0 - 0.2, 0.5, UPSTAIRS)]
+    placed = [(kind, thing(number, kind, x, z, y=y)) for number, (kind, x, z, y) in enumerate(parts, start=1)]
+    plant = asset("plant", "potted_plant", block(0.3, 1.0, 0.3))
+    bed = asset("bed", "bed", block(1.6, 0.5, 2.0), seat=0.5)
+    placed += [
+        (plant, thing(30, plant, 1.0, 2.5)),
+        (bed, thing(31, bed, 1.0, 1.95, np.pi, y=UPSTAIRS)),
+        (plant, thing(32, plant, 7.4, 2.6, y=UPSTAIRS)),
+        *extra,
+    ]
+    rooms = (
+        Room("cellar", "living", 0, 0, 8, 3), Room("attic", "bedroom", 0, 1.06, 5.7, 3, UPSTAIRS),
+        Room("gallery", "hall", 5.75, 0, 8, 3, UPSTAIRS),
+    )  # fmt: skip
+    return scene(*placed, rooms=rooms, start=Placement(1.0, 0.5, np.pi / 2))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rooms import asset, block, thing, two_rooms
+from rooms import STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
 from humanclaw.bench.agents import OracleAgent, RandomAgent, StillAgent, in_view
@@ -111,6 +111,56 @@ def test_the_oracle_stops_and_says_why_when_there_is_no_way() -> None:
     (only,) = play(OracleAgent(), walker, episode(walker.scene, "couch", 20, sit=True))
     assert only[1].skill == "stop"
     assert "no way" in only[0].reasoning
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_oracle_climbs_the_stairs_to_a_bed_above_and_sits_down_on_it(seed: int) -> None:
+    walker = Walker(two_storeys(), (31,), seed)
+    log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
+    skills = [call.skill for _, call in log]
+    assert skills[-1] == "stop"
+    assert walker.sat
+    assert walker.ground == pytest.approx(UPSTAIRS)
+    assert STEPS <= skills.count("climb_upstairs") < STEPS + 4
+    assert "walk_downstairs" not in skills
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_oracle_walks_down_the_stairs_to_a_plant_below(seed: int) -> None:
+    scene = two_storeys()
+    walker = Walker(scene, (30,), seed)
+    walker.x, walker.z, walker.yaw, walker.ground = 7.2, 1.5, 0.0, UPSTAIRS
+    log = play(OracleAgent(), walker, episode(scene, "potted_plant", 30))
+    skills = [call.skill for _, call in log]
+    assert skills[-1] == "stop"
+    assert reach(walker, 30) <= 0.2
+    assert STEPS <= skills.count("walk_downstairs") < STEPS + 4
+    heights = {call.params["h_cm"] for _, call in log if call.skill == "walk_downstairs"}
+    assert heights == {17}
+
+
+def test_the_oracle_stays_on_its_storey_where_a_target_is_there_too() -> None:
+    walker = Walker(two_storeys(), (30, 32))
+    log = play(OracleAgent(), walker, episode(walker.scene, "potted_plant", 30, 32))
+    assert reach(walker, 30) <= 0.2
+    assert not any("stairs" in call.skill for _, call in log)
+
+
+def test_the_oracle_says_that_it_is_on_the_stairs_and_how_far_it_has_come() -> None:
+    walker = Walker(two_storeys(), (31,))
+    log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
+    told = [decision.reasoning for decision, call in log if call.skill == "climb_upstairs"]
+    assert told[0] == f"I take step 1 of {STEPS} up the stairs."
+    left = [float(found[1]) for decision, _ in log if (found := re.search(r"([0-9.]+) m from", decision.progress))]
+    assert left[0] > 9.0
+    assert max(np.diff(left)) < 0.5
+
+
+def test_the_oracle_names_the_skill_for_stairs_that_it_lacks() -> None:
+    walker = Walker(two_storeys(), (31,))
+    few = {name: skill for name, skill in SKILLS.items() if name != "climb_upstairs"}
+    with pytest.raises(HumanclawError, match="needs the skill climb_upstairs"):
+        play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True), few)
 
 
 def test_the_oracle_wants_a_scene() -> None:

@@ -134,5 +134,5 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
 
 @pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"history": -1}, {"memory": 3}])
 def test_options_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(HumanclawError, match="options are|Choose from"):
+    with pytest.raises(HumanclawError, match=r"options are|Choose from"):
         options(wrong)

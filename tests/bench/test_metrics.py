@@ -155,6 +155,16 @@ def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_gr
     assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
 
 
+def test_feet_on_stairs_stand_and_a_knee_against_them_collides(tmp_path: Path) -> None:
+    stairs = 50
+    climbing = [
+        step(contacts=(touch(stairs, joint="left_foot", height=0.35), touch(stairs, joint="right_ankle", height=0.52))),
+        step(contacts=(touch(stairs, joint="left_knee", height=0.6),)),
+    ]
+    assert collisions(rollout(tmp_path, climbing, ground=(stairs,)))["any"] == 0.5
+    assert collisions(rollout(tmp_path, climbing, name="unknown"))["any"] == 1.0
+
+
 def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:
     scores = score(rollout(tmp_path, [step("", away=None)]))
     assert np.isnan(scores.collisions["any"])

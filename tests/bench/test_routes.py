@@ -1,18 +1,23 @@
-"""Routes on the hand-made flat of rooms.py; every expected number follows from its measures."""
+"""Routes in the hand-made houses of rooms.py; every expected number follows from their measures."""
 
 from __future__ import annotations
 
+import heapq
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from rooms import asset, block, thing, two_rooms
+from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 
+from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.routes import (
+    CELL,
     RADIUS,
     FloorPlan,
     Routes,
+    Storeys,
     approach,
+    flights,
     geodesic,
     length,
     near,
@@ -60,7 +65,8 @@ def test_a_route_keeps_off_the_walls_where_there_is_room() -> None:
 
 def test_a_narrow_door_is_passed_only_if_there_is_no_other_way() -> None:
     plan = FloorPlan.of(two_rooms(door=0.45))
-    assert np.isinf(Routes.of(plan, BEDROOM, radius=RADIUS).to(LIVING))
+    start, goal = (np.array([x, 0.0, z]) for x, z in (BEDROOM, LIVING))
+    assert np.isinf(Routes.of(Storeys((plan,)), start, radius=RADIUS).to(goal))
     assert route(plan, BEDROOM, LIVING) is not None
     assert np.isfinite(geodesic(plan, BEDROOM, LIVING))
 
@@ -165,3 +171,147 @@ def test_sight_is_computed_for_many_points_at_once() -> None:
     plan = FloorPlan.of(two_rooms())
     points = np.array([[6.0, 1.0, 4.5], [6.0, 1.0, 2.0]])
     assert plan.sees(np.array([3.0, 1.6, 4.5]), points).tolist() == [True, False]
+
+
+# -- storeys -----------------------------------------------------------------------------------------------------------
+FOOT, HEAD = np.array([1.0, 0.0, 0.5]), np.array([7.0, UPSTAIRS, 0.5])
+SLOPE = float(np.hypot(GOING, RISER) / GOING)
+
+
+def test_a_way_up_the_stairs_is_as_long_as_their_slope_and_the_floor_at_both_ends() -> None:
+    # 6 m over the floor, of which 15 treads of 25 cm are climbed along the slope of 17 in 25 (the 16th riser is the edge above).
+    expected = 6.0 + (STEPS - 1) * GOING * (SLOPE - 1)
+    assert Storeys.of(two_storeys()).geodesic(FOOT, HEAD) == pytest.approx(expected, rel=0.02)
+    assert Storeys.of(two_storeys()).geodesic(HEAD, FOOT) == pytest.approx(expected, rel=0.02)
+
+
+def test_two_places_above_one_another_are_as_far_apart_as_the_way_round_by_the_stairs() -> None:
+    # A string round the two ends of the wall and the rail at z = 1.03, 0.28 m off them, and along the slope between.
+    below, above = np.array([4.0, 0.0, 2.0]), np.array([4.0, UPSTAIRS, 2.0])
+    down = length(np.array([(4.0, 2.0), (1.9, 1.3), (1.75, 1.0), (2.0, 0.72)]))
+    up = length(np.array([(5.75, 0.72), (6.0, 1.0), (5.85, 1.3), (4.0, 2.0)]))
+    expected = down + (STEPS - 1) * GOING * SLOPE + up
+    # Eight directions overestimate by up to 8 %.
+    assert 0.99 * expected < Storeys.of(two_storeys()).geodesic(below, above) < 1.08 * expected
+    assert Storeys.of(two_storeys()).geodesic(below, below + [1.0, 0, 0]) == pytest.approx(1.0, abs=0.05)
+
+
+def test_storeys_without_stairs_are_apart() -> None:
+    whole = two_storeys()
+    kept = tuple(one for one in whole.objects if one.asset != "stairs")
+    assert (
+        Storeys.of(type(whole)(whole.name, whole.assets, kept, whole.rooms, whole.start)).geodesic(FOOT, HEAD) == np.inf
+    )
+
+
+def test_steps_higher_than_a_leg_can_lift_are_no_stairs() -> None:
+    whole = two_storeys()
+    blocks = [block(GOING, 0.34 * ((k + 1) // 2), 1.0, (2.0 + (k - 0.5) * GOING, 0, 0.5)) for k in range(1, STEPS)]
+    steep = {**whole.assets, "stairs": asset("stairs", "stairs", *blocks)}
+    assert (
+        Storeys.of(type(whole)(whole.name, steep, whole.objects, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
+        == np.inf
+    )
+
+
+def test_stairs_need_no_label() -> None:
+    whole = two_storeys()
+    plain = {name: type(kind)(kind.name, "stage", kind.mesh, kind.hulls) for name, kind in whole.assets.items()}
+    things = tuple(type(one)(**{**vars(one), "category": "stage"}) for one in whole.objects)
+    unnamed = type(whole)(whole.name, plain, things, whole.rooms, whole.start)
+    assert Storeys.of(unnamed).geodesic(FOOT, HEAD) == Storeys.of(whole).geodesic(FOOT, HEAD)
+
+
+def test_a_point_is_on_the_floor_or_the_step_below_it() -> None:
+    storeys = Storeys.of(two_storeys())
+    points = np.array(
+        [FOOT, HEAD, HEAD + [0, 0.95, 0], [4.0, 9 * RISER + 0.95, 0.5], [4.0, 0.95, 2.0], [4.0, 3.6, 2.0]]
+    )
+    assert storeys.level(points).tolist() == [0, 2, 2, 1, 0, 2]
+
+
+def test_the_flight_on_a_route_has_the_steps_that_were_built() -> None:
+    legs = Routes.of(Storeys.of(two_storeys()), FOOT).route(HEAD)
+    (flight,) = [flight for leg in legs for flight in flights(leg)]
+    assert flight.way == pytest.approx([1.0, 0.0], abs=0.02)
+    assert flight.foot == pytest.approx([2.0, 0.5], abs=0.06)
+    assert flight.levels == pytest.approx([RISER * k for k in range(STEPS + 1)], abs=1e-5)
+    assert np.diff(flight.edges) == pytest.approx([GOING] * (STEPS - 1), abs=0.06)
+
+
+def test_the_flight_of_a_route_down_runs_the_other_way() -> None:
+    legs = Routes.of(Storeys.of(two_storeys()), HEAD).route(FOOT)
+    (flight,) = [flight for leg in legs for flight in flights(leg)]
+    assert flight.way == pytest.approx([-1.0, 0.0], abs=0.02)
+    assert flight.foot == pytest.approx([5.75, 0.5], abs=0.06)
+    assert flight.levels == pytest.approx([RISER * (STEPS - k) for k in range(STEPS + 1)], abs=1e-5)
+
+
+def test_a_target_is_approached_on_its_own_storey() -> None:
+    scene, storeys = two_storeys(), Storeys.of(two_storeys())
+    assert {stand.floor for stand in storeys.approach(scene, 30)} == {0.0}
+    assert {stand.floor for stand in storeys.approach(scene, 31, sit=True)} == {UPSTAIRS}
+    assert all(stand.seat_height == pytest.approx(0.5) for stand in storeys.approach(scene, 31, sit=True))
+
+
+def test_starts_are_found_on_every_storey_with_room_around_them() -> None:
+    below, above = Storeys.of(two_storeys()).starts(FOOT)
+    assert set(below[:, 1]) == {0.0}
+    assert set(above[:, 1]) == {UPSTAIRS}
+    assert below[:, 0].min() >= 0.5 - CELL
+    assert not ((above[:, 0] < 5.7) & (above[:, 2] < 1.5)).any(), "the hole over the stairs and its rail"
+
+
+def test_the_way_left_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
+    way = geodesics(two_storeys(), (32,))
+    assert way(FOOT) == pytest.approx(way(FOOT + [0.0, 0.95, 0.0]))
+    assert way(HEAD) < 2.2 < 7.0 < way(FOOT)
+    on_ninth = np.array([4.1, 9 * RISER + 0.95, 0.5])
+    assert way(on_ninth) == pytest.approx((way(FOOT) + way(HEAD)) / 2, abs=0.6)
+
+
+def ramp(points: np.ndarray) -> np.ndarray:
+    """Height of the stairs of two_storeys taken as a ramp, at (..., 2) points."""
+    return np.clip((points[..., 0] - 2.0) * RISER / GOING, 0.0, UPSTAIRS)
+
+
+def a_star(storeys: Storeys, start: tuple[int, int, int], goal: tuple[int, int, int]) -> float:
+    """Length of the shortest way over the free cells of a grid, by a search of its own."""
+    free = [plan.fits(RADIUS) for plan in storeys.plans]
+    place = lambda node: storeys.plans[0].point(np.array(node[1:]))  # noqa: E731
+    height = lambda node: float(ramp(place(node))) if node[0] == 1 else (0.0, 0.0, UPSTAIRS)[node[0]]  # noqa: E731
+    best, queue = {start: 0.0}, [(0.0, start)]
+    while queue:
+        _, node = heapq.heappop(queue)
+        if node == goal:
+            return best[node]
+        k, i, j = node
+        steps = [(k, i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+        steps += [
+            (m, i, j) for m in (k - 1, k + 1)
+            if 0 <= m < len(free) and abs(storeys.plans[m].ground[i, j] - storeys.plans[k].ground[i, j]) < 0.01
+        ]  # fmt: skip
+        for step in steps:
+            if not free[step[0]][step[1:]]:
+                continue
+            flat = CELL * float(np.hypot(step[1] - i, step[2] - j))
+            cost = best[node] + (float(np.hypot(flat, height(step) - height(node))) if step[0] == k else 0.0)
+            if cost < best.get(step, np.inf):
+                best[step] = cost
+                ahead = float(np.linalg.norm(place(step) - place(goal)))
+                heapq.heappush(queue, (cost + ahead, step))
+    return float("inf")
+
+
+@pytest.mark.parametrize("make", [two_rooms, two_storeys])
+def test_geodesics_agree_with_an_independent_a_star(make) -> None:
+    storeys = Storeys.of(make())
+    rng, ratios = np.random.default_rng(5), []
+    places = np.concatenate(storeys.starts(np.array([1.0, 0.0, 0.5 if make is two_storeys else 1.0]), room=RADIUS))
+    for start, goal in places[rng.integers(len(places), size=(12, 2))]:
+        nodes = [(int(storeys.level(p)), *map(int, storeys.plans[0].cell(p[[0, 2]]))) for p in (start, goal)]
+        ratios.append(float(Routes.of(storeys, start, radius=RADIUS).to(goal)) / a_star(storeys, *nodes))
+        # Pulled straight, a way is shorter than over eight directions, by 8 % at most.
+        assert 0.92 < storeys.geodesic(start, goal) / a_star(storeys, *nodes) < 1.01
+    assert np.median(ratios) == pytest.approx(0.99, abs=0.011)
+    assert 0.97 < min(ratios) <= max(ratios) < 1.02

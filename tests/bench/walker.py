@@ -1,4 +1,5 @@
-"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, and walls stop it."""
+"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, walls stop it, and only the
+skills for stairs take it from one step to the next."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanclaw.bench.routes import FloorPlan
+from humanclaw.bench.routes import STEP, FloorPlan, Storeys
 from humanclaw.contract import Skill
 from humanclaw.episode import EpisodeSpec
 from humanclaw.interfaces import Call, Decision, DecisionMaker, EpisodeContext, Observation, Past, WorldState
@@ -33,6 +34,8 @@ class Walker:
     z: float = 0.0
     yaw: float = 0.0
     height: float = STANDING_HEIGHT
+    ground: float = 0.0
+    """Height of what it stands on."""
     sat: bool = False
     solid: FloorPlan | None = None
     """What really is in the way, where that differs from the scene."""
@@ -40,18 +43,21 @@ class Walker:
 
     def __post_init__(self) -> None:
         start = self.scene.start
-        self.x, self.z, self.yaw = start.x, start.z, start.yaw
+        self.x, self.z, self.yaw, self.ground = start.x, start.z, start.yaw, start.floor
         self.rng = np.random.default_rng(self.seed)
-        plan = self.solid or FloorPlan.of(self.scene, start.floor)
-        mine = np.isin(plan.owners, self.targets)
+        self.storeys = Storeys((self.solid,)) if self.solid else Storeys.of(self.scene)
+        mine = [np.isin(plan.owners, self.targets) & (plan.slope is None) for plan in self.storeys.plans]
         # Legs may touch the target itself; everything else keeps the shoulders off.
-        self._target, self._rest = replace(plan, blocked=mine), replace(plan, blocked=plan.blocked & ~mine)
+        self._target = [replace(plan, blocked=own) for plan, own in zip(self.storeys.plans, mine, strict=True)]
+        self._rest = [
+            replace(plan, blocked=plan.blocked & ~own) for plan, own in zip(self.storeys.plans, mine, strict=True)
+        ]
 
     def state(self) -> WorldState:
         body = rest_pose()
         rotations = body.rotations.copy()
         rotations[:, 0] = (0.0, self.yaw, 0.0)
-        return WorldState(Motion(np.array([[self.x, self.scene.start.floor + self.height, self.z]]), rotations), {})
+        return WorldState(Motion(np.array([[self.x, self.ground + self.height, self.z]]), rotations), {})
 
     def execute(self, call: Call) -> None:
         if self.sat and call.skill != "stop":
@@ -62,6 +68,9 @@ class Walker:
         if call.skill == "sit_in_place":
             self._go(0.0, -0.36, 0.0, through=True)
             self.sat, self.height = True, max(params["h_cm"] / 100, self._seat() + 0.14)
+        elif call.skill in ("climb_upstairs", "walk_downstairs"):
+            self._go(0.0, params["d_cm"] / 100 - 0.02, 0.0, through=True)
+            self._step(1.0 if call.skill == "climb_upstairs" else -1.0)
         elif call.skill != "stop":
             jitter = self.rng.normal(0, 0.01 * self.noise, 2) if params else np.zeros(2)
             turn = np.radians(params.get("yaw_deg", 0.0) + self.rng.normal(0, self.noise))
@@ -81,9 +90,16 @@ class Walker:
             self.yaw += turn / 15
             self.track.append((self.x, self.z))
 
+    def _step(self, way: float) -> None:
+        """Onto the step that is there now, up or down; on the level where there is none."""
+        grounds = [float(plan.at(plan.ground, np.array([self.x, self.z]))) for plan in self.storeys.plans]
+        near = [ground for ground in grounds if 0 <= way * (ground - self.ground) <= STEP]
+        self.ground = max(near, key=lambda ground: way * ground, default=self.ground)
+
     def _fits(self, step: np.ndarray) -> bool:
         here = np.array([self.x, self.z])
-        plans = ((self._target, 0.06), (self._rest, 0.17))
+        k = int(self.storeys.level(np.array([self.x, self.ground, self.z])))
+        plans = ((self._target[k], 0.06), (self._rest[k], 0.17))
         return all(
             plan.at(plan.clearance, here + step) >= min(radius, plan.at(plan.clearance, here) - 1e-9)
             for plan, radius in plans

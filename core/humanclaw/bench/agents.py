@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.bench.routes import FloorPlan, Routes, Stand, approach, room_at
-from humanclaw.body import LINKS, Capsule
+from humanclaw.bench.routes import Flight, FloorPlan, Leg, Routes, Stand, Storeys, flights, length, room_at
+from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
@@ -22,6 +22,7 @@ from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
 from humanclaw.scene import Scene
 
 NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
+ON_STAIRS: Final = ("climb_upstairs", "walk_downstairs")
 REACHED: Final = (0.14, 0.19)
 """Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
 inside the benchmark's 0.2, since coming to rest may shift the body a little."""
@@ -39,6 +40,12 @@ LEVEL_THIGHS: Final = (0.54, 0.5, 0.46)
 """The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would hover."""
 TOUCHING: Final = 0.005
 """Gap between hips and seat that counts as contact, metres."""
+
+
+BEFORE_STEPS: Final = 0.24
+"""From the pelvis to the first edge of a flight, where one stands before the first step, metres."""
+ONTO_FLOOR: Final = 0.16
+"""How far beyond the last edge of a flight the pelvis is to come, metres."""
 
 
 # -- without eyes ------------------------------------------------------------------------------------------------------
@@ -129,12 +136,22 @@ class Pose:
         return float(left), float(forward)
 
 
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of the way that is walked on the level."""
+
+    plan: FloorPlan
+    path: Array
+    """(N, 2) polyline."""
+
+
 @dataclass
 class Memory:
     """What the oracle carries from step to step."""
 
-    plan: FloorPlan
-    path: Array | None = None
+    storeys: Storeys
+    way: list[Stretch | Flight] = field(default_factory=list)
+    """What is still to be walked and climbed, the present part first; empty while there is no plan."""
     stand: Stand | None = None
     before: Pose | None = None
     blocked: int = 0
@@ -167,9 +184,7 @@ class OracleAgent:
         self._context, self._scene, self._state = context, context.scene, context.state
         self._stop = _ending(context.skills)
         _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
-        start = context.state()
-        floor = context.spec.start.floor if context.spec.start else context.scene.start.floor
-        self._memory = Memory(FloorPlan.of(self._scene, floor, start.objects))
+        self._memory = Memory(Storeys.of(self._scene, context.state().objects))
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
         state = self._state()
@@ -196,23 +211,63 @@ class OracleAgent:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
             return self._break_free(pose)
-        if self._memory.path is None and not self._choose(pose):
+        if not self._memory.way and not self._choose(pose):
             return Call(self._stop), "There is no way to any of the targets for a body, so I stop."
+        part = self._memory.way[0]
+        if isinstance(part, Flight):
+            return self._climb(pose, part)
+        if len(self._memory.way) > 1:
+            return self._to_stairs(state, pose, part)
         return self._seat(pose) if self._spec.interact else self._reach(pose)
 
     def _choose(self, pose: Pose) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
-        plan, memory = self._memory.plan, self._memory
-        routes = Routes.of(plan, pose.point)
-        stands = [s for key in self._spec.target_ids for s in approach(plan, self._scene, key, sit=self._spec.interact)]
+        memory = self._memory
+        routes = Routes.of(memory.storeys, pose.root)
+        sit = self._spec.interact
+        stands = [s for key in self._spec.target_ids for s in memory.storeys.approach(self._scene, key, sit=sit)]
         stands = [s for s in stands if (s.x, s.z) not in memory.given_up]
-        prices = routes.to(np.array([s.point for s in stands]).reshape(-1, 2)) + [6.0 * s.gap for s in stands]
+        prices = routes.to(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
         if not len(stands) or not np.isfinite(prices).any():
             return False
         memory.stand = stands[int(np.argmin(prices))]
-        memory.path = routes.route(memory.stand.point)
+        memory.way = parts(routes.route(memory.stand.place))
         memory.arrived = memory.sideways = False
-        return memory.path is not None
+        if any(isinstance(part, Flight) for part in memory.way):
+            _require(self._context.skills, ON_STAIRS)
+        return bool(memory.way)
+
+    # on stairs
+    def _to_stairs(self, state: WorldState, pose: Pose, part: Stretch) -> tuple[Call, str]:
+        """Walk to where the next flight begins."""
+        if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
+            return self._follow(pose, part)
+        self._memory.way.pop(0)
+        return self._act(state, pose)
+
+    def _climb(self, pose: Pose, flight: Flight) -> tuple[Call, str]:
+        """One step up or down, from where the body really is: contact shortens some steps."""
+        along, left = _on_flight(pose, flight)
+        k = int(np.argmin(np.abs(flight.levels - (pose.root[1] - STANDING_HEIGHT))))
+        if k == len(flight.edges):
+            self._memory.way.pop(0)
+            return self._act(self._state(), pose)
+        word = "up" if flight.levels[-1] > flight.levels[0] else "down"
+        error = float(wrap_angle(flight.yaw - pose.yaw))
+        if abs(error) > np.radians(8 if k == 0 else 12):
+            return self._turn(error), f"I square up to the stairs that lead {word}."
+        if abs(left) > (0.12 if k == 0 else 0.2):
+            return self._side(-left), "I keep to the middle of the stairs."
+        gap = float(flight.edges[k]) - along
+        if k == 0 and gap > BEFORE_STEPS + 0.06:
+            return self._walk(
+                0.0, gap - BEFORE_STEPS, error
+            ), f"I walk up to the first step of the stairs that lead {word}."
+        tread = (flight.edges[k + 1] - flight.edges[k]) / 2 if k + 1 < len(flight.edges) else ONTO_FLOOR
+        height = abs(float(flight.levels[k + 1] - flight.levels[k]))
+        skill = ON_STAIRS[0] if word == "up" else ON_STAIRS[1]
+        call = self._call(skill, h_cm=100 * height, d_cm=100 * (gap + float(tread)))
+        return call, f"I take step {k + 1} of {len(flight.edges)} {word} the stairs."
 
     # on the way
     def _reach(self, pose: Pose) -> tuple[Call, str]:
@@ -220,7 +275,7 @@ class OracleAgent:
         stand = self._memory.stand
         assert stand is not None
         if not self._arrived(pose, stand, 0.2):
-            return self._follow(pose)
+            return self._follow(pose, self._last)
         low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
         edge = np.clip(pose.point, low, high)
         self._memory.sideways |= self._memory.blocked > 0
@@ -249,7 +304,7 @@ class OracleAgent:
         assert stand is not None
         assert stand.seat_height is not None
         if not self._arrived(pose, stand, 0.15):
-            return self._follow(pose)
+            return self._follow(pose, self._last)
         error = float(wrap_angle(stand.yaw - pose.yaw))
         if not self._memory.seen:
             self._memory.seen = abs(float(wrap_angle(error + np.pi))) < np.radians(45)
@@ -261,7 +316,7 @@ class OracleAgent:
         left, ahead = pose.local(stand.point)
         gap = stand.gap - ahead
         if gap > 0.9 or gap < -0.3 or abs(left) > 0.6:
-            self._memory.path = None
+            self._memory.way = []
             return self._act(self._state(), pose)
         if abs(left) > 0.12:
             return self._side(left), f"I line up with the {self._noun} behind me."
@@ -277,7 +332,7 @@ class OracleAgent:
             return self._sit(memory.stand.seat_height), f"My hips are not on the {self._noun} yet: I sit lower."
         if memory.stand is not None:
             memory.given_up.add((memory.stand.x, memory.stand.z))
-        memory.path = None
+        memory.way = []
         return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
 
     def _on_seat(self, state: WorldState, target: int) -> bool:
@@ -294,10 +349,16 @@ class OracleAgent:
             self._memory.arrived = True
         return self._memory.arrived
 
-    def _follow(self, pose: Pose) -> tuple[Call, str]:
-        """One step along the route."""
-        assert self._memory.path is not None
-        aim, rest = _aim(self._memory.plan, self._memory.path, pose.point)
+    @property
+    def _last(self) -> Stretch:
+        """The part of the way that ends at the standing place."""
+        part = self._memory.way[-1]
+        assert isinstance(part, Stretch)
+        return part
+
+    def _follow(self, pose: Pose, part: Stretch) -> tuple[Call, str]:
+        """One step along a stretch of the route."""
+        aim, rest = _aim(part.plan, part.path, pose.point)
         left, forward = pose.local(aim)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
@@ -322,7 +383,8 @@ class OracleAgent:
         memory.sits = next((k for k, skill in enumerate(skills) if skill != "sit_in_place"), len(skills))
         if last is None or memory.before is None:
             return
-        wanted = float(np.hypot(last.params.get("x_cm", 0), last.params.get("z_cm", 0))) / 100
+        params = last.params
+        wanted = float(np.hypot(params.get("x_cm", 0), params.get("z_cm", params.get("d_cm", 0)))) / 100
         if wanted >= 0.08:
             moved = float(np.linalg.norm(pose.point - memory.before.point))
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
@@ -334,13 +396,16 @@ class OracleAgent:
         beside = np.array([ahead[1], -ahead[0]])
         if memory.stand is not None and memory.arrived:
             memory.given_up.add((memory.stand.x, memory.stand.z))
-        elif memory.path is not None:
-            memory.plan = memory.plan.with_obstacle(pose.point + 0.35 * ahead, 0.12)
-        memory.blocked, memory.path, memory.jams = 0, None, memory.jams + 1
+        elif memory.way and isinstance(memory.way[0], Flight):
+            memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
+            return self._back(0.15), "The stairs do not carry me on: I step back and try again."
+        elif memory.way:
+            there = pose.root + 0.35 * np.array([ahead[0], 0.0, ahead[1]])
+            memory.storeys = memory.storeys.with_obstacle(there, 0.12)
+        memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
         ways = {"back": -ahead, "left": beside, "right": -beside}
-        room = {
-            name: float(memory.plan.at(memory.plan.clearance, pose.point + 0.3 * way)) for name, way in ways.items()
-        }
+        plan = self._plan(pose)
+        room = {name: float(plan.at(plan.clearance, pose.point + 0.3 * way)) for name, way in ways.items()}
         # The same way out twice running did not help: after every second jam it takes the next best.
         best = sorted(room, key=lambda name: -room[name])[memory.jams % 4 // 2]
         reason = (
@@ -372,6 +437,10 @@ class OracleAgent:
         tries = self._memory.sits
         return self._call("sit_in_place", h_cm=100 * min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
+    def _plan(self, pose: Pose) -> FloorPlan:
+        """The plan of the floor or the stairs that the body is on."""
+        return self._memory.storeys.plans[int(self._memory.storeys.level(pose.root))]
+
     # words
     @property
     def _noun(self) -> str:
@@ -393,24 +462,66 @@ class OracleAgent:
             return f"I have reached the {self._noun} and sat down."
         if self._memory.arrived:
             return f"I have reached the {self._noun}."
-        if self._memory.path is None:
+        if not self._memory.way:
             return "I am looking for a way."
-        return f"I am on the way, {_aim(self._memory.plan, self._memory.path, pose.point)[1]:.1f} m from the place to stand."
+        return f"I am on the way, {self._left(pose):.1f} m from the place to stand."
+
+    def _left(self, pose: Pose) -> float:
+        """What is left of the way, metres over the floor."""
+        first, *rest = self._memory.way
+        if isinstance(first, Flight):
+            here = max(0.0, float(first.edges[-1]) - _on_flight(pose, first)[0])
+        else:
+            here = _aim(first.plan, first.path, pose.point)[1]
+        return here + sum(float(p.edges[-1]) if isinstance(p, Flight) else length(p.path) for p in rest)
 
     def _look(self, state: WorldState) -> str:
         """Where one is, and whether a target is in view and where."""
-        point = Pose.of(state).point
-        room = room_at(self._scene, float(point[0]), float(point[1]), self._memory.plan.floor)
-        here = f"I am in the {room.replace('_', ' ')}." if room else "I am between two rooms."
-        seen = [
-            found for key in self._spec.target_ids if (found := in_view(self._memory.plan, self._scene, state, key))
-        ]
+        pose = Pose.of(state)
+        plan = self._plan(pose)
+        room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
+        on = "on" if room == "stairs" else "in"
+        here = f"I am {on} the {room.replace('_', ' ')}." if room else "I am between two rooms."
+        seen = [found for key in self._spec.target_ids if (found := in_view(plan, self._scene, state, key))]
         if not seen:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
         angle, distance = min(seen, key=lambda found: found[1])
         self._memory.seen = True
         side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {_side_of(angle)}"
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
+
+
+def parts(legs: Sequence[Leg]) -> list[Stretch | Flight]:
+    """A route as stretches on the level and flights of stairs, in turn; it begins and ends with a stretch."""
+    way: list[Stretch | Flight] = []
+    for leg in legs:
+        path, first = leg.samples, leg.points[:1]
+        for flight in flights(leg):
+            enters, leaves = (int(np.argmin(np.linalg.norm(path - end, axis=1))) for end in flight.ends)
+            before = [p for p in path[:enters] if (p - flight.foot) @ flight.way < -BEFORE_STEPS]
+            way += [Stretch(leg.plan, np.array([*first, *before, flight.point(-BEFORE_STEPS)])), flight]
+            path, first = path[leaves:], flight.point(float(flight.edges[-1]) + ONTO_FLOOR)[None]
+        way.append(Stretch(leg.plan, np.concatenate([first, path] if len(way) else [leg.points])))
+    return _joined(way)
+
+
+def _joined(way: list[Stretch | Flight]) -> list[Stretch | Flight]:
+    """Neighbouring stretches as one, on the plan of the storey that they share with the foot of the stairs."""
+    result: list[Stretch | Flight] = []
+    for part in way:
+        last = result[-1] if result else None
+        if isinstance(part, Stretch) and isinstance(last, Stretch):
+            plan = last.plan if last.plan.slope is None else part.plan
+            result[-1] = Stretch(plan, np.concatenate([last.path, part.path]))
+        else:
+            result.append(part)
+    return result
+
+
+def _on_flight(pose: Pose, flight: Flight) -> tuple[float, float]:
+    """How far along a flight and how far left of its middle line the body is, metres."""
+    along, across = pose.point - flight.foot, np.array([flight.way[1], -flight.way[0]])
+    return float(along @ flight.way), float(along @ across)
 
 
 def _hip_bottom(state: WorldState) -> float:
@@ -451,7 +562,8 @@ def _aim(plan: FloorPlan, path: Array, point: Array) -> tuple[Array, float]:
     rest = float(along[-1] - along[here])
     ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
     for k in reversed(ahead):
-        if plan.clear(point, marks[k], 0.2):
+        # What is nearer than a step is no aim, unless the route ends there: one would mark time.
+        if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], 0.2):
             return marks[k], rest
     return marks[ahead[len(ahead) // 2]], rest
 

@@ -223,6 +223,8 @@ class Options(BaseModel):
     """How often, within 4 m of a target in view, a bounded mind takes it to be within reach."""
     confusion: float = Field(0.1, ge=0)
     """How strongly each further picture competes with the current one for a bounded mind's attention."""
+    miss: float = Field(0.0, ge=0, le=1)
+    """Of the verifier `oracle`: how often it lets pass what it should reject."""
 
 
 def options(given: Mapping[str, Any]) -> Options:
@@ -336,7 +338,7 @@ class Mind:
 class OracleVerifier:
     """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's call there.
 
-    `miss`: how often it lets such a call pass all the same.
+    Its option `miss` says how often it lets such a call pass all the same.
     """
 
     name = "oracle"

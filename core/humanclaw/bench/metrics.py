@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final, Literal
 from zipfile import BadZipFile
 
 import numpy as np
 
+from humanclaw.bench.difficulty import overall
 from humanclaw.bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 from humanclaw.body import BODY_GROUPS, N_JOINTS
 from humanclaw.errors import RecordError
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Frame, Motion, forward_kinematics, matrix_from_vector
-from humanclaw.records import Outcome, RecordedEpisode, StepRecord
+from humanclaw.records import ContactRecord, Outcome, RecordedEpisode, StepRecord
 from humanclaw.scene import ALIASES
 
 SEEN_PIXELS: Final = 100
@@ -100,15 +101,22 @@ def stayed_seated(recorded: RecordedEpisode) -> bool:
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body group.
 
+    A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
     NaN without motion.
     """
-    ground = recorded.record.start.floor + GROUND
+    level, ground = recorded.record.start.floor + GROUND, set(recorded.record.ground)
     moving = [step for step in recorded.steps if step.motion_frames]
-    hit = [{c.group for c in step.contacts if not c.movable and c.height > ground} for step in moving]
+    hit = [
+        {c.group for c in step.contacts if not (c.movable or c.height <= level or _footing(c, ground))} for step in moving
+    ]
     count = len(moving) or float("nan")
     return {"any": sum(map(bool, hit)) / count} | {
         group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
     }
+
+
+def _footing(contact: ContactRecord, ground: Set[int]) -> bool:
+    return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 
 def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
@@ -234,6 +242,10 @@ class Scores:
     tokens_out: int
     cost: float
     """US dollars."""
+    tier: str = ""
+    """easy, medium or hard; empty where the episode's difficulty is not known."""
+    extra: Mapping[str, float] = field(default_factory=dict)
+    """What plugins measure (hook humanclaw_metrics), by name."""
 
     @property
     def finished(self) -> bool:
@@ -245,7 +257,11 @@ class Scores:
         return self.nav if self.interact is None else self.interact
 
 
-def score(recorded: RecordedEpisode) -> Scores:
+Extra = Mapping[str, Callable[[RecordedEpisode], float]]
+"""Metrics of plugins by name: a number of an episode, NaN where it does not apply."""
+
+
+def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     """Score one episode from its record. Raises RecordError if its motion cannot be read."""
     record, steps = recorded.record, recorded.steps
     spec = record.spec
@@ -272,6 +288,8 @@ def score(recorded: RecordedEpisode) -> Scores:
         tokens_in=sum(usage.tokens_in for usage in usages),
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
+        tier=overall(spec.difficulty) if spec.difficulty else "",
+        extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
     )
 
 
@@ -363,6 +381,11 @@ BODY: Final = (
     _collision("Head", "head"),
 )  # fmt: skip
 ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
+
+
+def extra_metric(name: str) -> Metric:
+    """A plugin's metric, averaged over episodes."""
+    return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:

@@ -291,6 +291,7 @@ def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
         "stopped": f"stopped of its own accord after {len(recorded.steps)} steps",
         "out_of_steps": f"ran out of its {record.spec.max_steps} steps",
         "infra_error": f"was broken off by a provider failure ({record.error})",
+        "limit_reached": f"was ended by a limit ({record.error})",
         "interrupted": f"was interrupted after {len(recorded.steps)} steps",
     }
     facts = {stage.name: stage for stage in reached}

@@ -16,8 +16,10 @@ from rich.table import Table
 from rich.text import Text
 
 from humanclaw.bench.attribution import CAUSES, STAGES, Cause, Funnel
-from humanclaw.bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate
+from humanclaw.bench.difficulty import TIERS
+from humanclaw.bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
 from humanclaw.bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
+from humanclaw.scene import TARGET_CATEGORIES
 
 NONE: Final = Estimate(float("nan"))
 MARK: Final = "\u2020"
@@ -189,12 +191,44 @@ def causes_table(results: Sequence[Result]) -> Sheet:
     return Sheet("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
+def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """The main columns by the tier of the episode (paper, section 4.1)."""
+    return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
+
+
+def category_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """The main columns by the category of the target."""
+    return _broken_down("Results by category", results, TARGET_CATEGORIES, lambda s: s.category, seed)
+
+
+def _broken_down(
+    title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
+) -> Sheet:
+    """A row for each agent and group that has episodes."""
+    parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
+    rows = tuple(
+        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
+        for result, group, chosen in parts
+        if chosen
+    )
+    return Sheet(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
+
+
+def extra_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """What plugins measure, averaged over episodes."""
+    names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
+    return _sheet("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
+
+
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, Sheet]:
     """Every table, by the name under which the command line offers it."""
     return {
         "main": main_table(results, paper=paper, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
+        "difficulty": difficulty_table(results, seed=seed),
+        "category": category_table(results, seed=seed),
+        "plugins": extra_table(results, seed=seed),
         "funnel": funnel_table(results),
         "causes": causes_table(results),
     }

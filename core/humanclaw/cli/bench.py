@@ -1,31 +1,109 @@
-"""`humanclaw bench`: tables, comparisons and scores of runs, from their records alone."""
+"""`humanclaw bench`: make and run splits; tables, comparisons and scores of runs, from their records alone."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console, RenderableType
+from rich.text import Text
 from tqdm import tqdm
 
-from humanclaw.bench.attribution import Cause, attribute
-from humanclaw.bench.metrics import ALL, Scores, common, compare, score
+from humanclaw.bench.export import FORMATS, metrics_of, row, scored
+from humanclaw.bench.metrics import ALL, common, compare
+from humanclaw.bench.runner import run_split
+from humanclaw.bench.splits import DATA, HOUSES, STARTS, candidates, load_split, summary, write_split
+from humanclaw.bench.splits import make as make_splits
 from humanclaw.bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
-from humanclaw.errors import RecordError
-from humanclaw.records import RecordedEpisode, load_run
+from humanclaw.bench.worker import Job
+from humanclaw.cli.options import Deciders, decider_options, plugin_files
+from humanclaw.cli.progress import RunProgress
+from humanclaw.embodiment import Engines
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import PluginError, RecordError
+from humanclaw.plugins import Plugins
+from humanclaw.records import load_run
 
 RUN = click.Path(path_type=Path)
-NAMES = ("main", "variants", "body", "funnel", "causes")
+NAMES = ("main", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
 
 
 @click.group()
 def bench() -> None:
-    """Score runs: the paper's tables with intervals, comparisons, root causes."""
+    """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
+
+
+@bench.command("run")
+@click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file of episodes.")
+@decider_options
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@click.option("--executor", default="", help="Who plays the episodes, by name; the default is local.")
+@click.option(
+    "--ray",
+    "address",
+    is_flag=False,
+    flag_value="local",
+    metavar="[ADDRESS]",
+    help="The same as --executor ray: on the cluster at this address, or on one that is started here.",
+)
+@click.option("--out", type=RUN, help="Folder of the run; one that is there is continued. The default is in runs/.")
+@plugin_files
+def run_command(
+    name: str, deciders: Deciders, engines: Engines, workers: int, executor: str, address: str | None, out: Path | None,
+    files: tuple[Path, ...],
+) -> None:  # fmt: skip
+    """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
+    plugins = Plugins.discover(files)
+    specs = load_split(name)
+    out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
+    job = Job(
+        deciders.agent, deciders.options, deciders.verifier, engines, deciders.limits,
+        tuple(str(file.resolve()) for file in files),
+    )  # fmt: skip
+    wanted = executor or ("ray" if address else "local")
+    if wanted == "ray" and "ray" not in {offer.name for offer in plugins.offers("executors")}:
+        raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
+    player = plugins.make("executors", wanted, workers, address or "")
+    with RunProgress(console(), out) as progress:
+        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(tally)
+    if tally.done:
+        _print(terminal(main_table(_results([out]), paper=False), console().width))
+    if tally.failed or tally.stopped:
+        raise SystemExit(130 if tally.stopped else 1)
+
+
+@bench.command()
+@click.option(
+    "--out", type=RUN, default=DATA, show_default=True, help="Folder for val.jsonl, mini.jsonl and smoke.jsonl."
+)
+@click.option(
+    "--starts",
+    type=click.IntRange(1),
+    default=STARTS,
+    show_default=True,
+    help="Starts to draw in each house for each category and range of distances.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
+def make(out: Path, starts: int, seed: int, workers: int) -> None:
+    """Make the splits from seeds: 1,218 episodes in 41 houses, and two samples of them."""
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        jobs = [pool.submit(_candidates, number, starts, seed) for number in range(len(HOUSES))]
+        found = [job.result() for job in tqdm(jobs, desc="houses", unit="house")]
+    for name, specs in make_splits([spec for house in found for spec in house]).items():
+        write_split(out / f"{name}.jsonl", specs)
+        _print(Text(f"{out / name}.jsonl", style="bold"))
+        for key, value in summary(specs).items():
+            click.echo(f"  {key:<13} {value}")
+
+
+def _candidates(number: int, starts: int, seed: int) -> list[EpisodeSpec]:
+    return list(candidates(Plugins.discover().scene(HOUSES[number]), number, starts=starts, seed=seed))
 
 
 @bench.command()
@@ -34,12 +112,15 @@ def bench() -> None:
 @click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
 @click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
-def table(runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int) -> None:
+@plugin_files
+def table(
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, files: tuple[Path, ...]
+) -> None:
     """Print the paper's tables for one or more runs, a row for each agent."""
-    sheets = all_tables(_results(runs), paper=paper, seed=seed)
-    for name in only or NAMES:
+    sheets = all_tables(_results(runs, files), paper=paper, seed=seed)
+    for name in only or [name for name in NAMES if sheets[name].rows and sheets[name].columns]:
         if form == "terminal":
-            _print(terminal(sheets[name], _console().width))
+            _print(terminal(sheets[name], console().width))
         else:
             click.echo(WRITERS[form](sheets[name]))
 
@@ -62,22 +143,34 @@ def compare_command(a: Path, b: Path, seed: int) -> None:
 @bench.command()
 @click.argument("run", type=RUN)
 @click.option("--out", type=RUN, help="Where to write; the default is scores.jsonl in the run.")
-def rescore(run: Path, out: Path | None) -> None:
+@plugin_files
+def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
     """Score a run again from its records: a line an episode with every number and the root cause."""
     out = out or run / "scores.jsonl"
-    found = _scored(load_run(run), run)
+    found = scored(load_run(run), metrics_of(Plugins.discover(files)), run.name)
     try:
-        out.write_text("".join(_line(scores, cause) + "\n" for scores, cause in found), "utf-8")
+        out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(main_table(named({run.name: found}), paper=False), _console().width))
+    _print(terminal(main_table(named({run.name: found}), paper=False), console().width))
     click.echo(f"scores: {out}")
 
 
-def _results(runs: Sequence[Path]) -> tuple[Result, ...]:
+@bench.command("export")
+@click.argument("run", type=RUN)
+@click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
+@click.option("--out", type=RUN, help="Where to write; the default is in the run.")
+def export_command(run: Path, form: str, out: Path | None) -> None:
+    """Write a run for other tools: a table, an inspect_ai log, a LeRobotDataset."""
+    write, name = FORMATS[form]
+    click.echo(write(run, out or run / name))
+
+
+def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
-    return named({str(run): _scored(load_run(run), run) for run in runs})
+    extra = metrics_of(Plugins.discover(files))
+    return named({str(run): scored(load_run(run), extra, run.name) for run in runs})
 
 
 def _one(run: Path) -> Result:
@@ -88,31 +181,11 @@ def _one(run: Path) -> Result:
     return results[0]
 
 
-def _scored(episodes: Sequence[RecordedEpisode], run: Path) -> list[tuple[Scores, Cause | None]]:
-    found: list[tuple[Scores, Cause | None]] = []
-    for recorded in tqdm(episodes, desc=f"scoring {run.name}", disable=len(episodes) < 50, leave=False):
-        scores = score(recorded)
-        found.append((scores, attribute(recorded, scores)))
-    return found
-
-
-def _line(scores: Scores, cause: Cause | None) -> str:
-    why = {"stage": cause.stage, "cause": cause.name, "faculty": cause.faculty} if cause else {}
-    return json.dumps(_finite(asdict(scores) | why), ensure_ascii=False)
-
-
-def _finite(value: Any) -> Any:
-    """JSON knows neither NaN nor infinity: what is not known is null."""
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _console() -> Console:
+def console() -> Console:
     """A pipe has no width: tables are as wide there as they need."""
     console = Console()
     return console if console.is_terminal else Console(width=240)
 
 
 def _print(what: RenderableType) -> None:
-    _console().print(what, soft_wrap=False)
+    console().print(what, soft_wrap=False)

@@ -1,0 +1,71 @@
+"""`humanclaw bench ablate` and `bench rescue`: does the benchmark respond to known faults as it should? No model is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from humanclaw.bench import ablation, rescue
+from humanclaw.bench.attribution import Cause, attribute
+from humanclaw.bench.metrics import Scores, score
+from humanclaw.bench.runner import run_split
+from humanclaw.bench.splits import load_split
+from humanclaw.bench.worker import Job
+from humanclaw.cli.bench import console
+from humanclaw.cli.progress import RunProgress
+from humanclaw.embodiment import Engines
+from humanclaw.episode import EpisodeSpec
+from humanclaw.plugins import Plugins
+from humanclaw.records import load_run
+
+_SPLIT = click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file.")
+_WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+
+
+@click.command()
+@_SPLIT
+@_WORKERS
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/ablation"), show_default=True)
+def ablate(name: str, workers: int, out: Path) -> None:
+    """The paper's ablation with a scripted bounded mind: five settings, and whether the four directions come out."""
+    specs, scores = load_split(name), {}
+    for setting in ablation.SETTINGS:
+        click.echo(setting.name)
+        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Engines()), out / setting.name, workers)]
+    click.echo(ablation.markdown(scores))
+
+
+@click.command("rescue")
+@_SPLIT
+@_WORKERS
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/rescue"), show_default=True)
+def rescue_command(name: str, workers: int, out: Path) -> None:
+    """Whether root causes name what is wrong: failures of known origin, and what rescues them."""
+    specs = load_split(name)
+    first = _played(specs, Job(rescue.AGENT, rescue.options()), out / "faulty", workers)
+    causes = {one.episode: cause for one, cause in first}
+    blamed: dict[str, Scores] = {}
+    other: dict[str, Scores] = {}
+    for faculty in rescue.FACULTIES:
+        mine = [spec for spec in specs if (cause := causes.get(spec.id)) and cause.faculty == faculty]
+        for repair, found in ((faculty, blamed), (rescue.another(faculty), other)):
+            job = Job(rescue.AGENT, rescue.options(repair))
+            folder = out / f"{faculty}--{repair}".replace(" ", "-")
+            found.update({one.episode: one for one, _ in _played(mine, job, folder, workers)})
+    click.echo(rescue.markdown(rescue.rescued(causes, blamed, other)))
+
+
+def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:
+    """Run what is left of a split, and score it."""
+    if not specs:
+        return []
+    plugins = Plugins.discover()
+    with RunProgress(console(), out) as progress:
+        player = plugins.make("executors", "local", workers, "")
+        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(tally)
+    if tally.stopped:
+        raise SystemExit(130)
+    return [(scores := score(recorded), attribute(recorded, scores)) for recorded in load_run(out)]

@@ -1,0 +1,23 @@
+"""Plays the episodes of a run on a Ray cluster."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw.hookspecs import RegisterFactory, hookimpl
+
+if TYPE_CHECKING:
+    from humanclaw.bench.executors import Executor
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_executors(register: RegisterFactory) -> None:
+    register("ray", _ray, "a Ray cluster")
+
+
+def _ray(workers: int = 1, address: str = "") -> Executor:
+    from humanclaw_ray.executor import RayExecutor
+
+    return RayExecutor(workers, address)

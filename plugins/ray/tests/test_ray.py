@@ -1,0 +1,88 @@
+"""A run on a cluster leaves what a run on one machine leaves, whatever becomes of the nodes."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install humanclaw-ray")
+pytest.importorskip("humanclaw_ray", reason="humanclaw-ray is not installed: pip install -e plugins/ray")
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "tests" / "bench"))
+
+import toy_world  # noqa: E402
+from ray.cluster_utils import Cluster  # noqa: E402
+
+import humanclaw_ray  # noqa: E402
+from humanclaw.bench.runner import run_split  # noqa: E402
+from humanclaw.bench.worker import Job  # noqa: E402
+from humanclaw.embodiment import Engines  # noqa: E402
+from humanclaw.plugins import Plugins  # noqa: E402
+from humanclaw.records import load_run  # noqa: E402
+
+TOY = Engines("toy", "toy", "toy")
+
+
+@pytest.fixture
+def cluster():
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
+    made.nodes = [made.add_node(num_cpus=1) for _ in range(2)]
+    ray.init(address=made.address, log_to_driver=False)
+    made.wait_for_nodes()
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+@pytest.fixture
+def play(tmp_path):
+    def run(specs, executor, name, watch=lambda *_: None, **options):
+        plugins = Plugins.discover([Path(toy_world.FILE)])
+        if "ray" not in {offer.name for offer in plugins.offers("executors")}:
+            plugins.add(humanclaw_ray, "ray")
+        job = Job("walker", options, engines=TOY, files=(toy_world.FILE,))
+        player = plugins.make("executors", executor, 2)
+        return run_split(specs, job, player, tmp_path / name, plugins=plugins, watch=watch)
+
+    return run
+
+
+def digests(folder):
+    return {episode.record.spec.id: episode.digest for episode in load_run(folder)}
+
+
+def test_a_node_that_is_killed_half_way_loses_nothing_and_doubles_nothing(cluster, play, tmp_path):
+    specs, told = toy_world.specs(8), []
+
+    def watch(tally, report):
+        if report:
+            told.append(report.episode)
+        if len(told) == 3 and len(cluster.nodes) == 2:
+            cluster.remove_node(cluster.nodes.pop(), allow_graceful=False)
+
+    tally = play(specs, "ray", "ray", watch, pause=0.3)
+    assert len(cluster.nodes) == 1
+    assert (tally.done, tally.failed) == (8, 0)
+    assert sorted(told) == sorted(spec.id for spec in specs)
+    play(specs, "local", "local", pause=0.3)
+    assert digests(tmp_path / "ray") == digests(tmp_path / "local")
+
+
+def test_an_episode_that_kills_every_actor_is_marked_and_the_rest_go_on(cluster, play):
+    tally = play(toy_world.specs(3), "ray", "run", **{"in": "toy-1", "what": "SIGKILL"})
+    assert (tally.done, tally.failed) == (2, 1)
+
+
+def test_a_stop_breaks_episodes_off_and_their_records_come_home(cluster, play, tmp_path):
+    specs, told = toy_world.specs(4), []
+
+    def watch(tally, report):
+        told.append(report)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        play(specs, "ray", "run", watch, pause=0.1)
+    assert play(specs, "local", "run", pause=0.1).done == 4
+    play(specs, "local", "clean", pause=0.1)
+    assert digests(tmp_path / "run") == digests(tmp_path / "clean")
