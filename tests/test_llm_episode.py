@@ -1,36 +1,46 @@
-"""A language model drives a body: the whole way over HTTP, from the picture to the motion."""
+"""A language model drives a body: the whole way over HTTP, from the picture to the motion, and from the command line."""
 
 import json
+import re
 
 import pytest
+from click.testing import CliRunner
 
+from humanclaw import Plugins
 from humanclaw.bench.tasks import free_episode
+from humanclaw.cli import build
+from humanclaw.errors import HumanclawError
+from humanclaw.limits import Meter
 from humanclaw.loop import run_episode
 from humanclaw.records import RecordedEpisode
-from humanclaw.testing.openai_server import OpenAIServer, call, calls, status
+from humanclaw.testing.openai_server import OpenAIServer, call, calls, delayed, status
+
+KEY = "sk-planted-0123456789-abcdef"
+STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reasoning": "The way is free.", "z_cm": 40}
 
 
 @pytest.fixture
 def play(body, house, plugins, tmp_path):
-    def run(*script, verify=None, max_steps=4):
+    def run(*script, verify=False, max_steps=4, limits=None, **options):
         spec = free_episode("find a couch and sit on it", house, max_steps=max_steps)
         with OpenAIServer(script) as server:
-            options = {"model": "openai/scripted", "api_base": server.url, "num_retries": 1, "backoff": 0.01}
-            agent = plugins.make("decision_makers", "litellm", options)
-            verifier = plugins.make("verifiers", "litellm", options) if verify else None
-            run_episode(body, spec, agent, verifier, folder=tmp_path / "episode")
+            given = {"model": "openai/scripted", "api_base": server.url, "num_retries": 1, "backoff": 0.01} | options
+            agent = plugins.make("decision_makers", "litellm", given)
+            verifier = plugins.make("verifiers", "litellm", given) if verify else None
+            run_episode(
+                body, spec, agent, verifier, folder=tmp_path / "episode", options=given, meter=Meter(limits)
+            )  # fmt: skip
         return RecordedEpisode(tmp_path / "episode"), server.requests
 
     return run
 
 
 def test_a_model_walks_and_stops(play):
-    thought = {"visible_state": "A hall.", "progress": "Nothing yet.", "reasoning": "The way is free."}
-    episode, requests = play(call("walk", **thought, z_cm=40, x_cm=0, yaw_deg=0), call("stop", **thought))
+    episode, requests = play(call("walk", **STEP), call("stop"))
     assert [step.call.skill for step in episode.steps] == ["walk", "stop"]
     assert episode.record.outcome == "stopped"
     attempt = episode.steps[0].attempts[0]
-    assert (attempt.visible_state, attempt.reasoning) == ("A hall.", "The way is free.")
+    assert (attempt.visible_state, attempt.reasoning) == ("A hall, no couch.", "The way is free.")
     assert {"walk", "turn_in_place", "sit_in_place", "stop"} <= set(requests[0].tool_names)
     assert requests[0].images[-1].shape == (512, 512, 3)
 
@@ -48,16 +58,117 @@ def test_what_was_wrong_is_told_to_the_model_and_mended_by_it(play):
     assert len(episode.steps[0].attempts) == 3
 
 
+def test_the_verifier_replaces_a_call_and_the_model_is_told(play):
+    blocked = {"check_1_evidence": "a wall half a metre ahead", "check_1_answer": "no", "check_2_answer": "yes"}
+    episode, requests = play(
+        call("walk", **STEP),
+        call("verdict", **blocked, skill="turn_in_place", parameters={"yaw_deg": 30}),
+        call("stop"),
+        status(500),
+        status(500),
+        verify=True,
+    )
+    first, last = episode.steps
+    assert (first.call.skill, first.verdict.accepted) == ("turn_in_place", False)
+    assert "a wall half a metre ahead" in requests[2].role("user")
+    assert last.call.skill == "stop"
+    assert "gave no answer" in last.verdict.failed_open  # It fails open, and says so.
+
+
 def test_a_provider_that_keeps_failing_moves_nobody(play):
-    episode, _ = play(call("walk", z_cm=40), *[status(503)] * 10)
+    episode, requests = play(call("walk", z_cm=40), *[status(503)] * 10)
     assert episode.record.outcome == "infra_error"
     assert len(episode.steps) == 1
+    assert len(requests) == 1 + 2  # One retry was asked for.
 
 
-def test_no_key_reaches_a_record(play, monkeypatch):
-    monkeypatch.setenv("OPENAI_API_KEY", "sk-planted-0123456789")
-    episode, requests = play(call("walk", z_cm=40), status(401, "bad key sk-planted-0123456789"))
-    assert "sk-planted" in json.dumps(dict(requests[0].headers))
-    for path in episode.folder.rglob("*"):
-        if path.is_file():
-            assert b"sk-planted" not in path.read_bytes(), path
+# -- settings and limits -----------------------------------------------------------------------------------------------
+def test_the_settings_in_force_are_in_the_record_with_their_defaults(play):
+    episode, _ = play(call("stop"), status(500), verify=True, profile="paper", images=2)
+    maker, judge = episode.record.settings["decision_maker"], episode.record.settings["verifier"]
+    assert (maker["history"], maker["images"], maker["mid_level"], maker["mode"]) == (10, 2, True, "auto")
+    assert (judge["model"], judge["timeout"]) == ("openai/scripted", 30.0)
+    assert json.loads(episode.steps[0].attempts[0].raw)["mode"] == "tools"
+
+
+@pytest.mark.parametrize("waits", [[delayed(30, call("stop"))], [status(429, headers={"Retry-After": "30"})] * 9])
+def test_a_limit_on_time_also_ends_the_waiting(play, waits):
+    episode, _ = play(call("walk", **STEP), *waits, limits={"episode.seconds": 6}, num_retries=8)
+    record = episode.record
+    assert (record.outcome, record.limit, record.steps) == ("limit_reached", "episode", 1)
+
+
+def test_a_limit_on_money_needs_a_price(play):
+    with pytest.raises(HumanclawError, match="no price is known") as fault:
+        play(call("stop"), limits={"episode.usd": 1})
+    assert "input_cost_per_token" in fault.value.remedy
+    prices = {"input_cost_per_token": 0.001, "output_cost_per_token": 0.0}
+    episode, _ = play(*[call("walk", **STEP)] * 4, limits={"episode.usd": 1.5}, params=prices)
+    assert (episode.record.outcome, episode.record.steps) == ("limit_reached", 1)  # 1,000 tokens make a dollar.
+
+
+# -- from the command line ---------------------------------------------------------------------------------------------
+@pytest.fixture
+def shell(tmp_path, monkeypatch):
+    """shell(*args): `humanclaw run` in tmp_path, with a key in the environment."""
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    monkeypatch.chdir(tmp_path)
+
+    def run(*args):
+        return CliRunner().invoke(build(Plugins.discover()), ["run", "--out", "run", "--film", "none", *args])
+
+    return run
+
+
+def at(server):
+    return ["--model", "openai/scripted", "--option", f"api_base={server.url}", "--option", "backoff=0.01"]
+
+
+def test_every_switch_of_the_papers_ablation_reaches_the_model(shell, tmp_path):
+    with OpenAIServer([call("walk", **STEP), call("walk", **STEP), call("stop")]) as server:
+        done = shell(*at(server), "--profile=paper", "--history=1", "--images=2", "--no-verifier", "--no-mid-level",
+                     "--limit=run.tokens=9000")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    last = server.requests[2]
+    assert (len(server.requests), len(last.images), last.text.count("<past step=")) == (3, 2, 1)
+    assert "mid_level_goal" not in json.dumps(last.body)
+    episode = RecordedEpisode(next((tmp_path / "run").glob("*/")))
+    assert episode.record.settings["decision_maker"]["history"] == 1
+    assert episode.record.settings["limits"] == {"run.tokens": 9000}
+    assert episode.record.verifier == ""
+
+
+def test_a_run_that_ends_by_a_limit_says_so(shell):
+    with OpenAIServer([call("walk", **STEP)] * 3) as server:
+        done = shell(*at(server), "--no-verifier", "--limit", "episode.tokens=1500")
+    assert done.exit_code == 1
+    assert "2200 tokens used; the limit episode.tokens is 1500" in done.stderr
+    assert "limit reached after 1 steps" in done.stdout
+
+
+def test_a_planted_key_is_in_no_artefact_of_a_run(shell, tmp_path, caplog):
+    """In what the model says, in errors that are retried, in the one that ends the run: and in no file and on no screen."""
+    leaks = [
+        status(429, f"slow down, {KEY}"),
+        call("walk", **STEP | {"reasoning": f"I was told {KEY}", "visible_state": KEY}),
+        call("verdict", check_1_evidence=KEY, check_1_answer="yes", check_2_answer="yes"),
+        *[status(500, f"Incorrect key: {KEY}; Authorization: Bearer {KEY}")] * 9,
+    ]
+    with OpenAIServer(leaks) as server:
+        done = shell(*at(server))
+    assert done.exit_code == 1
+    assert "Incorrect key: [redacted]" in done.stderr
+    assert {request.headers["authorization"] for request in server.requests} == {f"Bearer {KEY}"}  # It was in play.
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert {"episode.json", "steps.jsonl", "report.html"} <= {path.name for path in files}
+    seen = {path.name: path.read_bytes() for path in files} | {"screen": (done.output + caplog.text).encode()}
+    assert not [name for name, content in seen.items() if KEY.encode() in content]
+    assert b"[redacted]" in seen["steps.jsonl"]
+
+
+def test_an_empty_key_is_told_before_the_first_step(shell, tmp_path, monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "")
+    done = shell("--model", "openai/gpt-4o-mini")
+    assert done.exit_code == 2
+    assert re.search(r"OPENAI_API_KEY is not set\.\nSet OPENAI_API_KEY", done.stderr)
+    assert not list(tmp_path.rglob("episode.json"))

@@ -74,12 +74,16 @@ class Envelope:
 
 
 # -- publishing --------------------------------------------------------------------------------------------------------
-def envelope_schema(mid_level: bool = True) -> Json:
-    """The envelope's properties in order. mid_level=False leaves out the mid-level goal (an ablation of the paper)."""
-    return {key: dict(part) for key, part in ENVELOPE.items() if mid_level or key not in _MID_LEVEL}
+def envelope_schema(mid_level: bool = True, described: bool = True) -> Json:
+    """The envelope's properties in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
+
+    described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool again.
+    """
+    kept = {key: part for key, part in ENVELOPE.items() if mid_level or key not in _MID_LEVEL}
+    return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
 
 
-def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True) -> Json:
+def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True, described: bool = True) -> Json:
     """A skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
     Raises PluginError if a parameter has the name of an envelope field or several types.
@@ -88,7 +92,7 @@ def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True) -> Js
     clash = sorted(set(properties) & set(ENVELOPE))
     if clash:
         raise PluginError(f"skill {skill.name!r} has a parameter {clash[0]!r}, a name of the envelope.", "Rename it.")
-    said = envelope_schema(mid_level) if envelope else {}
+    said = envelope_schema(mid_level, described) if envelope else {}
     parameters: Json = {
         "type": "object",
         "properties": {**said, **properties},
@@ -98,34 +102,42 @@ def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True) -> Js
     return {"name": skill.name, "description": skill.description, "parameters": parameters}
 
 
-def publish(skills: Iterable[Skill], format: Format, mid_level: bool = True, envelope: bool = True) -> list[Json]:  # noqa: A002
+def publish(
+    skills: Iterable[Skill],
+    format: Format,  # noqa: A002
+    mid_level: bool = True,
+    envelope: bool = True,
+    described: bool = True,
+) -> list[Json]:
     """The tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
-    return _wrap([tool_spec(skill, mid_level, envelope) for skill in skills], format)
+    return _wrap([tool_spec(skill, mid_level, envelope, described) for skill in skills], format)
 
 
-def openai_tools(skills: Iterable[Skill], envelope: bool = True, mid_level: bool = True) -> list[Json]:
+def openai_tools(
+    skills: Iterable[Skill], envelope: bool = True, mid_level: bool = True, described: bool = True
+) -> list[Json]:
     """The tool list of OpenAI's chat completions, which most other servers and clients take too."""
-    return publish(skills, "openai", mid_level, envelope)
+    return publish(skills, "openai", mid_level, envelope, described)
 
 
 def _wrap(specs: list[Json], form: Format) -> list[Json]:
     if form == "openai":
         return [{"type": "function", "function": spec} for spec in specs]
     if form == "gemini":
-        return [{"functionDeclarations": [{**spec, "parameters": _for_gemini(spec["parameters"])} for spec in specs]}]
+        return [{"functionDeclarations": [_gemini_declaration(spec) for spec in specs]}]
     key = "input_schema" if form == "anthropic" else "inputSchema"
     return [{"name": spec["name"], "description": spec["description"], key: spec["parameters"]} for spec in specs]
 
 
-def answer_schema(skills: Iterable[Skill], mid_level: bool = True) -> Json:
+def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bool = True) -> Json:
     """One object that holds the envelope, the skill's name and its parameters: for models without tool calling.
 
     The parameters of all skills share one object, with the widest bounds of each name, because providers drop alternatives.
     """
     pool = list(skills)
-    said = envelope_schema(mid_level)
+    said = envelope_schema(mid_level, described)
     properties = {**said, **call_schema(pool)}
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
@@ -217,6 +229,13 @@ def _widen(one: Json, other: Json) -> Json:
         if one.get(word) == other.get(word) and word in one:
             wide[word] = one[word]
     return wide
+
+
+def _gemini_declaration(spec: Json) -> Json:
+    """Gemini refuses an object without properties, and may change their order if none is named."""
+    named = list(spec["parameters"]["properties"])
+    plain = {key: value for key, value in spec.items() if key != "parameters"}
+    return {**plain, "parameters": {**_for_gemini(spec["parameters"]), "propertyOrdering": named}} if named else plain
 
 
 def _for_gemini(part: Mapping[str, Any]) -> Json:

@@ -25,7 +25,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,9 @@ class Request:
     headers: Mapping[str, str]
     """Names in lower case."""
     body: Json
+    """In OpenAI's form, whatever the dialect of the server."""
+    raw: Json = field(default_factory=dict)
+    """As it came."""
 
     @property
     def messages(self) -> list[Json]:
@@ -144,6 +147,13 @@ def status(code: int, explanation: str = "", headers: Mapping[str, str] | None =
     return Reply({"error": error}, code, dict(headers or {}))
 
 
+def thinking(thoughts: str, reply: Reply) -> Reply:
+    """The reply with the model's thoughts before it, as `reasoning_content`."""
+    (choice,) = reply.body["choices"]
+    told = {**choice, "message": {**choice["message"], "reasoning_content": thoughts}}
+    return replace(reply, body={**reply.body, "choices": [told]})
+
+
 def no_choices() -> Reply:
     """A completion with an empty list of choices."""
     return Reply({"object": "chat.completion", "choices": [], "usage": dict(USAGE)})
@@ -167,6 +177,12 @@ def truncated(reply: Reply, share: float = 0.5) -> Reply:
 def dropped() -> Reply:
     """No answer: the connection is reset."""
     return Reply({}, cut=-1.0)
+
+
+def refusing_images(otherwise: Script, explanation: str = "this model does not take images", code: int = 400) -> Script:
+    """A script that refuses requests that hold pictures, and goes by another script for the rest."""
+    rest = _player(otherwise)
+    return lambda request: status(code, explanation) if request.images else rest(request)
 
 
 def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
@@ -197,7 +213,11 @@ def _player(script: Script) -> Callable[[Request], Reply]:
 
 # -- the server --------------------------------------------------------------------------------------------------------
 class OpenAIServer:
-    """Serves a script on an ephemeral port of 127.0.0.1 while its `with` block runs, and keeps every request."""
+    """Serves a script on an ephemeral port of 127.0.0.1 while its `with` block runs, and keeps every request.
+
+    A server of another dialect overrides url, accepts, read and write; scripts and requests stay the same
+    (humanclaw.testing.dialects).
+    """
 
     def __init__(self, script: Script) -> None:
         self.requests: list[Request] = []
@@ -211,9 +231,36 @@ class OpenAIServer:
     @property
     def url(self) -> str:
         """What clients call base_url or api_base."""
-        return f"http://127.0.0.1:{self._server.server_address[1]}/v1"
+        return f"{self.origin}/v1"
 
-    def __enter__(self) -> OpenAIServer:
+    @property
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self._server.server_address[1]}"
+
+    def accepts(self, path: str) -> bool:
+        """Whether requests for an answer go to this path."""
+        return path.endswith("/chat/completions")
+
+    def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
+        """A request of this dialect, with its body in OpenAI's form."""
+        return Request(path, headers, raw, raw)
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        """The body of a reply, which is in OpenAI's form, in this dialect."""
+        if reply.code != 200:
+            return reply.body
+        return {
+            "id": "chatcmpl-test",
+            "created": int(time.time()),
+            "model": request.body.get("model", "test"),
+            **reply.body,
+        }
+
+    def headers(self, reply: Reply) -> Mapping[str, str]:
+        """The headers of a reply in this dialect."""
+        return reply.headers
+
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
@@ -241,38 +288,40 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
         def do_GET(self) -> None:
             found = self.path.rstrip("/").endswith("/models")
             models = Reply({"object": "list", "data": [{"id": "test", "object": "model"}]})
-            self._send(models if found else status(404, f"no such path: {self.path}"), {})
+            reply = models if found else status(404, f"no such path: {self.path}")
+            self._send(reply, reply.body)
 
         def do_POST(self) -> None:
             raw = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-            reply, body = self._reply(raw)
+            headers = {key.lower(): value for key, value in self.headers.items()}
+            reply, request = self._reply(raw, headers)
             owner.wait(reply.delay)
-            self._send(reply, body)
+            self._send(reply, owner.write(reply, request))
 
-        def _reply(self, raw: bytes) -> tuple[Reply, Json]:
-            if not self.path.endswith("/chat/completions"):
-                return status(404, f"no such path: {self.path}"), {}
+        def _reply(self, raw: bytes, headers: Mapping[str, str]) -> tuple[Reply, Request]:
+            nothing = Request(self.path, headers, {})
+            if not owner.accepts(self.path):
+                return status(404, f"no such path: {self.path}"), nothing
             try:
                 body = json.loads(raw)
             except ValueError as error:
-                return status(400, f"the request is not JSON: {error}"), {}
+                return status(400, f"the request is not JSON: {error}"), nothing
             if body.get("stream"):
-                return status(400, "the test server does not stream"), body
-            headers = {key.lower(): value for key, value in self.headers.items()}
-            return owner.respond(Request(self.path, headers, body)), body
+                return status(400, "the test server does not stream"), nothing
+            request = owner.read(self.path, headers, body)
+            return owner.respond(request), request
 
-        def _send(self, reply: Reply, asked: Json) -> None:
+        def _send(self, reply: Reply, body: Json) -> None:
             if reply.cut < 0:
                 self._reset()
                 return
-            stamp = {"id": "chatcmpl-test", "created": int(time.time()), "model": asked.get("model", "test")}
-            data = json.dumps({**stamp, **reply.body} if reply.code == 200 else reply.body).encode()
+            data = json.dumps(body).encode()
             try:
                 self.send_response(reply.code)
                 for key, value in {
                     "Content-Type": "application/json",
                     "Content-Length": str(len(data)),
-                    **reply.headers,
+                    **owner.headers(reply),
                 }.items():
                     self.send_header(key, value)
                 self.end_headers()

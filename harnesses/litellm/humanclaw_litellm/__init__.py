@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -10,29 +11,36 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     from humanclaw.hookspecs import RegisterFactory
     from humanclaw.interfaces import DecisionMaker, Verifier
+    from humanclaw_litellm.asking import Remembered
 
 __version__ = "0.1.0"
 
 
 @hookimpl
 def humanclaw_decision_makers(register: RegisterFactory) -> None:
-    register("litellm", _decision_maker, "a vision-language model of any provider that litellm knows")
+    register(
+        "litellm", functools.partial(_decision_maker, {}), "a vision-language model of any provider that litellm knows"
+    )
 
 
 @hookimpl
 def humanclaw_verifiers(register: RegisterFactory) -> None:
-    register("litellm", _verifier, "asks a model the skill's checklist about the current view (paper, appendix A)")
+    register(
+        "litellm",
+        functools.partial(_verifier, {}),
+        "asks a model the skill's checklist about the current view (paper, appendix A)",
+    )
 
 
-def _decision_maker(options: Mapping[str, Any]) -> DecisionMaker:
+def _decision_maker(remembered: Remembered, options: Mapping[str, Any]) -> DecisionMaker:
     from humanclaw_litellm.decision import ModelDecisionMaker
     from humanclaw_litellm.settings import Settings
 
-    return ModelDecisionMaker(Settings.of(options))
+    return ModelDecisionMaker(Settings.of(options), remembered)
 
 
-def _verifier(options: Mapping[str, Any]) -> Verifier:
+def _verifier(remembered: Remembered, options: Mapping[str, Any]) -> Verifier:
     from humanclaw_litellm.settings import Settings
     from humanclaw_litellm.verifier import ModelVerifier
 
-    return ModelVerifier(Settings.of_verifier(options))
+    return ModelVerifier(Settings.of_verifier(options), remembered)

@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from typing import Any, Final, get_args
 
 from humanclaw.errors import ProviderError
+from humanclaw.limits import Meter
 from humanclaw_litellm.client import Client, Completion, RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 Json = dict[str, Any]
+Remembered = dict[tuple[str, str], Mode]
+"""Model and address to the mode in which it answered; shared by all that one set of plugins makes."""
 MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 
 
@@ -58,24 +61,28 @@ class Reply:
 
 
 class Asker:
-    """Finds the first mode in which a model can answer, and keeps to it.
+    """Finds the first mode in which a model can answer, keeps to it, and remembers it for the next that asks this model.
 
     A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It is
     settled by the first answer that does.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
         self._client = Client(settings)
-        self._left: list[Mode] = list(MODES) if settings.mode == "auto" else [settings.mode]
-        self._settled = False
+        self._remembered: Remembered = {} if remembered is None else remembered
+        self._key = (settings.model, settings.api_base)
+        known = [self._remembered[self._key]] if self._key in self._remembered else list(MODES)
+        self._left: list[Mode] = known if settings.mode == "auto" else [settings.mode]
+        self._chosen = settings.mode != "auto"
+        self._settled = not self._chosen and self._key in self._remembered
 
     @property
     def mode(self) -> Mode:
         return self._left[0]
 
-    def check(self) -> None:
-        """Raises ModelError if the model cannot be reached."""
-        self._client.check()
+    def begin(self, meter: Meter | None) -> None:
+        """An episode begins, within these limits. Raises ModelError if the model cannot be reached."""
+        self._client.begin(meter or Meter())
 
     def ask(self, form: Form, messages: Callable[[Mode], list[Json]]) -> Reply:
         """messages: the conversation for a mode. Raises ProviderError, and ModelError if every mode is refused."""
@@ -92,6 +99,8 @@ class Asker:
         said_something = bool(completion.text.strip()) and not completion.calls and not completion.cut_off
         if understood:
             self._settled = True
+            if not self._chosen:
+                self._remembered[self._key] = reply.mode
         elif said_something and not self._settled and len(self._left) > 1:
             tools = ("tools", "tools_auto")
             self._left = [

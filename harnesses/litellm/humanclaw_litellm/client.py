@@ -5,27 +5,35 @@ Retries are made here alone (litellm and the provider's client make none), so th
 
 from __future__ import annotations
 
-import functools
+import datetime
+import email.utils
 import json
 import logging
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import tenacity
 
-from humanclaw.errors import ProviderError
+from humanclaw.errors import LimitError, ProviderError
 from humanclaw.interfaces import Usage
+from humanclaw.limits import Meter
+from humanclaw.tools import json_objects
+from humanclaw_litellm.accounting import price_of, usage_of
+from humanclaw_litellm.library import load, missing_keys
 from humanclaw_litellm.settings import ModelError, Settings
 
 Json = dict[str, Any]
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_WAIT: Final = 60.0
+_LONGEST_BACKOFF: Final = 60.0
+_LONGEST_RETRY_AFTER: Final = 600.0
+_SHORTEST_TIMEOUT: Final = 0.05
 _HINTS: Final = frozenset({"parallel_tool_calls"})
-_LETTERS_A_TOKEN: Final = 4
-_TOKENS_A_PICTURE: Final = 350  # What the large providers charge for 512 x 512 pixels lies between 250 and 400.
+_NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
+_PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
+_RETRY_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
 _SECRET_NAME: Final = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL", re.IGNORECASE)
 _SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[\w-]{20,}|(?<=Bearer )\S+")
@@ -33,6 +41,12 @@ _SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[
 
 class RefusalError(Exception):
     """The provider understood the request and will not serve it in this form."""
+
+
+class _NoAnswerError(Exception):
+    """A reply that is well-formed and holds no answer: no model said anything."""
+
+    status_code = 502
 
 
 @dataclass(frozen=True)
@@ -59,11 +73,24 @@ class Client:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._worked = False
+        self._meter = Meter()
 
-    def check(self) -> None:
-        """Raises ModelError if it is plain before any request that the model cannot be reached."""
+    def begin(self, meter: Meter) -> None:
+        """Keep to these limits. Raises ModelError if it is plain before any request that the model cannot be reached.
+
+        Raises it also if money is limited and nobody knows what the model costs.
+        """
+        self._meter = meter
+        self._check_name()
+        self._check_key()
+        if meter.limits_money() and price_of(self._settings) is None:
+            hint = 'Give prices: --option \'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}\'.'
+            raise ModelError(
+                f"a limit in usd cannot be kept: no price is known for model {self._settings.model!r}.", hint
+            )
+
+    def _check_name(self) -> None:
         settings = self._settings
-        self._key()
         try:
             load().get_llm_provider(settings.model, api_base=settings.api_base or None)
         except Exception:
@@ -71,6 +98,10 @@ class Client:
                 "Write provider/name, such as openai/gpt-4o-mini; for a server of your own openai/NAME with api_base."
             )
             raise ModelError(f"no provider is known for model {settings.model!r}.", hint) from None
+
+    def _check_key(self) -> None:
+        settings = self._settings
+        self._key()
         missing = self._missing_keys()
         if missing and not settings.api_base:
             hint = f"Set {missing[0]}, or name a server of your own with api_base."
@@ -79,25 +110,29 @@ class Client:
     def complete(self, messages: list[Json], request: Mapping[str, Any]) -> Completion:
         """Ask once, trying again while the fault may pass.
 
-        Raises ProviderError if it does not pass, RefusalError if the provider does not take a request of this form, and
-        ModelError if the first request ever shows that the key or the model is wrong.
+        Raises ProviderError if it does not pass, RefusalError if the provider does not take a request of this form,
+        ModelError if the first request ever shows that the key or the model is wrong, and LimitError if time runs out.
         """
         try:
             response = self._retrying()(self._request, messages, request)
+        except LimitError:
+            raise
         except Exception as error:
+            self._meter.check()  # A timeout that a limit has set is the limit's doing.
             raise self._sorted(error) from None  # The cause may hold the key.
         self._worked = True
-        return _completion(response, self._settings.model, messages, request, self._redact)
+        return self._completion(response, messages, request)
 
     def _request(self, messages: list[Json], request: Mapping[str, Any]) -> Any:
+        self._meter.check()
         settings = self._settings
         optional = {"api_base": settings.api_base, "api_key": self._key()}
         chosen = {"temperature": settings.temperature, "max_tokens": settings.max_tokens}
         known = load().get_supported_openai_params(settings.model) or ()
-        return load().completion(
+        response = load().completion(
             model=settings.model,
             messages=messages,
-            timeout=settings.timeout,
+            timeout=max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
             num_retries=0,
             max_retries=0,
             drop_params=False,  # What was asked for is sent or refused, never left out in silence; hints may be.
@@ -106,6 +141,9 @@ class Client:
             **{key: value for key, value in request.items() if key not in _HINTS or key in known},
             **settings.params,
         )
+        if not response.choices:
+            raise _NoAnswerError("the reply held no choices")
+        return response
 
     def _retrying(self) -> tenacity.Retrying:
         return tenacity.Retrying(
@@ -117,11 +155,12 @@ class Client:
         )
 
     def _wait(self, state: tenacity.RetryCallState) -> float:
-        """Exponential with jitter, but at least as long as the provider asks for."""
+        """Exponential with jitter, but at least as long as the provider asks for, and no longer than time is left."""
         first = self._settings.backoff
         spread = (tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first))(state)
-        error = state.outcome.exception() if state.outcome else None
-        return min(max(spread, _retry_after(error)), _LONGEST_WAIT)
+        asked = retry_after(state.outcome.exception() if state.outcome else None)
+        pause = max(min(spread, _LONGEST_BACKOFF), min(asked, _LONGEST_RETRY_AFTER))
+        return min(pause, self._meter.seconds_left())
 
     def _warn(self, state: tenacity.RetryCallState) -> None:
         error = state.outcome.exception() if state.outcome else None
@@ -131,34 +170,42 @@ class Client:
     def _key(self) -> str:
         """The key to send if litellm does not find one by itself; a server of one's own often wants none, its client does."""
         name = self._settings.auth_env
-        if name and not os.environ.get(name):
+        if name and not os.environ.get(name, "").strip():
             raise ModelError(f"auth_env names {name}, which is not set.", f"Set {name}.")
         return os.environ[name] if name else "none" if self._settings.api_base and self._missing_keys() else ""
 
     def _missing_keys(self) -> list[str]:
-        """Other credentials, such as a cloud's, can be found in places that litellm's check does not look into."""
-        if self._settings.auth_env:
-            return []
-        missing = load().validate_environment(self._settings.model)["missing_keys"]
-        return [name for name in missing if name.endswith("_API_KEY")]
+        return [] if self._settings.auth_env else missing_keys(self._settings.model)
 
+    # -- what came back --------------------------------------------------------------------------------------------
+    def _completion(self, response: Any, messages: list[Json], request: Mapping[str, Any]) -> Completion:
+        choice = response.choices[0]
+        message = choice.message
+        called = getattr(message, "tool_calls", None) or ()
+        calls = tuple(
+            (self._redact(item.function.name or ""), self._redact(_as_text(item.function.arguments))) for item in called
+        )
+        text = self._redact(getattr(message, "content", None) or "")
+        thoughts = self._redact(getattr(message, "reasoning_content", None) or "")
+        said = text + "".join(arguments for _, arguments in calls)
+        usage = usage_of(response, self._settings, messages, request, said + thoughts)
+        return Completion(text, calls, str(choice.finish_reason or ""), thoughts, str(response.model or ""), usage)
+
+    # -- what went wrong -------------------------------------------------------------------------------------------
     def _sorted(self, error: Exception) -> Exception:
         """What an error means to the caller."""
         if isinstance(error, ModelError):
             return error
         status, told = getattr(error, "status_code", None), self._tell(error)
-        if status in (400, 422) and type(error).__name__ not in (
-            "ContentPolicyViolationError",
-            "ContextWindowExceededError",
-        ):
+        if status in (400, 422) and type(error).__name__ not in _NO_REFUSALS and not _unreadable(error):
             return RefusalError(told)
         mendable = None if self._worked else self._mendable(status, told)
         return mendable or ProviderError(f"{self._where()} gave no answer: {told}")
 
     def _tell(self, error: BaseException) -> str:
-        """The first line of an error without class names, tracebacks and secrets."""
-        line = next(iter(str(error).strip().splitlines()), "") or type(error).__name__
-        plain = re.sub(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception - )+", "", line)
+        """What the provider said, or the first line of the error, without class names, tracebacks and secrets."""
+        text = re.sub(_PREFIXES, "", str(error).strip()) or type(error).__name__
+        plain = next(map(_message_in, json_objects(text)), "") or text.splitlines()[0]
         return self._redact(plain)[:300].rstrip(". ")
 
     def _redact(self, text: str) -> str:
@@ -179,20 +226,6 @@ class Client:
         return None
 
 
-@functools.cache
-def load() -> Any:
-    """litellm, silent and without telemetry. Imported on first use: it takes seconds."""
-    for part in ("MODEL_COST_MAP", "ANTHROPIC_BETA_HEADERS"):
-        os.environ.setdefault(f"LITELLM_LOCAL_{part}", "True")  # Otherwise these lists are fetched from the network.
-    import litellm
-
-    litellm.telemetry = False
-    litellm.suppress_debug_info = True
-    for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # It logs requests, and so pictures and perhaps keys.
-    return litellm
-
-
 def redact(text: str, *secrets: str) -> str:
     """The text without these secrets, without the values of secret environment variables and without what looks like a key."""
     kept = [value for name, value in os.environ.items() if _SECRET_NAME.search(name)]
@@ -201,70 +234,44 @@ def redact(text: str, *secrets: str) -> str:
     return _SECRET_FORM.sub("[redacted]", text)
 
 
+def retry_after(error: BaseException | None) -> float:
+    """Seconds that the provider asks to wait, as a number or a date, or in the body as Gemini does; 0 if it does not say."""
+    headers: Mapping[str, str] = getattr(error, "litellm_response_headers", None) or {}
+    in_body = _RETRY_DELAY.search(str(error))
+    told = headers.get("retry-after") or (in_body[1] if in_body else "0")
+    try:
+        return max(0.0, float(told))
+    except ValueError:
+        return _until(told)
+
+
+def _until(date: str) -> float:
+    try:
+        then = email.utils.parsedate_to_datetime(date)
+    except ValueError:
+        return 0.0
+    return max(0.0, (then - datetime.datetime.now(datetime.UTC)).total_seconds())
+
+
 def _transient(error: BaseException) -> bool:
     status = getattr(error, "status_code", None)
     if not isinstance(status, int) or "insufficient_quota" in str(error):
         return False
-    return status in _TRANSIENT or status >= 500
+    return status in _TRANSIENT or status >= 500 or _unreadable(error)
 
 
-def _retry_after(error: BaseException | None) -> float:
-    headers = getattr(error, "litellm_response_headers", None) or {}
-    try:
-        return float(headers.get("retry-after", 0))
-    except ValueError:
-        return 0.0  # A date; the back-off will do.
+def _unreadable(error: BaseException) -> bool:
+    """litellm could not read the provider's reply and reports that as if the request had been wrong."""
+    return "Error converting to valid response" in str(error)
 
 
-# -- what came back ----------------------------------------------------------------------------------------------------
-def _completion(
-    response: Any, model: str, messages: list[Json], request: Mapping[str, Any], redact: Callable[[str], str]
-) -> Completion:
-    choice = response.choices[0] if response.choices else None
-    message = choice.message if choice else None
-    called = getattr(message, "tool_calls", None) or ()
-    calls = tuple((redact(item.function.name or ""), redact(_as_text(item.function.arguments))) for item in called)
-    text = redact(getattr(message, "content", None) or "")
-    return Completion(
-        text,
-        calls,
-        str(choice.finish_reason or "") if choice else "",
-        redact(getattr(message, "reasoning_content", None) or ""),
-        str(response.model or ""),
-        _usage(response, model, messages, request, text + "".join(arguments for _, arguments in calls)),
-    )
+def _message_in(body: Json) -> str:
+    """The words of an error in any provider's form: {"error": {"message": ...}}, {"error": ...} or {"message": ...}."""
+    inner = body.get("error", body)
+    found = inner.get("message", "") if isinstance(inner, dict) else inner
+    return found if isinstance(found, str) else ""
 
 
 def _as_text(arguments: Any) -> str:
     """Arguments as JSON; some providers give an object."""
     return arguments if isinstance(arguments, str) else json.dumps(arguments or {})
-
-
-def _usage(response: Any, model: str, messages: list[Json], request: Mapping[str, Any], answer: str) -> Usage:
-    """The provider's count; an estimate, marked as one, if it gave none."""
-    usage = getattr(response, "usage", None)
-    counted = (getattr(usage, "prompt_tokens", 0) or 0, getattr(usage, "completion_tokens", 0) or 0)
-    if any(counted):
-        return Usage(*counted, _cost(response, usage, model))
-    pictures, letters = _measure(messages)
-    sent = pictures * _TOKENS_A_PICTURE + (letters + len(json.dumps(dict(request)))) // _LETTERS_A_TOKEN
-    return Usage(sent, len(answer) // _LETTERS_A_TOKEN, 0.0, estimated=True)
-
-
-def _measure(messages: list[Json]) -> tuple[int, int]:
-    """How many pictures, and how many letters of text, messages hold."""
-    contents = [message["content"] for message in messages]
-    parts = [part for content in contents if isinstance(content, list) for part in content]
-    texts = [content for content in contents if isinstance(content, str)] + [part.get("text", "") for part in parts]
-    return sum(part["type"] == "image_url" for part in parts), sum(map(len, texts))
-
-
-def _cost(response: Any, usage: Any, model: str) -> float:
-    """US dollars as the provider says, else by litellm's price list; 0 for a model that is not on it."""
-    told = getattr(usage, "cost", None)
-    if isinstance(told, int | float):
-        return float(told)
-    try:
-        return float(load().completion_cost(completion_response=response, model=model))
-    except Exception:
-        return 0.0  # litellm raises a bare Exception for a model without a price.

@@ -9,9 +9,9 @@ from humanclaw.contract import Skill
 from humanclaw.errors import CallError, HumanclawError
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past
 from humanclaw.tools import Envelope, answer_schema, openai_tools, read_call, read_text
-from humanclaw_litellm.asking import Asker, Form, Reply
+from humanclaw_litellm.asking import Asker, Form, Remembered, Reply
 from humanclaw_litellm.client import Completion
-from humanclaw_litellm.prompts import Json, step_content, system_prompt
+from humanclaw_litellm.prompts import Json, step_content, system_message, system_prompt
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 
@@ -27,10 +27,12 @@ class ModelDecisionMaker:
 
     privileged = False
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
+        """remembered: how models were asked with success before."""
         self.name = settings.model
+        self.settings = settings.in_force
         self._settings = settings
-        self._asker = Asker(settings)
+        self._asker = Asker(settings, remembered)
         self._episode: _Episode | None = None
         self._note = ""
 
@@ -41,10 +43,11 @@ class ModelDecisionMaker:
 
     def begin(self, context: EpisodeContext) -> None:
         """Raises ModelError if the model cannot be reached or if there is no skill to call."""
-        self._asker.check()
+        self._asker.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
-        form = Form(tuple(openai_tools(skills, mid_level=mid_level)), answer_schema(skills, mid_level))
+        tools = openai_tools(skills, mid_level=mid_level, described=False)  # The prompt tells what the fields are for.
+        form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
@@ -57,7 +60,7 @@ class ModelDecisionMaker:
         def messages(mode: Mode) -> list[Json]:
             schema = episode.form.schema if mode in ("schema", "prompt") else None
             system = system_prompt(episode.context, episode.skills, self._settings, schema)
-            return [{"role": "system", "content": system}, {"role": "user", "content": content}]
+            return [system_message(system, self._settings), {"role": "user", "content": content}]
 
         reply = self._asker.ask(episode.form, messages)
         found, self._note = read(reply.completion)
@@ -75,10 +78,12 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
 
 def read(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str]:
     """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer."""
+    if (
+        completion.cut_off
+    ):  # Even a call that looks whole may lack its last parameters: some providers close what was open.
+        return (), "The last answer was cut off before its call was complete: be brief."
     if completion.calls:
         return _read_calls(completion)
-    if completion.cut_off:
-        return (), "The last answer was cut off before its call: be brief."
     try:
         return tuple(read_text(completion.text)), ""
     except CallError as fault:

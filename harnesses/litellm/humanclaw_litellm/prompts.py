@@ -1,4 +1,7 @@
-"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the skills."""
+"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the skills.
+
+What was seen, thought and reported before is data: it stands between tags, on lines of its own, and cannot write tags itself.
+"""
 
 from __future__ import annotations
 
@@ -63,24 +66,64 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
     )
 
 
+def system_message(words: str, settings: Settings) -> Json:
+    """The message of role system; with a mark behind it where a provider's cache wants one, which covers the tools too."""
+    mark = {"cache_control": {"type": "ephemeral"}}
+    return {"role": "system", "content": [_text(words) | mark] if settings.marks_cache else words}
+
+
 def step_content(
     context: EpisodeContext, observation: Observation, history: Sequence[Past], note: str, settings: Settings
 ) -> list[Json]:
-    """The user message of a step: history in words, earlier views if asked for, then the current view."""
-    told = history[-settings.history :] if settings.history else ()
-    shown = history[-(settings.images - 1) :] if settings.images > 1 else ()
-    situation = {"step": observation.step + 1, "max_steps": context.spec.max_steps, "note": note}
-    words = {"past": told, "omitted": len(history) - len(told), "mid_level": settings.mid_level}
-    content = [_text(_fill("history.jinja", **words))]
-    for past in shown:
+    """The user message of a step: a part for each past step, earlier views if asked for, then the current view.
+
+    The parts of past steps never change, so the message of the next step begins as this one does until old steps are left out.
+    """
+    first = first_told(len(history), settings)
+    content = [_text(_past(history, index, settings.mid_level)) for index in range(first, len(history))]
+    if content and settings.marks_cache:
+        content[-1]["cache_control"] = {"type": "ephemeral"}
+    for past in history[-(settings.images - 1) :] if settings.images > 1 else ():
         content += [_text(f"The view before step {past.step + 1}:"), picture(past.rgb)]
-    feedback = "" if told and told[-1].feedback == observation.feedback else observation.feedback
-    return [*content, _text(_fill("step.jinja", feedback=feedback, **situation)), picture(observation.rgb)]
+    told = history[first:]
+    situation = {
+        "step": observation.step + 1,
+        "max_steps": context.spec.max_steps,
+        "note": note,
+        "feedback": "" if told and told[-1].feedback == observation.feedback else observation.feedback,
+        "goal": told[-1].decision.mid_level_goal if told and settings.mid_level else "",
+    }
+    shown = [picture(observation.rgb)] if settings.images else []
+    return [*content, _text(_fill("step.jinja", **situation)), *shown]
+
+
+def first_told(steps: int, settings: Settings) -> int:
+    """The first of so many past steps that is still told. It moves by history_slack + 1 steps at a time."""
+    if not settings.history:
+        return steps
+    stride = settings.history_slack + 1
+    return max(0, steps - settings.history) // stride * stride
+
+
+def _past(history: Sequence[Past], index: int, mid_level: bool) -> str:
+    """One step. A mid-level goal that is the same as in the step before is not written out again."""
+    past = history[index]
+    goal = past.decision.mid_level_goal if mid_level else ""
+    kept = bool(goal) and index > 0 and history[index - 1].decision.mid_level_goal == goal
+    called = " and ".join(map(str, past.decision.calls)) or "nothing usable"
+    return _fill(
+        "past.jinja",
+        step=past.step + 1,
+        decision=past.decision,
+        goal="kept" if kept else goal,
+        called="" if called in past.feedback else called,
+        feedback=past.feedback,
+    )
 
 
 def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
     """The verifier's part: the same for every call of a skill."""
-    return _fill("verifier_system.jinja", skills=[_sheet(skill) for skill in skills], eyes=eyes(), schema=_dump(schema))
+    return _fill("verifier_system.jinja", skills=[_gist(skill) for skill in skills], eyes=eyes(), schema=_dump(schema))
 
 
 def verifier_content(
@@ -106,15 +149,30 @@ def _text(words: str) -> Json:
 def _sheet(skill: Skill) -> Json:
     """What there is to know of a skill before calling it."""
     params = [f"{key} ({_range(part)}): {part.get('description', '')}" for key, part in parameter_schema(skill).items()]
-    questions = [check.question for check in skill.checks]
-    return {"name": skill.name, "description": skill.description, "params": params, "questions": questions}
+    return {"name": skill.name, "description": skill.description, "params": params}
 
 
-def _range(part: Mapping[str, Any]) -> str:
+def _gist(skill: Skill) -> Json:
+    """The least there is to know of a skill to name it: parameters with their bounds, and the first sentence about it."""
+    params = ", ".join(f"{key} {_range(part, kind=False)}" for key, part in parameter_schema(skill).items())
+    return {"signature": f"{skill.name}({params})", "gist": skill.description.split(". ")[0].rstrip(".") + "."}
+
+
+def data(value: object, longest: int = 600) -> str:
+    """Text of somebody else's as one line that holds no tag and has so many letters at most."""
+    line = " ".join(str(value).split())
+    short = line if len(line) <= longest else line[:longest].rsplit(" ", 1)[0] + " ..."
+    return short.replace("<", "&lt;")
+
+
+def _range(part: Mapping[str, Any], kind: bool = True) -> str:
+    """What a parameter may be, in words; kind: whether to say integer or number where there are bounds."""
     if "enum" in part:
         return "one of " + ", ".join(map(str, part["enum"]))
-    kind = str(part.get("type", "any value"))
-    return f"{kind}, {part['minimum']} to {part['maximum']}" if "minimum" in part and "maximum" in part else kind
+    name = str(part.get("type", "any value"))
+    if "minimum" not in part or "maximum" not in part:
+        return name
+    return (f"{name}, " if kind else "") + f"{part['minimum']} to {part['maximum']}"
 
 
 def _dump(schema: Json | None) -> str:
@@ -123,13 +181,15 @@ def _dump(schema: Json | None) -> str:
 
 @functools.cache
 def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader("humanclaw_litellm", "templates"),
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # The output is text for a model, not a page.
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["data"] = data
+    return environment
 
 
 def _fill(template: str, **values: Any) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
@@ -13,6 +13,13 @@ from humanclaw.errors import HumanclawError
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""
+PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
+    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True},
+    "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
+}
+"""What the options are when they are not given. paper: the baseline of the paper's ablation."""
+VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
+"""The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
 
 
 class ModelError(HumanclawError):
@@ -26,7 +33,7 @@ def _without_credentials(url: str) -> str:
 
 
 def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
-    taken = sorted({"api_key", "messages", "model", "tools", "stream", "extra_headers"} & set(params))
+    taken = sorted({"api_key", "messages", "model", "tools", "stream", "extra_headers", "headers"} & set(params))
     if taken:
         raise ValueError(f"{taken[0]} cannot be set here")
     return params
@@ -42,14 +49,17 @@ class Settings(BaseModel):
 
     model: Annotated[str, Field(min_length=1)]
     """As litellm writes it: provider/name."""
+    profile: Literal["default", "paper"] = "default"
     api_base: Annotated[str, AfterValidator(_without_credentials)] = ""
     auth_env: str = ""
     """Environment variable that holds the key; by default the provider's own."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
     history: Annotated[int, Field(ge=0)] = 20
     """Past steps told in words."""
-    images: Annotated[int, Field(ge=1)] = 1
-    """Pictures shown, the current view included."""
+    history_slack: Annotated[int, Field(ge=0)] = 0
+    """So many more may be told, until the oldest of them are left out at once: a provider's cache holds in between."""
+    images: Annotated[int, Field(ge=0)] = 1
+    """Pictures shown, the current view included; 0 for a model that takes none."""
     mid_level: bool = True
     """Whether the model keeps a mid-level goal (an ablation of the paper)."""
     temperature: Annotated[float, Field(ge=0)] | None = None
@@ -71,7 +81,7 @@ class Settings(BaseModel):
         for key in set(given) - set(cls.model_fields):
             cls._refuse_near_miss(key)
         try:
-            return cls(**given)
+            return cls(**_profile(given) | given)
         except ValidationError as error:
             raise _explain(error) from None
 
@@ -83,7 +93,17 @@ class Settings(BaseModel):
         if own.get("model") and "api_base" not in own:
             shared.pop("api_base", None)
             shared.pop("auth_env", None)
-        return cls.of(shared | own)
+        return cls.of({**VERIFIER, **shared, **own})
+
+    @property
+    def marks_cache(self) -> bool:
+        """Whether the provider wants to be told what to cache. For other models such a mark does nothing, or harm."""
+        return "claude" in self.model
+
+    @property
+    def in_force(self) -> dict[str, Any]:
+        """Everything that was chosen, as JSON can hold it. There is no key among it."""
+        return self.model_dump(mode="json")
 
     @classmethod
     def _refuse_near_miss(cls, key: str) -> None:
@@ -94,6 +114,12 @@ class Settings(BaseModel):
         near = difflib.get_close_matches(key.removeprefix("verifier_"), cls.model_fields, n=1, cutoff=0.8)
         if near and not key.startswith("verifier_"):
             raise ModelError(f"there is no option {key!r}.", f"Did you mean {near[0]}?")
+
+
+def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of the profile. A history of so many steps, asked for by number, is one of just so many."""
+    values = dict(PROFILES.get(str(given.get("profile", "default")), {}))
+    return values | ({"history_slack": 0} if "history" in given else {})
 
 
 def _explain(error: ValidationError) -> ModelError:

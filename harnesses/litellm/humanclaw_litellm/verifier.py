@@ -9,7 +9,7 @@ from humanclaw.contract import Check, Skill
 from humanclaw.errors import CallError, HumanclawError, ProviderError
 from humanclaw.interfaces import Answer, Call, EpisodeContext, Observation, Usage, Verdict
 from humanclaw.tools import call_schema, json_objects, read_answer
-from humanclaw_litellm.asking import Asker, Form
+from humanclaw_litellm.asking import Asker, Form, Remembered
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
 from humanclaw_litellm.prompts import Json, verifier_content, verifier_prompt
@@ -22,17 +22,20 @@ class ModelVerifier:
     """Puts a skill's checklist to a model that sees the current view and no history.
 
     It fails open: if no verdict can be had, the call passes and the verdict says why. A skill without checks passes unasked.
+    Only a limit of the episode ends its asking for good: LimitError passes through.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
+        """remembered: how models were asked with success before."""
         self.name = f"litellm:{settings.model}"
+        self.settings = settings.in_force
         self._settings = settings
-        self._asker = Asker(settings)
+        self._asker = Asker(settings, remembered)
         self._skills: tuple[Skill, ...] = ()
 
     def begin(self, context: EpisodeContext) -> None:
         """Raises ModelError if the model cannot be reached."""
-        self._asker.check()
+        self._asker.begin(context.meter)
         self._skills = usable(context)
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
@@ -65,9 +68,9 @@ def _numbered(skill: Skill) -> dict[str, Check]:
 
 def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
     asked: Json = {}
-    for key, check in checks.items():
-        asked[f"{key}_evidence"] = {"type": "string", "description": "What in the picture decides it."}
-        asked[f"{key}_answer"] = {"type": "string", "enum": ["yes", "no"], "description": check.question}
+    for key in checks:
+        asked[f"{key}_evidence"] = {"type": "string"}
+        asked[f"{key}_answer"] = {"type": "string", "enum": ["yes", "no"]}
     schema = {
         "type": "object",
         "properties": {**asked, **call_schema(skills)},
@@ -84,6 +87,8 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
 
 def _object(completion: Completion) -> Json | None:
     """The verdict's object, wherever the model put it; None if there is none that is whole."""
+    if completion.cut_off:
+        return None
     for _, arguments in completion.calls:
         return next(json_objects(arguments), None)
     return next((item for item in json_objects(completion.text) if any(key.endswith("_answer") for key in item)), None)

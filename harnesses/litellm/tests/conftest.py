@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from humanclaw.episode import EpisodeSpec
 from humanclaw.interfaces import EpisodeContext, Observation
 from humanclaw.testing.openai_server import OpenAIServer
 
+sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."
 
 
@@ -21,7 +24,14 @@ GOAL = "Find the couch and sit on it."
 def no_keys(monkeypatch, tmp_path):
     """No key of the person who runs the tests is used, and no file .env of theirs."""
     monkeypatch.chdir(tmp_path)
-    for name in ("OPENAI_API_KEY", "ANTHROPIC_API_KEY", "OPENAI_BASE_URL", "OPENAI_API_BASE"):
+    for name in (
+        "OPENAI_API_KEY",
+        "ANTHROPIC_API_KEY",
+        "GEMINI_API_KEY",
+        "GOOGLE_API_KEY",
+        "OPENAI_BASE_URL",
+        "OPENAI_API_BASE",
+    ):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -46,12 +56,14 @@ def context(skills):
 
 
 @pytest.fixture
-def begin(plugins, context):
-    """begin(server, **options): a part that talks to the server and has begun the episode."""
+def begin(context):
+    """begin(server, **options): a part that talks to the server and has begun the episode. Nothing is remembered between tests."""
+    host = Plugins()
+    host.add(humanclaw_litellm, "litellm")
 
     def make(server: OpenAIServer, kind: str = "decision_makers", about: EpisodeContext = context, **options):
         given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 10}
-        part = plugins.make(kind, "litellm", given | options)
+        part = host.make(kind, "litellm", given | options)
         part.begin(about)
         return part
 

@@ -1,5 +1,7 @@
 """What happens when the provider fails, what a request costs, and where a key may never appear."""
 
+import datetime
+import email.utils
 import logging
 import os
 import subprocess
@@ -16,6 +18,7 @@ from humanclaw.testing.openai_server import (
     call,
     delayed,
     dropped,
+    no_choices,
     refusing,
     status,
     truncated,
@@ -43,8 +46,16 @@ def test_the_provider_says_how_long_to_wait(begin, view):
 
 @pytest.mark.parametrize(
     "fault",
-    [status(500), status(529), dropped(), truncated(call("stop")), Reply({"choices": None}), Reply({"nothing": 1})],
-    ids=["500", "529", "dropped", "truncated", "null", "empty"],
+    [
+        status(500),
+        status(529),
+        dropped(),
+        truncated(call("stop")),
+        no_choices(),
+        Reply({"choices": None}),
+        Reply({"nothing": 1}),
+    ],
+    ids=["500", "529", "dropped", "truncated", "no choices", "null", "empty"],
 )
 def test_a_fault_that_lasts_is_a_provider_error_after_just_the_retries_asked_for(begin, view, fault):
     with OpenAIServer([fault] * 9) as server:
@@ -82,6 +93,17 @@ def test_the_same_after_a_first_success_is_the_providers_fault(begin, view):
         maker.decide(view(), ())
         with pytest.raises(ProviderError):
             maker.decide(view(), ())
+
+
+def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
+    moment = datetime.datetime.now(datetime.UTC) + datetime.timedelta(seconds=2)
+    with OpenAIServer(
+        [status(429, headers={"Retry-After": email.utils.format_datetime(moment, True)}), call("stop")]
+    ) as server:
+        maker = begin(server)
+        began = time.monotonic()
+        maker.decide(view(), ())
+    assert 0.9 < time.monotonic() - began < 5
 
 
 def test_a_used_up_quota_is_not_asked_again(begin, view):
@@ -126,6 +148,24 @@ def test_a_missing_key_is_told_before_the_first_request(plugins, context):
         maker.begin(context)
 
 
+@pytest.mark.parametrize("model", ["openai/gpt-4o-mini", "anthropic/claude-sonnet-4-5", "gemini/gemini-2.5-pro"])
+def test_an_empty_key_is_a_missing_key(plugins, context, monkeypatch, model):
+    names = {"openai": "OPENAI_API_KEY", "anthropic": "ANTHROPIC_API_KEY", "gemini": "GOOGLE_API_KEY"}
+    variable = names[model.split("/")[0]]
+    monkeypatch.setenv(variable, "  ")
+    maker = plugins.make("decision_makers", "litellm", {"model": model})
+    with pytest.raises(ModelError, match=f"{variable} is not set"):
+        maker.begin(context)
+    assert os.environ[variable] == "  "
+
+
+def test_an_empty_variable_that_is_named_is_a_missing_key(plugins, context, monkeypatch):
+    monkeypatch.setenv("MY_SERVER", "")
+    maker = plugins.make("decision_makers", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
+    with pytest.raises(ModelError, match="MY_SERVER, which is not set"):
+        maker.begin(context)
+
+
 def test_a_model_of_no_known_provider_is_told_before_the_first_request(plugins, context):
     maker = plugins.make("decision_makers", "litellm", {"model": "nonsense"})
     with pytest.raises(ModelError, match=r"no provider is known for model 'nonsense'\. Write provider/name"):
@@ -163,6 +203,7 @@ def test_tokens_are_the_providers_count(begin, view):
     with OpenAIServer([call("stop")]) as server:
         usage = begin(server).decide(view(), ()).usage
     assert (usage.tokens_in, usage.tokens_out, usage.estimated, usage.cost) == (1000, 100, False, 0.0)
+    assert usage.cost_estimated  # Nobody knows what this model costs.
 
 
 def test_a_missing_count_is_estimated_and_says_so(begin, view):
@@ -181,13 +222,22 @@ def test_the_cost_is_tokens_times_the_listed_price(begin, view):
         usage = begin(server, model="openai/gpt-4o-mini").decide(view(), ()).usage
     expected = 1000 * price["input_cost_per_token"] + 100 * price["output_cost_per_token"]
     assert usage.cost == pytest.approx(expected) != 0
+    assert usage.cost_estimated
+
+
+def test_prices_can_be_given(begin, view):
+    prices = {"input_cost_per_token": 0.002, "output_cost_per_token": 0.01}
+    with OpenAIServer([call("stop")]) as server:
+        usage = begin(server, params=prices).decide(view(), ()).usage
+    assert usage.cost == pytest.approx(1000 * 0.002 + 100 * 0.01)
 
 
 def test_a_cost_that_the_provider_tells_is_believed(begin, view):
     reply = call("stop")
     priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": 0.25}})
     with OpenAIServer([priced]) as server:
-        assert begin(server).decide(view(), ()).usage.cost == 0.25
+        usage = begin(server).decide(view(), ()).usage
+    assert (usage.cost, usage.cost_estimated) == (0.25, False)
 
 
 # -- options -----------------------------------------------------------------------------------------------------------
@@ -214,9 +264,19 @@ def test_options_may_come_as_text_and_those_of_other_parts_are_passed_over():
     assert (settings.history, settings.mid_level, settings.timeout) == (3, False, 120.0)
 
 
+def test_the_verifier_has_a_small_budget_of_its_own_unless_one_is_given():
+    own = Settings.of_verifier({"model": "m"})
+    assert (own.num_retries, own.timeout) == (2, 30.0)
+    assert Settings.of_verifier({"model": "m", "num_retries": 4}).num_retries == 4
+    assert Settings.of_verifier({"model": "m", "num_retries": 4, "verifier_num_retries": 1}).num_retries == 1
+    assert Settings.of({"model": "m"}).num_retries == 5
+
+
 def test_the_verifier_can_have_a_model_of_its_own():
     shared = {"model": "big", "api_base": "http://127.0.0.1:1/v1", "temperature": 0.5}
-    assert Settings.of_verifier(shared) == Settings.of(shared)
+    assert Settings.of_verifier(shared).model_dump(exclude={"num_retries", "timeout"}) == Settings.of(
+        shared
+    ).model_dump(exclude={"num_retries", "timeout"})
     own = Settings.of_verifier(shared | {"verifier_model": "small"})
     assert (own.model, own.api_base, own.temperature) == ("small", "", 0.5)
 
@@ -229,11 +289,12 @@ places = set()
 sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
 assert "litellm" not in sys.modules
 from humanclaw.testing.openai_server import OpenAIServer, status
+from humanclaw.limits import Meter
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import Settings
 with OpenAIServer([status(500)]) as server:
     client = Client(Settings(model="openai/anything", api_base=server.url, num_retries=0))
-    client.check()
+    client.begin(Meter())
     try:
         client.complete([{"role": "user", "content": "Hello"}], {})
     except Exception as error:

@@ -81,7 +81,7 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
     ("replies", "reason"),
     [
         ([status(500)] * 2, "gave no answer"),
-        ([no_choices()], "held no verdict"),
+        ([no_choices()] * 2, "held no choices"),
         ([text("Looks fine to me.")], "held no verdict"),
         ([calls(("verdict", '{"check_1_answer": "n'))], "held no verdict"),
         ([call("verdict", check_1_answer="maybe")], "no answer to path_clear"),

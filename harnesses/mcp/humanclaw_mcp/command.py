@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from humanclaw.cli.options import plugin_files
+from humanclaw.senses import SENSES
 
 
 @click.command("mcp")
@@ -23,6 +24,13 @@ from humanclaw.cli.options import plugin_files
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds an idle body is kept.")
 @click.option("--envelope/--no-envelope", default=False, help="Also ask what is seen and why, as the benchmark does.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
+@click.option(
+    "--sense",
+    "senses",
+    type=click.Choice(SENSES),
+    multiple=True,
+    help="Told besides the view, always there. Repeatable.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Record the episodes here; without it none is recorded.")
 @plugin_files
 def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> None:
@@ -31,17 +39,18 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
 
     from humanclaw.plugins import Plugins
     from humanclaw_mcp.bodies import Bodies
+    from humanclaw_mcp.handlers import Handlers
     from humanclaw_mcp.serve import serve_http, serve_stdio
     from humanclaw_mcp.settings import Settings
 
     # Session names are keys to a body, and the protocol library logs them below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
-    bodies = Bodies(settings, functools.partial(Plugins.discover, files))
+    handlers = Handlers(Bodies(settings, functools.partial(Plugins.discover, files)))
     try:
         if http:
-            anyio.run(serve_http, bodies, port, lambda url: click.echo(f"Listening on {url}", err=True))
+            anyio.run(serve_http, handlers, port, lambda url: click.echo(f"Listening on {url}", err=True))
         else:
-            anyio.run(serve_stdio, bodies)
+            anyio.run(serve_stdio, handlers)
     except KeyboardInterrupt:
         click.echo("Stopped.", err=True)

@@ -11,7 +11,20 @@ from typing import Any, Final
 
 import jinja2
 import numpy as np
-from mcp_types import CallToolResult, ImageContent, TextContent, Tool, ToolAnnotations
+from mcp_types import (
+    BlobResourceContents,
+    CallToolResult,
+    ImageContent,
+    LoggingLevel,
+    Prompt,
+    PromptArgument,
+    Resource,
+    ResourceTemplate,
+    TextContent,
+    TextResourceContents,
+    Tool,
+    ToolAnnotations,
+)
 from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict
@@ -21,6 +34,7 @@ from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.pose import Frame
 from humanclaw.records import StepRecord
+from humanclaw.scene import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw.tools import parameter_schema, publish
 from humanclaw_mcp.session import Moment
 from humanclaw_mcp.settings import Settings
@@ -28,6 +42,17 @@ from humanclaw_mcp.settings import Settings
 Json = dict[str, Any]
 LOOK: Final = "look"
 RESET: Final = "reset"
+STATE: Final = "humanclaw://body/state"
+VIEW: Final = "humanclaw://body/view"
+LOG: Final = "humanclaw://episode/log"
+SKILL: Final = "humanclaw://skill/"
+BODY_RESOURCES: Final = (STATE, VIEW, LOG)
+"""Those that a step changes."""
+INSTRUCTIONS: Final = tuple(
+    f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SIT_CATEGORIES else ".")
+    for category in TARGET_CATEGORIES
+)
+"""What a body may be asked to do, as the benchmark asks it."""
 _FLOOR_CONTACT: Final = 0.0205
 """Contacts with fixed things up to this height, metres over the floor, are steps on it and not touches."""
 
@@ -144,6 +169,16 @@ def _words(moment: Moment) -> str:
     return f"{moment.feedback} {where} The picture is what you see now.".strip()
 
 
+def note(moment: Moment) -> tuple[LoggingLevel, str]:
+    """What a log says of a moment, and how severe it is."""
+    where = f"Step {len(moment.steps)} of {moment.max_steps}."
+    if moment.refused:
+        return "warning", f"{moment.feedback} {where}"
+    if moment.outcome != "running":
+        return "notice", f"The episode has ended: {moment.outcome.replace('_', ' ')}. {where}"
+    return ("info", f"{moment.feedback} {where}") if moment.feedback else ("debug", f"Looked. {where}")
+
+
 def _outcome(moment: Moment, executed: bool) -> Outcome:
     call = moment.steps[-1].call if moment.steps and executed else None
     return Outcome(
@@ -164,7 +199,66 @@ def jpeg(rgb: NDArray[np.uint8]) -> str:
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-# -- resources ---------------------------------------------------------------------------------------------------------
+# -- resources -----------------------------------------------------------------------------------------------------------
+def resources() -> list[Resource]:
+    """What there is to read besides the skills' sheets."""
+    state = Resource(
+        uri=STATE,
+        name="body-state",
+        title="The body",
+        description="Joints, way made, turn, touch: what the body knows of itself, and nothing of the scene.",
+        mime_type="application/json",
+    )
+    view = Resource(
+        uri=VIEW, name="body-view", title="The view", description="What the eyes see now.", mime_type="image/jpeg"
+    )
+    log = Resource(
+        uri=LOG,
+        name="episode-log",
+        title="The episode so far",
+        description="One JSON object a line for each step: what was called, and what became of it.",
+        mime_type="application/jsonl",
+    )
+    return [state, view, log]
+
+
+def skill_template() -> ResourceTemplate:
+    return ResourceTemplate(
+        uri_template=SKILL + "{name}",
+        name="skill",
+        title="A skill",
+        description="What a skill does, its parameters with their bounds, and what to look for before calling it.",
+        mime_type="application/json",
+    )
+
+
+def skill_sheet(skill: Skill) -> TextResourceContents:
+    sheet = {
+        "name": skill.name,
+        "description": skill.description,
+        "parameters": parameter_schema(skill),
+        "checks": [check.question for check in skill.checks],
+        "ends_episode": skill.ends_episode,
+    }
+    text = json.dumps(sheet, ensure_ascii=False, indent=1)
+    return TextResourceContents(uri=SKILL + skill.name, mime_type="application/json", text=text)
+
+
+def view(moment: Moment) -> BlobResourceContents:
+    return BlobResourceContents(uri=VIEW, mime_type="image/jpeg", blob=jpeg(moment.rgb))
+
+
+def state(moment: Moment) -> TextResourceContents:
+    text = body_state(moment).model_dump_json(indent=1)
+    return TextResourceContents(uri=STATE, mime_type="application/json", text=text)
+
+
+def log(steps: Sequence[StepRecord]) -> TextResourceContents:
+    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene knows."""
+    text = "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
+    return TextResourceContents(uri=LOG, mime_type="application/jsonl", text=text)
+
+
 class BodyState(BaseModel):
     """What a body knows of itself, and nothing of the scene. Metres and degrees; a left turn is positive."""
 
@@ -219,11 +313,6 @@ def _touching(step: StepRecord, floor: float) -> tuple[str, ...]:
     return tuple(name for name in JOINTS if name in felt)
 
 
-def log(steps: Sequence[StepRecord]) -> str:
-    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene knows."""
-    return "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
-
-
 def _entry(step: StepRecord) -> Json:
     last = step.attempts[-1]
     said = {key: getattr(last, key) for key in ("visible_state", "progress", "mid_level_goal", "reasoning")}
@@ -240,6 +329,16 @@ def _entry(step: StepRecord) -> Json:
 
 
 # -- the task in words -------------------------------------------------------------------------------------------------
+def task_prompt(name: str) -> Prompt:
+    argument = PromptArgument(name="instruction", description="What the body is to do.", required=False)
+    return Prompt(
+        name=name,
+        title="Have a body",
+        description="Explains the body, its skills and their rules, and gives it something to do.",
+        arguments=[argument],
+    )
+
+
 def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
     """Who the model is, what it is to do, with which skills, and what to beware of."""
     ready = [skill for skill in skills if skill.trained]

@@ -9,58 +9,65 @@ from typing import Final
 import anyio
 import uvicorn
 from mcp.server.stdio import stdio_server
+from mcp.server.streamable_http_manager import StreamableHTTPASGIApp
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.applications import Starlette
+from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from humanclaw.errors import HumanclawError
 from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.server import SESSION_HEADER, make_server
+from humanclaw_mcp.events import SessionManager
+from humanclaw_mcp.handlers import SESSION_HEADER, Handlers
+from humanclaw_mcp.server import make_server
+from humanclaw_mcp.settings import SESSIONS
 
 HOST: Final = "127.0.0.1"
 PATH: Final = "/mcp"
 _BODY_BYTES: Final = 256 * 1024
 """A request holds a call, not a file."""
-_SESSIONS: Final = 256
-"""Open sessions at most. A session costs little; bodies have a limit of their own."""
+_RETRY: Final = 1000
+"""Milliseconds after which a client whose stream was cut should ask for the rest."""
 
 
-async def serve_stdio(bodies: Bodies) -> None:
+async def serve_stdio(handlers: Handlers) -> None:
     """Serve the one client at the other end of the standard streams until it leaves."""
-    server = make_server(bodies)
+    server = make_server(handlers)
     async with stdio_server() as (reading, writing):
         await server.run(reading, writing, server.create_initialization_options())
 
 
-async def serve_http(bodies: Bodies, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
+async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
     """Serve until interrupted. announce: called with the URL. Raises HumanclawError if the port is taken."""
     with _listen(port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(
-            http_app(bodies, number), log_level="warning", access_log=False, timeout_graceful_shutdown=2
+            http_app(handlers, number), log_level="warning", access_log=False, timeout_graceful_shutdown=2
         )
         announce(f"http://{HOST}:{number}{PATH}")
         try:
             await uvicorn.Server(config).serve(sockets=[listening])
         finally:
             with anyio.CancelScope(shield=True):
-                await bodies.close()
+                await handlers.bodies.close()
 
 
-def http_app(bodies: Bodies, port: int) -> Starlette:
+def http_app(handlers: Handlers, port: int) -> Starlette:
     """The ASGI application. Only names of this machine are answered, which keeps rebound DNS names out."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     security = TransportSecuritySettings(
         enable_dns_rebinding_protection=True, allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
     )
-    app = make_server(bodies).streamable_http_app(
-        streamable_http_path=PATH,
-        transport_security=security,
+    manager = SessionManager(
+        make_server(handlers),
+        security_settings=security,
+        retry_interval=_RETRY,
         max_request_body_size=_BODY_BYTES,
-        max_sessions=_SESSIONS,
-        session_idle_timeout=bodies.settings.idle,
+        max_sessions=SESSIONS,
+        session_idle_timeout=handlers.bodies.settings.idle,
     )
-    app.add_middleware(_ReleasesBodies, bodies=bodies)
+    app = Starlette(routes=[Route(PATH, endpoint=StreamableHTTPASGIApp(manager))], lifespan=lambda _: manager.run())
+    app.add_middleware(_ReleasesBodies, bodies=handlers.bodies)
     return app
 
 

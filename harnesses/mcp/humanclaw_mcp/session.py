@@ -15,6 +15,7 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from humanclaw.plugins import Plugins
 from humanclaw.records import Outcome, StepRecord
 from humanclaw.scene import Placement
 from humanclaw_mcp.settings import Settings
+
+_MOVING: Final = "The body is moving."
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,7 @@ class Session:
         self._answers: queue.SimpleQueue[Moment | Exception] = queue.SimpleQueue()
         self._turn = threading.Lock()
         self._closed = False
+        self._doing = ""
         self._id = f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"
         self._begun = 0
         self._episode = NewEpisode(settings.instruction, settings.scenes[0], settings.seed)
@@ -122,6 +126,16 @@ class Session:
     @property
     def busy(self) -> bool:
         return self._turn.locked()
+
+    @property
+    def title(self) -> str:
+        """Names the current episode in its record."""
+        return f"mcp-{self._id}-{self._begun}"
+
+    @property
+    def doing(self) -> str:
+        """What an order under way waits for, in words."""
+        return self._doing
 
     @property
     def episode(self) -> NewEpisode:
@@ -200,8 +214,10 @@ class Session:
     def _embody(self) -> Body:
         reference, seed = self._episode.scene, self._episode.seed
         if self._body is None:
-            engines = Engines(profile=self._settings.profile)
+            self._doing = "The body is being made."
+            engines = Engines(profile=self._settings.profile, senses=self._settings.senses)
             self._body = Body(reference, seed=seed, plugins=self._plugins, engines=engines)
+            self._doing = _MOVING
         elif self._body.scene.name != reference:
             self._body.reset(reference, seed=seed)
         return self._body
@@ -209,13 +225,10 @@ class Session:
     def _spec(self, body: Body) -> EpisodeSpec:
         self._begun += 1
         episode, limit = self._episode, self._settings.max_steps
-        return free_episode(episode.instruction, body.scene, seed=episode.seed, max_steps=limit, name=self._title())
-
-    def _title(self) -> str:
-        return f"mcp-{self._id}-{self._begun}"
+        return free_episode(episode.instruction, body.scene, seed=episode.seed, max_steps=limit, name=self.title)
 
     def _folder(self) -> Path | None:
-        return self._settings.out / self._title() if self._settings.out else None
+        return self._settings.out / self.title if self._settings.out else None
 
     # -- as the loop's decision maker ----------------------------------------------------------------------------------
     def begin(self, context: EpisodeContext) -> None:
@@ -260,7 +273,9 @@ class Session:
         try:
             return self._orders.get()
         finally:
+            self._doing = "Another body is moving; this one is next."
             self._stage.acquire()
+            self._doing = _MOVING
 
 
 def _afterwards(moment: Moment, order: Order) -> Moment:

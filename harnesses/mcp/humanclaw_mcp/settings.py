@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 from humanclaw.errors import HumanclawError
+
+SESSIONS: Final = 256
+"""Open sessions at most. A session costs little; bodies have a limit of their own."""
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,16 @@ class Settings:
     seed: int = 0
     max_steps: int = 100
     profile: Literal["default", "paper"] = "default"
+    senses: tuple[str, ...] = ()
+    """What a call's answer tells besides the view (humanclaw.senses)."""
     envelope: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
     bodies: int = 4
     """Bodies at most at one time, one a session."""
     idle: float = 900.0
     """Seconds after which a body that nobody calls is put away."""
+    tell_every: float = 1.0
+    """Seconds between two messages to a client that asked to be told of a call's progress."""
     out: Path | None = None
     """Folder for the records of the episodes; None keeps none."""
 

@@ -14,7 +14,9 @@ from PIL import Image
 
 from humanclaw.errors import CallError
 from humanclaw.records import load_run
-from humanclaw_mcp.server import LOG, STATE, make_server
+from humanclaw_mcp.content import LOG, STATE
+from humanclaw_mcp.handlers import Handlers
+from humanclaw_mcp.server import make_server
 
 pytestmark = pytest.mark.anyio
 FREE = ("stop", "turn_in_place", "walk")
@@ -23,7 +25,7 @@ FREE = ("stop", "turn_in_place", "walk")
 
 @pytest.fixture(scope="module")
 async def client(bodies):
-    async with Client(make_server(bodies), mode="legacy", client_info=None) as client:
+    async with Client(make_server(Handlers(bodies)), mode="legacy", client_info=None) as client:
         yield client
 
 

@@ -10,6 +10,7 @@ from humanclaw import Keyframes, Plugins, skill
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.hookspecs import hookimpl
 from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server
 from humanclaw_mcp.settings import Settings
 
@@ -45,7 +46,7 @@ async def test_there_are_no_more_bodies_than_allowed():
 
 async def test_a_scene_that_does_not_exist_is_told_and_can_be_left():
     bodies = Bodies(Settings(scenes=("hose:0",)))
-    async with Client(make_server(bodies)) as client:
+    async with Client(make_server(Handlers(bodies))) as client:
         for _ in range(2):
             result = await client.call_tool("look", {})
             assert result.is_error
@@ -69,12 +70,12 @@ def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
         return plugins
 
     with pytest.raises(PluginError, match="'look' has the name of a tool"):
-        make_server(Bodies(Settings(), discover))
+        make_server(Handlers(Bodies(Settings(), discover)))
 
 
 async def test_with_the_envelope_a_call_says_what_is_seen_first():
     bodies = Bodies(Settings(envelope=True))
-    async with Client(make_server(bodies)) as client:
+    async with Client(make_server(Handlers(bodies))) as client:
         walk = next(tool for tool in (await client.list_tools()).tools if tool.name == "walk")
         assert list(walk.input_schema["properties"])[:2] == ["visible_state", "progress"]
         assert list(walk.input_schema["properties"])[-1] == "yaw_deg"

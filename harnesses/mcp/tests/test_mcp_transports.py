@@ -14,7 +14,7 @@ from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
-from humanclaw_mcp.server import LOG
+from humanclaw_mcp.content import LOG
 
 pytestmark = pytest.mark.anyio
 COMMAND = ("-m", "humanclaw", "mcp")

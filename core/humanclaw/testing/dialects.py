@@ -1,0 +1,278 @@
+"""Servers on 127.0.0.1 that speak as other providers' do, by the scripts of humanclaw.testing.openai_server.
+
+Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the habits of
+its provider: what it cannot express, how it fails, what it calls things. Written from the providers' public documentation of
+the Messages API (Anthropic), generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible server.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from humanclaw.testing.openai_server import OpenAIServer, Reply, Request
+
+Json = dict[str, Any]
+
+
+class AnthropicServer(OpenAIServer):
+    """POST /v1/messages. Arguments are objects: a call that was cut off arrives without them, with stop_reason max_tokens."""
+
+    _STOPS: Final = {"stop": "end_turn", "length": "max_tokens", "tool_calls": "tool_use"}
+    _ERRORS: Final = {
+        400: "invalid_request_error",
+        401: "authentication_error",
+        404: "not_found_error",
+        429: "rate_limit_error",
+        529: "overloaded_error",
+    }
+
+    @property
+    def url(self) -> str:
+        return self.origin
+
+    def accepts(self, path: str) -> bool:
+        return path.split("?")[0].endswith("/v1/messages")
+
+    def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
+        system = raw.get("system") or ""
+        texts = system if isinstance(system, str) else "\n".join(part["text"] for part in system)
+        messages: list[Json] = [{"role": "system", "content": texts}] if texts else []
+        messages += [{**m, "content": _anthropic_content(m["content"])} for m in raw.get("messages", ())]
+        tools = [
+            _function(tool["name"], tool.get("description", ""), tool["input_schema"]) for tool in raw.get("tools", ())
+        ]
+        return Request(path, headers, _body(raw["model"], messages, tools), raw)
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        if reply.code != 200:
+            kind = self._ERRORS.get(reply.code, "api_error")
+            return {"type": "error", "error": {"type": kind, "message": _message_of(reply)}, "request_id": "req_test"}
+        choice = _choice(reply)
+        stop, blocks = self._STOPS[choice["finish_reason"]], []
+        message = choice["message"]
+        if message.get("reasoning_content"):
+            blocks.append({"type": "thinking", "thinking": message["reasoning_content"], "signature": "c2lnbmVk"})
+        if message.get("content"):
+            blocks.append({"type": "text", "text": message["content"]})
+        for number, (name, arguments) in enumerate(_calls(message)):
+            given = _object(arguments)
+            stop = "max_tokens" if given is None else stop
+            blocks.append({"type": "tool_use", "id": f"toolu_{number}", "name": name, "input": given or {}})
+        body: Json = {
+            "id": "msg_test",
+            "type": "message",
+            "role": "assistant",
+            "model": request.body["model"],
+            "content": blocks,
+            "stop_reason": stop,
+            "stop_sequence": None,
+        }
+        tokens = _usage(reply)
+        return body | ({"usage": {"input_tokens": tokens[0], "output_tokens": tokens[1]}} if tokens else {})
+
+
+def _anthropic_content(content: str | list[Json]) -> list[Json]:
+    parts: list[Json] = [{"type": "text", "text": content}] if isinstance(content, str) else content
+    return [
+        _picture(part["source"]["media_type"], part["source"]["data"]) if part["type"] == "image" else part
+        for part in parts
+    ]
+
+
+class GeminiServer(OpenAIServer):
+    """POST /v1beta/models/NAME:generateContent. A call that is no JSON becomes MALFORMED_FUNCTION_CALL, without content.
+
+    How long to wait is told in the body of the error and in no header.
+    """
+
+    _STOPS: Final = {"stop": "STOP", "length": "MAX_TOKENS", "tool_calls": "STOP"}
+    _ERRORS: Final = {
+        400: "INVALID_ARGUMENT",
+        401: "UNAUTHENTICATED",
+        403: "PERMISSION_DENIED",
+        404: "NOT_FOUND",
+        429: "RESOURCE_EXHAUSTED",
+        500: "INTERNAL",
+        503: "UNAVAILABLE",
+    }
+
+    @property
+    def url(self) -> str:
+        return f"{self.origin}/v1beta"
+
+    def accepts(self, path: str) -> bool:
+        return path.split("?")[0].endswith(":generateContent")
+
+    def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
+        system = raw.get("system_instruction") or raw.get("systemInstruction")
+        messages = [{"role": "system", "content": _gemini_content(system["parts"])}] if system else []
+        messages += [{"role": c["role"], "content": _gemini_content(c["parts"])} for c in raw["contents"]]
+        declared = [one for tool in raw.get("tools", ()) for one in _either(tool, "function_declarations")]
+        tools = [_function(one["name"], one.get("description", ""), _either(one, "parameters")) for one in declared]
+        return Request(path, headers, _body("scripted", messages, tools), raw)
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        if reply.code != 200:
+            kind = self._ERRORS.get(reply.code, "INTERNAL")
+            error = {"code": reply.code, "message": _message_of(reply), "status": kind}
+            wait = reply.headers.get("Retry-After")
+            hint = {"@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": f"{wait}s"}
+            return {"error": error | ({"details": [hint]} if wait else {})}
+        tokens = _usage(reply)
+        told = {
+            "promptTokenCount": tokens[0],
+            "candidatesTokenCount": tokens[1],
+            "totalTokenCount": sum(tokens),
+        } if tokens else {}  # fmt: skip
+        body: Json = {"candidates": self._candidates(reply), "modelVersion": "scripted", "responseId": "test"}
+        return body | ({"usageMetadata": told} if told else {})
+
+    def headers(self, reply: Reply) -> Mapping[str, str]:
+        return {name: value for name, value in reply.headers.items() if name != "Retry-After"}
+
+    def _candidates(self, reply: Reply) -> list[Json]:
+        if not reply.body["choices"]:
+            return []
+        choice = _choice(reply)
+        message, parts = choice["message"], []
+        if message.get("reasoning_content"):
+            parts.append({"text": message["reasoning_content"], "thought": True})
+        if message.get("content"):
+            parts.append({"text": message["content"]})
+        for name, arguments in _calls(message):
+            given = _object(arguments)
+            if given is None:
+                return [{"finishReason": "MALFORMED_FUNCTION_CALL", "index": 0}]
+            parts.append({"functionCall": {"name": name, "args": given}})
+        stop = self._STOPS[choice["finish_reason"]]
+        return [{"content": {"role": "model", "parts": parts}, "finishReason": stop, "index": 0}]
+
+
+def _gemini_content(parts: list[Json]) -> list[Json]:
+    found = []
+    for part in parts:
+        inline = part.get("inline_data") or part.get("inlineData")
+        if inline:
+            found.append(_picture(inline.get("mime_type") or inline["mimeType"], inline["data"]))
+        else:
+            found.append({"type": "text", "text": part.get("text", "")})
+    return found
+
+
+class OllamaServer(OpenAIServer):
+    """POST /api/chat. tool_choice does not exist; a call whose arguments are not an object is left in the text."""
+
+    @property
+    def url(self) -> str:
+        return self.origin
+
+    def accepts(self, path: str) -> bool:
+        return path.endswith("/api/chat")
+
+    def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
+        messages = [
+            {"role": m["role"], "content": [{"type": "text", "text": m.get("content", "")}, *_ollama_pictures(m)]}
+            for m in raw["messages"]
+        ]
+        body = _body(raw["model"], messages, raw.get("tools") or [])
+        return Request(path, headers, body | ({"response_format": raw["format"]} if raw.get("format") else {}), raw)
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        if reply.code != 200:
+            return {"error": _message_of(reply)}
+        choice = _choice(reply)
+        said, message = choice["message"], {"role": "assistant", "content": choice["message"].get("content") or ""}
+        if said.get("reasoning_content"):
+            message["thinking"] = said["reasoning_content"]
+        pairs = list(_calls(said))
+        whole = [(name, given) for name, given in ((name, _object(text)) for name, text in pairs) if given is not None]
+        message["content"] += "".join(text for _, text in pairs if _object(text) is None)
+        if whole:
+            message["tool_calls"] = [{"function": {"name": name, "arguments": given}} for name, given in whole]
+        reason = "length" if choice["finish_reason"] == "length" else "stop"
+        body: Json = {
+            "model": request.body["model"],
+            "created_at": "2026-01-01T00:00:00Z",
+            "message": message,
+            "done": True,
+            "done_reason": reason,
+        }
+        tokens = _usage(reply)
+        return body | ({"prompt_eval_count": tokens[0], "eval_count": tokens[1]} if tokens else {})
+
+
+def _ollama_pictures(message: Json) -> list[Json]:
+    return [_picture("image/jpeg", data) for data in message.get("images") or ()]
+
+
+class VLLMServer(OpenAIServer):
+    """OpenAI's protocol with vLLM's habits: its own form of errors, an empty list of calls, thoughts under `reasoning` too."""
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        if reply.code != 200:
+            kind = "BadRequestError" if reply.code == 400 else "InternalServerError"
+            return {"error": {"message": _message_of(reply), "type": kind, "param": None, "code": reply.code}}
+        body = super().write(reply, request)
+        for choice in body["choices"]:
+            thoughts = choice["message"].get("reasoning_content")
+            choice["message"] = {
+                "tool_calls": [],
+                "function_call": None,
+                "refusal": None,
+                **choice["message"],
+                "reasoning": thoughts,
+                "reasoning_content": thoughts,
+            }
+            choice["stop_reason"] = None
+        return {**body, "prompt_logprobs": None, "kv_transfer_params": None}
+
+
+# -- between the forms -------------------------------------------------------------------------------------------------
+def _body(model: str, messages: list[Json], tools: list[Json]) -> Json:
+    return {"model": model, "messages": messages} | ({"tools": tools} if tools else {})
+
+
+def _function(name: str, description: str, parameters: Json) -> Json:
+    return {"type": "function", "function": {"name": name, "description": description, "parameters": parameters}}
+
+
+def _picture(kind: str, data: str) -> Json:
+    base64.b64decode(data, validate=True)
+    return {"type": "image_url", "image_url": {"url": f"data:{kind};base64,{data}"}}
+
+
+def _either(values: Json, snake: str) -> Any:
+    """A field by its name in snake case or in camel case; Gemini takes both."""
+    first, *rest = snake.split("_")
+    return values.get(snake, values.get(first + "".join(word.title() for word in rest), {}))
+
+
+def _choice(reply: Reply) -> Json:
+    """The only choice; a reply without one is a message of nothing, for dialects that know no list of choices."""
+    nothing = {"message": {"content": None}, "finish_reason": "stop"}
+    return dict(next(iter(reply.body["choices"]), nothing))
+
+
+def _calls(message: Json) -> Iterator[tuple[str, str]]:
+    for call in message.get("tool_calls") or ():
+        yield call["function"]["name"], call["function"]["arguments"]
+
+
+def _object(arguments: str) -> Json | None:
+    try:
+        found = json.loads(arguments)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _usage(reply: Reply) -> tuple[int, int] | None:
+    usage = reply.body.get("usage")
+    return (usage["prompt_tokens"], usage["completion_tokens"]) if usage else None
+
+
+def _message_of(reply: Reply) -> str:
+    return str(reply.body["error"]["message"])

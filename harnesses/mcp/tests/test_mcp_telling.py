@@ -1,0 +1,187 @@
+"""What a client is told that asked for it: progress, log messages, changed resources, completions, and what it missed."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+
+import anyio
+import httpx
+import mcp_types as types
+import pytest
+from mcp import Client
+from mcp.shared.exceptions import MCPError
+from PIL import Image
+
+from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.content import LOG, SKILL, STATE, VIEW
+from humanclaw_mcp.handlers import Handlers
+from humanclaw_mcp.serve import http_app
+from humanclaw_mcp.server import make_server
+from humanclaw_mcp.settings import Settings
+
+pytestmark = [
+    pytest.mark.anyio,
+    # Most clients still speak the protocol versions that have these requests.
+    pytest.mark.filterwarnings("ignore::mcp.shared.exceptions.MCPDeprecationWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def heard():
+    """What has reached the client without being an answer."""
+    return []
+
+
+@pytest.fixture(scope="module")
+async def client(heard):
+    async def logged(message):
+        heard.append((message.level, message.data))
+
+    async def told(message):
+        if isinstance(message, types.ResourceUpdatedNotification):
+            heard.append(str(message.params.uri))
+
+    server = make_server(Handlers(Bodies(Settings(max_steps=5, tell_every=0.05))))
+    async with Client(server, mode="legacy", logging_callback=logged, message_handler=told) as client:
+        yield client
+
+
+@pytest.fixture
+async def begun(client, heard):
+    """A client whose episode has just begun, and who has asked to be told nothing."""
+    await client.call_tool("reset", {"seed": 0})
+    heard.clear()
+    return client
+
+
+async def test_a_call_tells_its_progress_to_those_who_ask(begun):
+    told = []
+
+    async def note(progress, total, message):
+        told.append((progress, message))
+
+    await begun.call_tool("walk", {"z_cm": 30}, progress_callback=note)
+    seconds = [progress for progress, _ in told]
+    assert len(told) >= 3, "a step of the body takes longer than a tenth of a second"
+    assert seconds == sorted(set(seconds)), "progress only ever grows"
+    assert told[-1][1] == "The body is moving."
+
+
+async def test_log_messages_come_at_the_level_that_was_asked_for(begun, heard):
+    await begun.call_tool("walk", {"z_cm": 400})
+    assert heard == [], "without being asked, the server says nothing"
+    await begun.set_logging_level("warning")
+    await begun.call_tool("turn_in_place", {"yaw_deg": 10})
+    refused = await begun.call_tool("walk", {"z_cm": 400})
+    assert heard == [("warning", refused.content[0].text)]
+    await begun.set_logging_level("info")
+    await begun.call_tool("turn_in_place", {"yaw_deg": 10})
+    assert heard[-1][0] == "info"
+    assert heard[-1][1].startswith("Executed turn_in_place(yaw_deg=10).")
+    await begun.set_logging_level("emergency")
+
+
+async def test_a_subscriber_is_told_when_the_body_has_moved_and_not_when_it_has_looked(begun, heard):
+    await begun.subscribe_resource(STATE)
+    await begun.call_tool("look", {})
+    assert heard == []
+    await begun.call_tool("turn_in_place", {"yaw_deg": 10})
+    assert heard == [STATE], "and not of the resources that it did not subscribe to"
+    await begun.unsubscribe_resource(STATE)
+    await begun.call_tool("turn_in_place", {"yaw_deg": 10})
+    assert heard == [STATE]
+
+
+async def test_the_newest_protocol_listens_for_the_same_changes():
+    server = make_server(Handlers(Bodies(Settings(max_steps=5))))
+    async with Client(server, mode="2026-07-28") as client, client.listen(resource_subscriptions=[STATE]) as changes:
+        await client.call_tool("turn_in_place", {"yaw_deg": 10})
+        with anyio.fail_after(30):
+            assert (await anext(aiter(changes))).uri == STATE
+
+
+async def test_what_is_not_there_cannot_be_subscribed_to(begun):
+    with pytest.raises(MCPError, match=LOG):
+        await begun.subscribe_resource("file:///etc/passwd")
+
+
+async def test_the_view_can_be_read_as_a_picture(begun):
+    content = (await begun.read_resource(VIEW)).contents[0]
+    assert content.mime_type == "image/jpeg"
+    assert Image.open(io.BytesIO(base64.b64decode(content.blob))).size == (512, 512)
+    listed = {resource.uri for resource in (await begun.list_resources()).resources}
+    assert listed == {STATE, VIEW, LOG}
+
+
+async def test_every_skill_has_a_sheet_of_its_bounds_and_checks(begun):
+    (template,) = (await begun.list_resource_templates()).resource_templates
+    sheet = json.loads((await begun.read_resource(template.uri_template.replace("{name}", "walk"))).contents[0].text)
+    assert sheet["parameters"]["z_cm"]["maximum"] == 80
+    assert sheet["checks"]
+    with pytest.raises(MCPError, match="there is no resource"):
+        await begun.read_resource(SKILL + "fly")
+
+
+async def test_arguments_are_completed(begun):
+    skill = types.ResourceTemplateReference(uri=SKILL + "{name}")
+    found = await begun.complete(skill, {"name": "name", "value": "tu"})
+    assert found.completion.values == ["turn_in_place"]
+    task = types.PromptReference(name="task")
+    found = await begun.complete(task, {"name": "instruction", "value": "find a c"})
+    assert found.completion.values == ["Find a chair.", "Find a couch and sit on it."]
+
+
+# -- a stream that is cut ----------------------------------------------------------------------------------------------
+VERSION = "2025-11-25"
+HEADERS = {"Accept": "application/json, text/event-stream", "MCP-Protocol-Version": VERSION, "Host": "127.0.0.1:8000"}
+
+
+def request(method, number, **params):
+    return {"jsonrpc": "2.0", "id": number, "method": method, "params": params}
+
+
+def events(text):
+    """The events of a stream as (id, data)."""
+    parts = [dict(line.split(": ", 1) for line in part.splitlines() if ": " in line) for part in text.split("\r\n\r\n")]
+    return [(part["id"], part.get("data", "")) for part in parts if "id" in part]
+
+
+async def opened(http):
+    hello = {"protocolVersion": VERSION, "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}}
+    answer = await http.post("/mcp", json=request("initialize", 1, **hello), headers=HEADERS)
+    headers = HEADERS | {"Mcp-Session-Id": answer.headers["mcp-session-id"]}
+    await http.post("/mcp", json={"jsonrpc": "2.0", "method": "notifications/initialized"}, headers=headers)
+    return headers
+
+
+@pytest.fixture
+async def http():
+    app = http_app(Handlers(Bodies(Settings())), 8000)
+    async with app.router.lifespan_context(app):
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as http:
+            yield http
+
+
+async def test_what_a_cut_stream_missed_is_sent_again_to_the_same_session_alone(http):
+    mine, other = await opened(http), await opened(http)
+    answered = await http.post("/mcp", json=request("prompts/list", 7), headers=mine)
+    (beginning, empty), (_, answer) = events(answered.text)
+    assert empty == "", "the stream begins with a mark to come back to"
+    await http.post("/mcp", json=request("tools/list", 7), headers=other)
+
+    async def missed(headers):
+        with anyio.move_on_after(5):
+            return await http.get("/mcp", headers=headers | {"Last-Event-ID": beginning})
+        raise AssertionError("the stream of an answered request must end")
+
+    assert [data for _, data in events((await missed(mine)).text)] == [answer]
+    assert answer not in (await missed(other)).text, "another session's request 7 is another request"
+
+
+async def test_a_mark_that_is_not_known_brings_nothing(http):
+    mine = await opened(http)
+    found = await http.get("/mcp", headers=mine | {"Last-Event-ID": "12345"})
+    assert events(found.text) == []
