@@ -1,5 +1,6 @@
 """Training on a few made chunks: bodies that glide ahead, whose commanded distance is the distance that they cover."""
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,23 @@ def test_a_checkpoint_says_what_it_was_trained_on(backwards, base_file, tmp_path
     assert adapter.config.encoder == "mlp"
     assert adapter.config.params == ("z",)
     assert adapter.config.centre[0] == pytest.approx(0.25, abs=0.01)
+
+
+def _tree(*folders: Path) -> dict[Path, str]:
+    files = [
+        file for folder in folders for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts
+    ]
+    return {file: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def test_training_an_adapter_changes_no_file_but_those_of_its_own_run(backwards, base_file, tmp_path):
+    repository = Path(__file__).parents[2]
+    watched = (repository / "core", repository / "skills", backwards, base_file.parent)
+    before = _tree(*watched)
+    adapter = _adapter(backwards, base_file, tmp_path / "run", "--steps", "2")
+    assert _tree(*watched) == before
+    assert adapter in _tree(tmp_path)
+    assert all(file.parent == tmp_path / "run" for file in _tree(tmp_path))
 
 
 def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, base_file, tmp_path, monkeypatch):

@@ -7,25 +7,45 @@ from __future__ import annotations
 
 import importlib
 import sys
+from typing import Any
 
 import click
+
+from humanclaw.plugins import Plugins
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
 
-def _forward(name: str, module: str, explanation: str) -> click.Command:
-    """A command that hands its arguments on, so that the options are told in one place."""
+def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
+    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is given."""
 
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)
     def command(args: tuple[str, ...]) -> None:
-        sys.exit(importlib.import_module(module).main(list(args)))
+        sys.exit(importlib.import_module(module).main(list(args), **given))
 
     return command
 
 
 train = _forward("train", "humanclaw.training.train", "Train the base prior or a skill's adapter.")
-fidelity = _forward("fidelity", "humanclaw.training.fidelity", "Measure achieved against commanded motion, per skill.")
+
+
+def _simulator() -> Any:
+    """The half-physics that episodes run in: training imports no plugin host, so it is handed in."""
+    return Plugins.discover().make("simulators", "bullet", profile="default")
+
+
+fidelity = _forward(
+    "fidelity",
+    "humanclaw.training.fidelity",
+    "Measure achieved against commanded motion, per skill.",
+    simulator=_simulator,
+)
+naturalness = _forward(
+    "naturalness", "humanclaw.training.naturalness", "Measure how human the skills' motion and its transitions are."
+)
+speed = _forward("speed", "humanclaw.training.speed", "Time the motion model under several solvers and runtimes.")
+cards = _forward("cards", "humanclaw.training.cards", "Write the model card beside each checkpoint.")
 
 
 @click.group()

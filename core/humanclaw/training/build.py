@@ -11,11 +11,15 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw.errors import HumanclawError
-from humanclaw.training.chunks import Chunks, load_pack
+from humanclaw.pose import FPS, FUTURE
+from humanclaw.training.chunks import PARAMETERS, Chunks, load_pack
 from humanclaw.training.composer import edited_chunks
 from humanclaw.training.curate import build_real, statistics
 
@@ -34,14 +38,46 @@ def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunk
 
 
 def table(chunks: Mapping[str, Chunks]) -> str:
-    """The statistics as a Markdown table: chunks, real ones, and 5-50-95 % of each parameter in SI."""
-    lines = ["| skill | chunks | real | real s | parameters: 5 / 50 / 95 % |", "| --- | --- | --- | --- | --- |"]
+    """The statistics as a Markdown table: chunks and seconds, real and edited, and 5-50-95 % of each parameter in SI.
+
+    Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
+    """
+    heads = ("skill", "real", "edited", "real s", "edited s", "parameters: 5 / 50 / 95 %")
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
     for name, found in statistics(chunks).items():
         spread = "; ".join(
             f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
         )
-        lines.append(f"| {name} | {found.chunks} | {found.real} | {found.seconds:.1f} | {spread or '-'} |")
+        edited = found.chunks - found.real
+        cells = (name, found.real, edited, f"{found.seconds:.1f}", f"{edited * FUTURE / FPS:.1f}", spread or "-")
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines)
+
+
+_BARS: Final = " ▁▂▃▄▅▆▇█"
+_BINS: Final = 16
+
+
+def histograms(chunks: Mapping[str, Chunks]) -> str:
+    """Each parameter's histogram over the range that the edited and the real chunks share, as a Markdown table of bars.
+
+    Bars are relative to the fullest bin of their own row; a bin that holds anything shows at least the lowest bar.
+    """
+    lines = ["| parameter | least | real | edited | most |", "| --- | --- | --- | --- | --- |"]
+    for skill, found in chunks.items():
+        for column, name in enumerate(PARAMETERS[skill]):
+            values = found.params[:, column].astype(float)
+            low, high = float(values.min()), float(values.max())
+            real, edited = (
+                _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
+            )
+            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{edited}` | {high:.2f} |")
+    return "\n".join(lines)
+
+
+def _bars(counts: NDArray[np.int_]) -> str:
+    heights = np.ceil(counts / max(counts.max(), 1) * (len(_BARS) - 1)).astype(int)
+    return "".join(_BARS[height] for height in heights)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,10 +89,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
     try:
-        print(table(build(options.source, options.out, options.seconds, options.seed)))
+        chunks = build(options.source, options.out, options.seconds, options.seed)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    print(f"{table(chunks)}\n\n{histograms(chunks)}")
     return 0
 
 

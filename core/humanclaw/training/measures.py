@@ -1,0 +1,178 @@
+"""Measures of motion, on joint positions and poses alone: contact with the ground, smoothness, joint limits, and likeness.
+
+Shapes: T frames at 30 a second, ... any number of leading axes; joints (..., T, 24, 3) in metres, Y up. Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import JOINT_INDEX, N_JOINTS, TOE_SOLE
+from humanclaw.pose import (
+    FPS,
+    HISTORY,
+    Array,
+    Motion,
+    forward_kinematics,
+    matrix_from_vector,
+    support_height,
+)
+
+_TOUCH: Final = 0.02
+"""A sole lower than this counts as being on the ground, metres."""
+_TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
+
+
+# -- contact with the ground -------------------------------------------------------------------------------------------
+def skate(joints: Array) -> float:
+    """Mean horizontal speed of toes on a floor at 0, centimetres a second; NaN where none touches it."""
+    low = joints[..., _TOES, 1] - TOE_SOLE < _TOUCH
+    both = low[..., 1:, :] & low[..., :-1, :]
+    speed = _toe_speed(joints)
+    return float(speed[both].mean()) if both.any() else float("nan")
+
+
+def slower_toe(joints: Array) -> float:
+    """Mean horizontal speed of whichever toe is the slower one, centimetres a second.
+
+    Who steps has one foot planted at any time, so this is the skate of the planted foot, whatever the height of its ground.
+    """
+    return float(_toe_speed(joints).min(-1).mean())
+
+
+def _toe_speed(joints: Array) -> Array:
+    steps = np.diff(joints[..., _TOES, :], axis=-3)[..., [0, 2]]
+    return np.asarray(100 * FPS * np.linalg.norm(steps, axis=-1))
+
+
+def penetration(joints: Array) -> float:
+    """Mean depth of the lowest sole under a floor at 0, centimetres."""
+    return float(100 * np.clip(-support_height(joints), 0, None).mean())
+
+
+# -- smoothness --------------------------------------------------------------------------------------------------------
+def acceleration(joints: Array) -> Array:
+    """(..., T - 2) acceleration of the fastest accelerating joint, m/s^2; entry t is about frame t + 1."""
+    return np.asarray(np.linalg.norm(np.diff(joints, n=2, axis=-3), axis=-1).max(-1) * FPS**2)
+
+
+SEAM: Final = slice(HISTORY - 2, HISTORY)
+"""Of a chunk's 18 accelerations, those that reach over the seam of history and future."""
+INSIDE: Final = slice(HISTORY, None)
+
+
+def seam_and_inside(joints: Array) -> tuple[float, float]:
+    """(N, 20, 24, 3) chunks: medians of the peak acceleration where history and future meet and within the future, m/s^2."""
+    size = acceleration(joints)
+    return float(np.median(size[:, SEAM].max(1))), float(np.median(size[:, INSIDE].max(1)))
+
+
+def joint_jerk(joints: Array) -> float:
+    """Mean third derivative of all joint positions, m/s^3, from one-frame differences."""
+    return float(np.linalg.norm(np.diff(joints, n=3, axis=-3), axis=-1).mean() * FPS**3)
+
+
+def root_jerk(motion: Motion, stride: int = 8) -> float:
+    """Mean norm of the third difference of 22 joints carried rigidly by the root, m/s^3, at a stride of 8 frames (0.27 s).
+
+    The paper's motion jerk: root translation and orientation carry the rest skeleton, so gait plays no part; a moving average
+    of 3 frames comes first. NaN for less than 27 frames.
+    """
+    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
+    carried = motion.root[:, None] + np.einsum("tij,nj->tni", matrix_from_vector(motion.rotations[:, 0]), rest)
+    smooth = (carried[:-2] + carried[1:-1] + carried[2:]) / 3
+    if len(smooth) <= 3 * stride:
+        return float("nan")
+    a, b, c, d = (smooth[start : len(smooth) - 3 * stride + start] for start in (0, stride, 2 * stride, 3 * stride))
+    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (stride / FPS) ** 3)
+
+
+# -- joint limits ------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Limit:
+    """Degrees that a joint's rotation vector may have about one axis of its rest frame (X left, Y up, Z ahead)."""
+
+    joint: str
+    axis: int
+    low: float
+    high: float
+
+
+LIMITS: Final = tuple(
+    Limit(f"{side}_{joint}", axis, low, high)
+    for joint, axis, low, high in (
+        ("knee", 0, -15, 155),  # bending carries the shin back: positive about X
+        ("knee", 1, -45, 45),
+        ("knee", 2, -30, 30),
+        ("ankle", 0, -40, 60),  # toes up is negative
+        ("ankle", 1, -45, 45),
+        ("ankle", 2, -40, 40),
+        ("hip", 0, -135, 45),  # the thigh to the front is negative
+    )
+    for side in ("left", "right")
+)
+"""What the legs of a healthy adult do, give or take ten degrees for what a skeleton of 24 joints makes of it."""
+
+
+def beyond_limits(rotations: Array) -> Array:
+    """(..., 24, 3) rotation vectors to (...) degrees by which the worst joint of LIMITS is beyond its range; 0 within."""
+    over = [_over(np.degrees(rotations[..., JOINT_INDEX[limit.joint], limit.axis]), limit) for limit in LIMITS]
+    return np.asarray(np.max(over, axis=0))
+
+
+def _over(angle: Array, limit: Limit) -> Array:
+    return np.maximum(np.maximum(angle - limit.high, limit.low - angle), 0.0)
+
+
+# -- likeness ----------------------------------------------------------------------------------------------------------
+COMPONENTS: Final = 16
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the Frechet distance compares: joint positions (m) and velocities (m/s) of a chunk's 15 future frames, canonical.
+
+    Each of the 2160 numbers is brought to mean 0 and deviation 1 over real motion, then projected on the first 16 principal
+    components of real motion, in units of their own deviation. mean, scale: (2160,). axes: (2160, 16).
+    """
+
+    mean: Array
+    scale: Array
+    axes: Array
+
+    @classmethod
+    def of(cls, root: Array, rotations: Array) -> Features:
+        """Fit to canonical chunks of real motion, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+        raw = _raw(root, rotations)
+        mean, scale = raw.mean(0), np.maximum(raw.std(0), 0.01)
+        _, spread, axes = np.linalg.svd((raw - mean) / scale, full_matrices=False)
+        kept = min(COMPONENTS, len(axes))
+        return cls(mean, scale, axes[:kept].T * (np.sqrt(len(raw)) / spread[:kept]))
+
+    def __call__(self, root: Array, rotations: Array) -> Array:
+        """Canonical chunks to (N, 16) features."""
+        return np.asarray((_raw(root, rotations) - self.mean) / self.scale @ self.axes)
+
+
+def _raw(root: Array, rotations: Array) -> Array:
+    joints, _ = forward_kinematics(root[:, HISTORY - 1 :], rotations[:, HISTORY - 1 :])
+    velocity = np.diff(joints, axis=1) * FPS
+    return np.concatenate([joints[:, 1:], velocity], -1).reshape(len(root), -1)
+
+
+def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Frechet distance between the normal distributions of two samples, (N, k) and (M, k); NaN for fewer than 2 k of either.
+
+    |m_a - m_b|^2 + tr(C_a + C_b - 2 (C_a C_b)^(1/2)).
+    """
+    if min(len(a), len(b)) < 2 * a.shape[1]:
+        return float("nan")
+    first, second = np.cov(a.T), np.cov(b.T)
+    values, vectors = np.linalg.eigh(first)
+    root = vectors * np.sqrt(values.clip(0)) @ vectors.T
+    cross = np.sqrt(np.linalg.eigvalsh(root @ second @ root).clip(0)).sum()
+    return float(np.square(a.mean(0) - b.mean(0)).sum() + np.trace(first) + np.trace(second) - 2 * cross)
