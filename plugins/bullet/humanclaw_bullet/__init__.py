@@ -1,4 +1,4 @@
-"""Half-physics and pictures on Bullet (paper, section "Locomotion-Decoupled Physical Simulation")."""
+"""Half-physics on Bullet (paper, section "Locomotion-Decoupled Physical Simulation")."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 from humanclaw.hookspecs import RegisterFactory, hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.interfaces import Renderer, Simulator
+    import click
+
+    from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
 
@@ -18,17 +20,14 @@ def _simulator(profile: str = "default") -> Simulator:
     return HalfPhysics(profile)
 
 
-def _renderer() -> Renderer:
-    from humanclaw_bullet.renderer import BulletRenderer
-
-    return BulletRenderer()
-
-
 @hookimpl
 def humanclaw_simulators(register: RegisterFactory) -> None:
     register("bullet", _simulator, "Half-physics on Bullet: driven by pose velocities, carried by contact and gravity.")
 
 
 @hookimpl
-def humanclaw_renderers(register: RegisterFactory) -> None:
-    register("bullet", _renderer, "Bullet's software rasteriser: colour, depth and object ids on one CPU core.")
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_bullet import command
+
+    cli.add_command(command.physics)
+    cli.add_command(command.bench_world)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,8 +21,8 @@ class Profile:
     substeps: int = 4
     """Physics steps a frame of 1/30 s: 120 Hz."""
     gravity: float = 9.81
-    horizontal_substeps: tuple[int, ...] = (0, 1, 2, 3)
-    """Substeps of a frame at whose beginning the horizontal root velocity is commanded; between them friction may brake it."""
+    horizontal_every: int = 1
+    """The horizontal root velocity is commanded on every so-manieth substep of a frame; between them friction may brake it."""
     max_turn: float = float(np.radians(30.0))
     """No joint turns further in one frame, radians."""
     max_speed: float = 6.0
@@ -34,6 +34,17 @@ class Profile:
     """Upward root speed that outlasts the contact which caused it, m/s. At 0 legs lift the body and never launch it."""
     max_fall: float = 15.0
     """Downward root speed is capped here, m/s, as after a fall of eleven metres."""
+    max_link_speed: float = 20.0
+    """A link's speed relative to the pelvis is held below this, m/s, by slowing all joints alike: a kick."""
+    travel: float = 0.01
+    """The faster the limbs, the more often contacts are looked for in a substep, so that between two looks no link comes further
+    than this, metres."""
+    max_looks: int = 8
+    """But no more often than this in a substep."""
+    step_offset: float = 0.04
+    """A foot held back by an edge that is no more than this above its sole is lifted over it, metres; 0: never."""
+    yielding: float = 2.0
+    """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do not."""
     friction: float = 0.4
     """Of the body's surface."""
     stiffness: float = 1.0
@@ -54,13 +65,12 @@ class Profile:
         return dict(self.soft).get(joint.removeprefix("left_").removeprefix("right_"), self.stiffness)
 
 
-PROFILES: Final = {
-    profile.name: profile
-    for profile in (
-        Profile("default"),
-        Profile("paper", horizontal_substeps=(0, 2), soft=REFERENCE_STIFFNESS, arm_mass=1.0, arm_recovery=1.0),
-    )
-}
+_DEFAULT: Final = Profile("default")
+_PAPER: Final = Profile("paper", soft=(), arm_mass=1.0, arm_recovery=1.0, step_offset=0.0, yielding=0.0)
+_REFERENCE: Final = replace(_PAPER, name="reference", horizontal_every=2, soft=REFERENCE_STIFFNESS)
+PROFILES: Final = {profile.name: profile for profile in (_DEFAULT, _PAPER, _REFERENCE)}
+"""`paper`: 120 Hz and stiffness 1.0 in every joint, as the paper says. `reference`: the constants of its implementation, where
+ankles, shoulders and wrists are softer and the root is commanded on every other substep."""
 
 
 def find_profile(name: str) -> Profile:

@@ -18,10 +18,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body import JOINTS, LINKS, OFFSETS, PARENTS, Box, Capsule
-from humanclaw.pose import FPS, Array, Motion, vector_from_quaternion
+from humanclaw.pose import FPS, Array, Motion, forward_kinematics, vector_from_quaternion
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.profile import Profile
-from humanclaw_bullet.quaternions import capped, conjugate, from_vector, multiply
+from humanclaw_bullet.quaternions import blend, capped, conjugate, from_vector, multiply
+from humanclaw_bullet.reflexes import CALM, Reflex
 
 LINK_OF: Final = {link.joint: link for link in LINKS}
 _ARMS: Final = frozenset(link.joint for link in LINKS if link.group == "arm_hand")
@@ -29,6 +30,8 @@ CHILDREN: Final = tuple(range(1, len(JOINTS)))
 """Joint indices of the tree's links; Bullet's link index is one less, and its base is joint 0."""
 _COLLAR_MASS: Final = 0.1
 _PELVIS_INERTIA: Final = 1e6
+_FLEX: Final = np.array([-1.0, 0.0, 0.0])
+"""The axis about which a hip bends."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,30 @@ def poses_of(motion: Motion) -> tuple[Pose, ...]:
 def motion_of(poses: list[Pose]) -> Motion:
     quaternions = np.stack([pose.quaternions for pose in poses])
     return Motion(np.stack([pose.root for pose in poses]), vector_from_quaternion(quaternions))
+
+
+def _far(shape: Capsule | Box) -> float:
+    """Distance of the farthest point of a shape from its joint."""
+    if isinstance(shape, Box):
+        return float(np.linalg.norm(np.abs(shape.centre) + np.array(shape.half)))
+    return float(np.linalg.norm([shape.a, shape.b], axis=1).max()) + shape.radius
+
+
+def _reach() -> Array:
+    """(24, links): how far the far end of a link can be from each joint that moves it; 0 for joints that do not."""
+    reach = np.zeros((len(JOINTS), len(LINKS)))
+    for column, link in enumerate(LINKS):
+        joint, distance = JOINTS.index(link.joint), _far(link.shape)
+        while joint >= 0:
+            reach[joint, column] = distance
+            distance, joint = distance + float(np.linalg.norm(OFFSETS[joint])), PARENTS[joint]
+    return reach
+
+
+_REACH: Final = _reach()
+_OF_LINK: Final = [JOINTS.index(link.joint) for link in LINKS]
+_TIPS: Final = np.array([link.shape.centre if isinstance(link.shape, Box) else link.shape.b for link in LINKS])
+"""(links, 3) a point near the far end of each link, in its joint's frame."""
 
 
 def along(capsule: Capsule) -> tuple[Array, Array, float]:
@@ -148,7 +175,7 @@ class Puppet:
         """Put the body somewhere, at rest."""
         self._client.resetBasePositionAndOrientation(self.body, pose.root, pose.quaternions[0])
         self._client.resetBaseVelocity(self.body, [0, 0, 0], [0, 0, 0])
-        self._target, self._fall = pose.quaternions, 0.0
+        self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
         self._set_joints(pose.quaternions[1:], np.zeros((len(CHILDREN), 3)))
 
     def pose(self) -> Pose:
@@ -157,50 +184,93 @@ class Puppet:
         joints = [state[0] for state in self._client.getJointStatesMultiDof(self.body, self._links)]
         return Pose(np.array(root), np.array([turn, *joints]))
 
-    def aim(self, target: Array) -> None:
-        """Take up the pose (24, 4) that is due at the end of the coming frame."""
+    def aim(self, target: Array, swing: float = 0.0) -> None:
+        """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster, m/s."""
         self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
-        self._target = target
+        self._target, self._swing = target, swing
 
-    def drive(self, left: int, horizontal: Array | None) -> None:
-        """Command one physics step of the frame, with so many steps left in it.
+    def drive(self, left: int, horizontal: Array | None, reflex: Reflex = CALM) -> float:
+        """Command one physics step of the frame, with so many steps left in it; returns a bound of the links' speeds, m/s.
 
         A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its y
         unread; None leaves it be.
         """
-        actual = self.pose().quaternions
+        self._before = self.pose()
+        speeds = self._joint_speeds(self._before.quaternions, left)
+        self._give_way(speeds, reflex)
+        fastest = float((np.linalg.norm(speeds, axis=1) @ _REACH).max())
+        speeds *= min(1.0, self._profile.max_link_speed / max(fastest, 1e-9))
+        velocity = self._root_velocity(horizontal, reflex)
+        self._sent = velocity
+        self._client.resetBaseVelocity(self.body, velocity, speeds[0])
+        self._set_joints(self._before.quaternions[1:], speeds[1:])
+        return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(np.linalg.norm(velocity))
+
+    def _expected(self, speeds: Array) -> float:
+        """Speed of the fastest link: what the motion has it swing at, and at most so much more where joints catch up."""
+        late = np.linalg.norm(speeds - self._way * FPS, axis=1)
+        late[0] = abs(np.linalg.norm(speeds[0]) - np.linalg.norm(self._way[0]) * FPS)  # Not in the same frame.
+        return self._swing + float((late @ _REACH).max())
+
+    def _joint_speeds(self, actual: Array, left: int) -> Array:
+        """(24, 3) angular velocities, the first in the world frame, the others in each joint's own."""
         turn = vector_from_quaternion(multiply(conjugate(actual), self._target))
         way = self._way * (left / self._profile.substeps)
         turn = way + self._recovery * (turn - way)
         turn[0] = vector_from_quaternion(multiply(self._target[0], conjugate(actual[0])))
-        speeds = capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
-        velocity = self._root_velocity(horizontal)
-        self._fall = float(velocity[1])
-        self._client.resetBaseVelocity(self.body, velocity, speeds[0])
-        self._set_joints(actual[1:], speeds[1:])
+        return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
 
-    def restrain(self, before: Array) -> None:
-        """Take back what a step moved the root, away from (3,) before, faster than a body may move.
+    def swings(self, motion: Motion) -> Array:
+        """(T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis, m/s."""
+        rotations = np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations])
+        joints, turns = forward_kinematics(np.zeros((len(rotations), 3)), rotations)
+        tips = joints[:, _OF_LINK] + np.einsum("tlij,lj->tli", turns[:, _OF_LINK], _TIPS)
+        return np.asarray(np.linalg.norm(np.diff(tips, axis=0), axis=-1).max(axis=1) * FPS)
 
-        Contacts may push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet the
-        body up a wall. Beyond that only gravity speeds up a fall.
+    def _give_way(self, speeds: Array, reflex: Reflex) -> None:
+        """Hips whose thighs carry weight follow the motion but make up for nothing, and bend until the pelvis is down."""
+        for hip, seconds in reflex.borne.items():
+            bends = seconds == 0.0 and not reflex.seated
+            speeds[hip] = self._way[hip] * FPS + (self._profile.yielding * _FLEX if bends else 0.0)
+
+    def restrain(self, touched: bool) -> None:
+        """Take back what the step since drive moved the root faster than a body may move. touched: whether contact pushed it.
+
+        A body that nothing touches goes where it was sent and falls at g: limbs that swing do not recoil on it. Contacts may
+        push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet the body up a wall.
+        Limbs give back the same share of their step: a leg that went on while the hips must not would be pressed through the
+        floor.
         """
-        profile, rate = self._profile, FPS * self._profile.substeps
+        rate = FPS * self._profile.substeps
         root, turn = self._client.getBasePositionAndOrientation(self.body)
-        speed = (np.array(root) - before) * rate
-        allowed = np.empty(3)
-        allowed[[0, 2]] = capped(speed[[0, 2]], profile.max_speed)
-        allowed[1] = np.clip(speed[1], min(self._fall - profile.gravity / rate, -profile.max_lift), profile.max_lift)
-        if np.abs(allowed - speed).max() > 1e-6:
-            _, spin = self._client.getBaseVelocity(self.body)
-            self._client.resetBasePositionAndOrientation(self.body, before + allowed / rate, turn)
-            self._client.resetBaseVelocity(self.body, allowed, spin)
+        speed = (np.array(root) - self._before.root) * rate
+        sent = self._sent - [0.0, self._profile.gravity / rate, 0.0]
+        allowed = self._allowed(speed) if touched else sent
+        if np.abs(allowed - speed).max() < 1e-6:
+            return
+        _, spin = self._client.getBaseVelocity(self.body)
+        if touched:
+            share = float(np.linalg.norm(allowed) / np.linalg.norm(speed))
+            kept = blend(self._before.quaternions, self.pose().quaternions, share)
+            turn = kept[0]
+            self._set_joints(kept[1:], np.zeros((len(CHILDREN), 3)))
+        self._client.resetBasePositionAndOrientation(self.body, self._before.root + allowed / rate, turn)
+        self._client.resetBaseVelocity(self.body, allowed, spin)
 
-    def _root_velocity(self, horizontal: Array | None) -> Array:
+    def _allowed(self, speed: Array) -> Array:
+        """(3,) the part of a root velocity that contact may cause."""
+        profile = self._profile
+        falling = self._sent[1] - profile.gravity / (FPS * profile.substeps)
+        x, z = capped(speed[[0, 2]], profile.max_speed)
+        return np.array([x, np.clip(speed[1], min(falling, -profile.max_lift), profile.max_lift), z])
+
+    def _root_velocity(self, horizontal: Array | None, reflex: Reflex) -> Array:
         velocity = np.array(self._client.getBaseVelocity(self.body)[0])
         if horizontal is not None:
             velocity[[0, 2]] = capped(horizontal[[0, 2]], self._profile.max_speed)
         velocity[1] = np.clip(velocity[1], -self._profile.max_fall, self._profile.max_rise)
+        if reflex.lift:
+            velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
         return velocity
 
     def _set_joints(self, quaternions: Array, velocities: Array) -> None:

@@ -65,7 +65,10 @@ class Things:
             self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1)
-            self._client.changeDynamics(body, -1, lateralFriction=thing.friction)
+            # Asleep, or Bullet looks every step after what never moves, and movable things on it find no rest.
+            self._client.changeDynamics(
+                body, -1, lateralFriction=thing.friction, activationState=self._client.ACTIVATION_STATE_SLEEP
+            )
             self.object_of[body] = thing.id
 
     def _add_movable(self, thing: SceneObject, asset: Asset) -> None:

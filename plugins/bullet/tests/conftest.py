@@ -2,67 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
 from humanclaw.pose import FPS, Motion, rest_pose
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
 from humanclaw_bullet.simulator import HalfPhysics
+from humanclaw_bullet.workshop import Workshop
 
 THIGH = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])
 SHIN = float(-OFFSETS[JOINT_INDEX["left_ankle"]][1])
 HIP_DROP = float(-OFFSETS[JOINT_INDEX["left_hip"]][1])
-
-
-def box_mesh(size, colour=(200, 200, 200)):
-    """A box that stands on y = 0, its six faces with vertices of their own."""
-    corners, faces = [], []
-    for axis in range(3):
-        for sign in (-1, 1):
-            a, b = (axis + 1) % 3, (axis + 2) % 3
-            square = np.zeros((4, 3))
-            square[:, axis], square[:, a], square[:, b] = sign, (-1, 1, 1, -1), (-1, -1, 1, 1)
-            order = (0, 1, 2, 3) if sign > 0 else (3, 2, 1, 0)
-            faces += [[len(corners) + order[0], len(corners) + order[k], len(corners) + order[k + 1]] for k in (1, 2)]
-            corners += (square * np.array(size) / 2 + [0, size[1] / 2, 0]).tolist()
-    uv = np.full((len(corners), 2), 0.5, np.float32)
-    return Mesh(np.array(corners, np.float32), np.array(faces, np.int32), uv, np.full((2, 2, 3), colour, np.uint8))
-
-
-@dataclass
-class Workshop:
-    """Boxes put together to a scene; ids count from 1."""
-
-    assets: dict = field(default_factory=dict)
-    objects: list = field(default_factory=list)
-
-    def box(self, category, size, position, colour=(200, 200, 200), **facts):
-        name = f"{category} {size} {colour}"
-        if name not in self.assets:
-            mesh = box_mesh(size, colour)
-            self.assets[name] = Asset(name, category, mesh, (np.unique(mesh.vertices, axis=0),))
-        self.objects.append(SceneObject(len(self.objects) + 1, name, category, position, **facts))
-        return len(self.objects)
-
-    def mesh(self, category, mesh, position, **facts):
-        self.assets[category] = Asset(category, category, mesh, ())
-        self.objects.append(SceneObject(len(self.objects) + 1, category, category, position, **facts))
-        return len(self.objects)
-
-    def floor(self, y=0.0):
-        return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))
-
-    def steps(self, count, rise, run, first):
-        """A flight of steps in the direction +Z that ends in a landing; first: where the first riser stands."""
-        for k in range(count):
-            self.box("stairs", (2, rise * (k + 1), run), (0, 0, first + run * (k + 0.5)))
-        self.box("floor", (2, rise * count, 4), (0, 0, first + run * count + 2))
-
-    def scene(self):
-        return Scene("workshop", self.assets, tuple(self.objects), (), Placement(0, 0, 0))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from humanclaw.pose import FPS, Frame, Motion, heading, matrix_from_vector, rest
 from humanclaw.scene import Placement
 from humanclaw_bullet.simulator import HalfPhysics
 
-PROFILES = ("default", "paper")
+PROFILES = ("default", "paper", "reference")
 
 
 def uprightness(motion):
@@ -146,16 +146,52 @@ def test_only_objects_that_moved_have_a_path(workshop, glide):
     assert {key: path.shape for key, path in simulator.execute(glide((0.0, 0.8))).objects.items()} == {near: (15, 7)}
 
 
-@pytest.mark.parametrize(("seat", "part"), [(0.38, "pelvis"), (0.42, "pelvis"), (0.5, "left_hip")])
-def test_sitting_down_ends_on_the_seat_and_upright(workshop, play, sitting_down, seat, part):
-    """On a seat that is higher than the knees the thighs, which slope, come down before the pelvis."""
+@pytest.mark.parametrize("seat", [0.38, 0.42, 0.46, 0.5])
+def test_sitting_down_ends_with_the_pelvis_on_the_seat_and_upright(workshop, play, sitting_down, seat):
+    """Also where the seat is higher than the knees: thighs that slope give way to it."""
     workshop.floor()
     couch = workshop.box("couch", (1.6, seat, 0.8), (0, 0, -0.65))
     played = play(workshop.scene(), sitting_down(seat + 0.12, -0.45))
-    assert part in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
-    assert played.realised.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.04)
+    assert "pelvis" in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
+    assert played.realised.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.02)
     assert uprightness(played.realised).min() > 0.99
     assert np.abs(np.diff(played.realised.root[-15:], axis=0)).max() < 0.001
+
+
+def test_who_sat_on_a_high_seat_stands_up_on_straight_legs(workshop, play, sitting_down, glide):
+    workshop.floor()
+    workshop.box("couch", (1.6, 0.5, 0.8), (0, 0, -0.65))
+    down = sitting_down(0.62, -0.45)
+    forward = glide((0.0, 0.6), 30)
+    up = Motion(forward.root + [0, 0, down.root[-1, 2]], forward.rotations)
+    realised = play(workshop.scene(), down.then(up)).realised
+    assert realised.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
+    assert np.abs(realised.rotations[-1, [1, 2]]).max() < 0.01
+
+
+def test_a_toe_that_catches_an_edge_is_lifted_over_it_and_over_no_more(workshop, play, glide):
+    """Soles drag along the floor at 0.6 m/s into a board of 3 cm, and into one of 6 cm."""
+    ends = []
+    for height in (0.03, 0.06):
+        shop = type(workshop)()
+        shop.floor()
+        shop.box("board", (2, height, 2), (0, 0, 1.4))
+        ends.append(play(shop.scene(), glide((0.0, 0.6), 30)).realised.root[-1])
+    assert ends[0] == pytest.approx([0, STANDING_HEIGHT + 0.03, 0.6], abs=0.05)
+    assert ends[1][1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
+    assert ends[1][2] < 0.25
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_kick_does_not_enter_a_wall(workshop, play, profile):
+    """A straight leg swung from the hip at 12 m/s."""
+    workshop.floor()
+    wall = workshop.box("wall", (6, 2.5, 0.2), (0, 0, 0.55))
+    command = rest_pose(15)
+    command.rotations[:, JOINT_INDEX["right_hip"], 0] = -1.4 * np.sin(np.arange(15) / 15 * 4 * np.pi)
+    depths = [contact.depth for contact in play(workshop.scene(), command, profile).touched(wall)]
+    assert depths
+    assert max(depths) < 0.015
 
 
 def test_lifted_feet_let_the_body_down_as_gravity_would_and_no_bounce_follows(workshop, play):
@@ -175,31 +211,6 @@ def test_straightening_the_legs_at_once_lifts_the_body_and_does_not_launch_it(wo
     up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
     height = play(workshop.scene(), down.then(up)).realised.root[:, 1]
     assert height[75:].max() < STANDING_HEIGHT + 0.05
-
-
-def test_nothing_explodes_whatever_the_command(workshop):
-    """200 chunks of held, of jittering and of upright random poses: finite, never fast, never launched.
-
-    That the body stays in the room is not asked here: poses as violent as these can press limbs through a thin floor or wall.
-    """
-    workshop.floor()
-    workshop.box("couch", (1.6, 0.45, 0.8), (0, 0, -1.0))
-    for size, x, z in (((4, 2.5, 0.2), 0, 2), ((4, 2.5, 0.2), 0, -2), ((0.2, 2.5, 4), 2, 0), ((0.2, 2.5, 4), -2, 0)):
-        workshop.box("wall", size, (x, 0, z))
-    workshop.box("box", (0.3, 0.3, 0.3), (0.8, 0, 0.8), movable=True, mass=2.0)
-    simulator, scene, random = HalfPhysics(), workshop.scene(), np.random.default_rng(0)
-    state = simulator.reset(scene, scene.start)
-    for number in range(200):
-        held, jitter = random.normal(0, 1.2, (1, 24, 3)).repeat(15, axis=0), random.normal(0, 1.0, (15, 24, 3))
-        turns = (held, jitter, rest_pose(15).rotations)[number % 3]
-        path = np.cumsum(random.normal(0, 0.03, 3) + random.normal(0, 0.05, (15, 3)), axis=0)
-        before = state.body.root
-        execution = simulator.execute(Motion(before + path, turns))
-        root, state = execution.realised.root, simulator.state()
-        assert np.isfinite(execution.realised.joints()).all()
-        assert all(np.isfinite(path).all() for path in execution.objects.values())
-        assert np.linalg.norm(np.diff(np.concatenate([before, root]), axis=0), axis=1).max() * FPS < 8.0
-        assert root[:, 1].max() < 2.0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -281,7 +292,7 @@ def test_numbers_that_are_not_finite_are_refused_and_change_nothing(workshop):
 
 
 def test_an_unknown_profile_is_refused_with_the_known_ones():
-    with pytest.raises(HumanclawError, match="default, paper"):
+    with pytest.raises(HumanclawError, match="default, paper, reference"):
         HalfPhysics("papper")
 
 

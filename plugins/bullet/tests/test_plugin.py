@@ -4,7 +4,6 @@ import subprocess
 import sys
 
 import humanclaw_bullet
-from humanclaw_bullet.renderer import BulletRenderer
 from humanclaw_bullet.simulator import HalfPhysics
 
 
@@ -14,10 +13,9 @@ def offered(hook):
     return found
 
 
-def test_simulator_and_renderer_are_offered_as_bullet():
+def test_the_simulator_is_offered_as_bullet():
     simulators = offered(humanclaw_bullet.humanclaw_simulators)
     assert isinstance(simulators["bullet"](profile="paper"), HalfPhysics)
-    assert isinstance(offered(humanclaw_bullet.humanclaw_renderers)["bullet"](), BulletRenderer)
 
 
 def test_importing_the_plugin_does_not_load_the_engine():
