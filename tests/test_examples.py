@@ -26,3 +26,13 @@ def test_the_ten_line_skill_nods(house):
         assert len(body.last.chunks) == 2
         commanded = body.last.chunks[0].commanded
         assert np.ptp(commanded.rotations[:, 15, 0]) > 0.3  # 20 degrees are 0.35 rad
+
+
+def test_the_contact_sheet_shows_houses_from_above_and_from_inside(tmp_path):
+    command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    assert "houses.jpg: 1 pictures" in done.stdout
+    for name, size in (("houses.jpg", (3 * 460, 330)), ("views.jpg", (4 * 384, 384))):
+        picture = Image.open(tmp_path / name)
+        assert picture.size == size
+        assert np.asarray(picture)[:, :380].std() > 20

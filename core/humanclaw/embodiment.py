@@ -27,8 +27,9 @@ from humanclaw.interfaces import (
     ego_camera,
 )  # fmt: skip
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FUTURE, HISTORY, Array, Frame, Motion
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, anchored
 from humanclaw.scene import Placement, Scene
+from humanclaw.senses import check_senses, feeling
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,12 @@ class Engines:
     """Names of the implementations to use, as plugins registered them."""
 
     simulator: str = "bullet"
-    renderer: str = "bullet"
+    renderer: str = "raster"
     generator: str = "dit"
     profile: str = "default"
     """'default' or 'paper': settings of the simulator and the motion solver."""
+    senses: tuple[str, ...] = ("vision",)
+    """What an observation tells of the last call (humanclaw.senses); vision is the picture, and always on."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class Deed:
     call: Call
     chunks: tuple[Chunk, ...]
     seconds: Mapping[str, float]
+    felt: str = ""
+    """What senses other than vision tell of it, in words."""
 
 
 class Body:
@@ -77,6 +82,7 @@ class Body:
         """
         self.plugins = plugins or Plugins.discover()
         self.engines = engines or Engines()
+        self.senses = check_senses(self.engines.senses)
         self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
         self._simulator: Simulator = self._make("simulators", self.engines.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.engines.renderer)
@@ -97,7 +103,7 @@ class Body:
         self.step = 0
         self.last: Deed | None = None
         self._state = self._simulator.reset(self.scene, self.start)
-        self._history = _anchored(self._generator.start(), self._state.body)
+        self._history = anchored(self._generator.start(), self._state.body)
         return self.observe()
 
     @property
@@ -132,25 +138,26 @@ class Body:
         Raises PluginError for an unknown skill, CallError for parameters outside its schema.
         """
         deed = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
-        return self.observe(feedback=f"Executed {deed.call}.")
+        return self.observe(feedback=f"Executed {deed.call}. {deed.felt}".strip())
 
     def execute(self, call: Call) -> Deed:
         """Carry out a call that has been checked already."""
         skill = self.plugins.skill(call.skill)
         plan = skill.plan(call.params)
-        chunks, seconds = [], {"generate": 0.0, "simulate": 0.0}
+        before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
         moment = time.perf_counter()
         for commanded in self._chunks(skill, plan):
             seconds["generate"] += time.perf_counter() - moment
             moment = time.perf_counter()
             execution = self._simulator.execute(commanded)
             self._state = self._simulator.state()
-            self._history = _anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
+            self._history = anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
             chunks.append(Chunk(commanded, execution))
             seconds["simulate"] += time.perf_counter() - moment
             moment = time.perf_counter()
         self.step += 1
-        self.last = Deed(call, tuple(chunks), seconds)
+        felt = feeling(self.senses, before, [(chunk.commanded, chunk.execution) for chunk in chunks])
+        self.last = Deed(call, tuple(chunks), seconds, felt)
         return self.last
 
     def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
@@ -182,17 +189,6 @@ def require_trained(skill: Skill) -> None:
             f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
             f"Train it with `humanclaw train adapter {skill.name}`.",
         )
-
-
-def _anchored(generated: Motion, realised: Motion) -> Motion:
-    """Generated frames, moved as one piece so that the last of them stands where the body really is.
-
-    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair, and
-    the model never meets a pose that no person would take. Position and heading, which contact changes for good, are physical.
-    """
-    there = Frame.of(realised, floor=float(realised.root[-1, 1]))
-    here = Frame.of(generated, floor=float(generated.root[-1, 1]))
-    return there.to_world(here.to_local(generated))
 
 
 def _offset(pose: Motion, motion: Motion) -> Array:

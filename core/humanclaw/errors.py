@@ -28,8 +28,23 @@ class RecordError(HumanclawError):
     """A record that cannot be written or read."""
 
 
+class ReplayError(RecordError):
+    """A record that cannot be continued: the world no longer does what it did when the record was made."""
+
+
 class CallError(Exception):
     """A call that the model should mend. The text is handed back to it; nothing was executed."""
+
+
+class LimitError(Exception):
+    """A limit on time, tokens or money was reached. The episode ends as limit_reached: no decision, no fault of anybody's.
+
+    scope: 'call', 'episode' or 'run'; after a run's limit no further episode may begin.
+    """
+
+    def __init__(self, scope: str, message: str) -> None:
+        super().__init__(message)
+        self.scope = scope
 
 
 class ProviderError(Exception):

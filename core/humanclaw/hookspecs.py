@@ -70,6 +70,22 @@ def humanclaw_verifiers(register: RegisterFactory) -> None:
 
 
 @hookspec
+def humanclaw_executors(register: RegisterFactory) -> None:
+    """Register executors, which play the episodes of a run somewhere: factory(workers: int, address: str) -> Executor.
+
+    humanclaw.bench.executors tells what one does; plugins/ray is one for a cluster.
+    """
+
+
+@hookspec
+def humanclaw_metrics(register: RegisterFactory) -> None:
+    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
+
+    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw.bench.load.
+    """
+
+
+@hookspec
 def humanclaw_commands(cli: click.Group) -> None:
     """Add commands to the command line."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from humanclaw.contract import Skill
 from humanclaw.episode import EpisodeSpec
 from humanclaw.pose import Array, Motion, forward_kinematics, yaw_matrix
 from humanclaw.scene import Placement, Scene
+
+if TYPE_CHECKING:
+    from humanclaw.limits import Meter
 
 BODY_ID: Final = -1
 """The value of the body's own pixels in an id image; 0 is where nothing was drawn."""
@@ -155,6 +158,17 @@ class Usage:
     tokens_out: int = 0
     cost: float = 0.0
     estimated: bool = False
+    cost_estimated: bool = False
+    """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
+
+    def __add__(self, other: Usage) -> Usage:
+        return Usage(
+            self.tokens_in + other.tokens_in,
+            self.tokens_out + other.tokens_out,
+            self.cost + other.cost,
+            self.estimated or other.estimated,
+            self.cost_estimated or other.cost_estimated,
+        )
 
 
 @dataclass(frozen=True)
@@ -206,11 +220,17 @@ class EpisodeContext:
     scene: Scene | None = None
     state: Callable[[], WorldState] | None = None
     """scene and state are given to privileged decision makers only: oracles, never models."""
+    meter: Meter | None = None
+    """What may still be used; whoever waits for a model should wait no longer than meter.seconds_left()."""
 
 
 @runtime_checkable
 class DecisionMaker(Protocol):
-    """Anything that can call a tool: a model, a person, a script."""
+    """Anything that can call a tool: a model, a person, a script.
+
+    If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force, with the
+    defaults filled in.
+    """
 
     name: str
     privileged: bool
@@ -218,7 +238,10 @@ class DecisionMaker(Protocol):
     def begin(self, context: EpisodeContext) -> None: ...
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
-        """Raises ProviderError when no answer can be had; that is never turned into a decision."""
+        """Raises ProviderError when no answer can be had; that is never turned into a decision.
+
+        Raises LimitError when the meter of the episode leaves no time to wait for one.
+        """
 
 
 @dataclass(frozen=True)
@@ -243,7 +266,10 @@ class Verdict:
 
 
 class Verifier(Protocol):
-    """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone."""
+    """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone.
+
+    An attribute `settings` is recorded, as a decision maker's is. One with a true attribute `privileged` is told scene and state.
+    """
 
     name: str
 

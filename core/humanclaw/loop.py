@@ -10,14 +10,14 @@ import difflib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.contract import Skill
 from humanclaw.embodiment import Body
 from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import CallError, HumanclawError, ProviderError, SceneError
+from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
 from humanclaw.interfaces import (
     Call,
     Decision,
@@ -29,8 +29,21 @@ from humanclaw.interfaces import (
     Verifier,
     View,
 )
+from humanclaw.limits import Meter
 from humanclaw.pose import Array
-from humanclaw.recorder import Film, attempt_record, episode_record, jpeg, outcome, place, verdict_record, way_left
+from humanclaw.recorder import (
+    Film,
+    attempt_record,
+    decision_of,
+    episode_record,
+    jpeg,
+    outcome,
+    place,
+    usage_of,
+    usage_record,
+    verdict_record,
+    way_left,
+)
 from humanclaw.records import AttemptRecord, CallRecord, EpisodeRecord, EpisodeWriter, Outcome, StepRecord
 from humanclaw.scene import Placement, Scene
 
@@ -53,6 +66,7 @@ class Run:
     verifier: Verifier | None = None
     writer: EpisodeWriter | None = None
     distance: Distance | None = None
+    meter: Meter = field(default_factory=Meter)
     history: list[Past] = field(default_factory=list)
     feedback: str = ""
     seconds: dict[str, float] = field(default_factory=dict)
@@ -80,46 +94,57 @@ def run_episode(
     folder: Path | None = None,
     options: Mapping[str, Any] | None = None,
     ruler: Ruler | None = None,
+    replay: Sequence[StepRecord] = (),
+    meter: Meter | None = None,
 ) -> EpisodeRecord:
     """Run one episode to its end and record it in folder, if one is given.
 
     ruler: measures the way that is left to a target after each step, for the record.
+    replay: the steps of an earlier run of the same episode. They are lived through again without asking anybody, and the
+    episode goes on from there. Raises ReplayError if the world does not do as it did.
+    meter: the limits of the run, one meter for all of its episodes. When one is reached the episode ends as limit_reached; if
+    the record's `limit` is "run", no further episode may begin.
     Raises SceneError if the scene is not the one the episode was made for. A KeyboardInterrupt is recorded and raised again.
     """
     begin(body, spec)
-    record = episode_record(body, spec, maker, verifier, options or {})
+    meter = meter or Meter()
+    meter.begin("episode")
+    record = episode_record(body, spec, maker, verifier, options or {}, meter.limits)
     distance = ruler(body.scene, spec.target_ids, body.start.floor) if ruler and spec.target_ids else None
     record = record.model_copy(update=way_left(body.state(), distance))
-    _introduce(body, spec, maker, verifier)
-    run = Run(body, spec, maker, verifier, EpisodeWriter(folder, record) if folder else None, distance)
+    _introduce(body, spec, maker, verifier, meter)
+    run = Run(body, spec, maker, verifier, EpisodeWriter(folder, record, replay) if folder else None, distance, meter)
     film = Film(body)
     ending: Outcome = "interrupted"
-    error, steps = "", 0
+    error, limit, steps = "", "", 0
     try:
-        for step in _steps(run, film):
+        for step in _steps(run, film, replay):
             steps += 1
             body.plugins.hook.humanclaw_step(episode=record, step=step)
             ending = "stopped" if step.status == "stopped" else "interrupted"
         ending = "stopped" if ending == "stopped" else "out_of_steps"
     except ProviderError as fault:
         ending, error = "infra_error", str(fault)
+    except LimitError as reached:
+        ending, error, limit = "limit_reached", str(reached), reached.scope
     except HumanclawError as fault:
         error = str(fault)
         raise
     finally:
-        record = record.model_copy(update={"outcome": ending, "error": error, "steps": steps})
+        ended = {"outcome": ending, "error": error, "limit": limit, "usage": usage_record(meter.episode)}
+        record = record.model_copy(update=ended | {"steps": steps})
         if run.writer:
             run.writer.end(record, film.arrays())
         body.plugins.hook.humanclaw_episode_end(episode=record, folder=folder)
     return record
 
 
-def _introduce(body: Body, spec: EpisodeSpec, maker: DecisionMaker, verifier: Verifier | None) -> None:
+def _introduce(body: Body, spec: EpisodeSpec, maker: DecisionMaker, verifier: Verifier | None, meter: Meter) -> None:
     """Tell the deciders their task, before anything is written: what they refuse here leaves nothing behind."""
-    context = EpisodeContext(spec, body.skills, spec.seed)
+    context = EpisodeContext(spec, body.skills, spec.seed, meter=meter)
     maker.begin(_privileged(context, body) if maker.privileged else context)
     if verifier:
-        verifier.begin(context)
+        verifier.begin(_privileged(context, body) if getattr(verifier, "privileged", False) else context)
 
 
 def begin(body: Body, spec: EpisodeSpec) -> None:
@@ -134,15 +159,52 @@ def begin(body: Body, spec: EpisodeSpec) -> None:
 
 
 # -- one step ----------------------------------------------------------------------------------------------------------
-def _steps(run: Run, film: Film) -> Iterator[StepRecord]:
+def _steps(run: Run, film: Film, replay: Sequence[StepRecord]) -> Iterator[StepRecord]:
     for number in range(run.spec.max_steps):
         run.seconds = {}
-        step = _step(run, film, number)
-        if run.writer:
+        step = _relive(run, film, replay[number]) if number < len(replay) else _step(run, film, number)
+        if run.writer and number >= len(replay):
             run.writer.step(step)
         yield step
         if step.status == "stopped":
             return
+
+
+def _relive(run: Run, film: Film, step: StepRecord) -> StepRecord:
+    """Carry out a recorded step again, so that body, history and film are as they were after it."""
+    view = run.body.view()
+    if run.writer:
+        run.writer.frame(f"{step.step:04d}.jpg", jpeg(view))
+    if run.maker.privileged:
+        _recall(run, step, view)
+    if run.verifier and getattr(run.verifier, "privileged", False) and step.status != "invalid":
+        decision = decision_of(step.attempts[-1])
+        _verify(run, step.step, view, decision, check(decision, run.skills))
+    call = Call(step.call.skill, step.call.params) if step.call else None
+    if call:
+        film.add(run.body.execute(call))
+    now = place(run.body.state(), "end")
+    if now != {key: getattr(step, key) for key in now}:
+        raise ReplayError(
+            f"step {step.step} of episode {run.spec.id} ended at {step.end}, and now ends at {now['end']}.",
+            "Continue it on the machine and with the versions that it was begun with, or remove its folder.",
+        )
+    run.meter.add(usage_of(step))
+    _remember(run, step.step, decision_of(step.attempts[-1]), call, step.feedback, view)
+    return step
+
+
+def _recall(run: Run, step: StepRecord, view: View) -> None:
+    """A script that knows the world keeps a memory beside the history, so it has to live through its decisions too."""
+    feedback = run.feedback
+    for attempt in step.attempts:
+        again = run.maker.decide(Observation(step.step, run.spec.instruction, view.rgb, feedback), tuple(run.history))
+        if attempt_record(again, attempt.error) != attempt:
+            raise ReplayError(
+                f"{run.maker.name} now decides otherwise in step {step.step} of episode {run.spec.id}.",
+                "Continue it with the versions that it was begun with, or remove its folder.",
+            )
+        feedback = attempt.error
 
 
 def _step(run: Run, film: Film, number: int) -> StepRecord:
@@ -171,7 +233,7 @@ def _step(run: Run, film: Film, number: int) -> StepRecord:
     deed = run.body.execute(call)
     film.add(deed)
     run.seconds |= deed.seconds
-    feedback = _feedback(decision.calls[0], call, verdict)
+    feedback = f"{_feedback(decision.calls[0], call, verdict)} {deed.felt}".strip()
     _remember(run, number, decision, call, feedback, view)
     return StepRecord(
         step=number,
@@ -191,10 +253,10 @@ def _decide(run: Run, number: int, view: View) -> tuple[tuple[AttemptRecord, ...
     attempts: list[AttemptRecord] = []
     feedback = run.feedback
     for _ in range(MAX_ATTEMPTS):
-        with run.clock("decide"):
-            decision = run.maker.decide(
-                Observation(number, run.spec.instruction, view.rgb, feedback), tuple(run.history)
-            )
+        observation = Observation(number, run.spec.instruction, view.rgb, feedback)
+        with run.clock("decide"), metered(run.meter):
+            decision = run.maker.decide(observation, tuple(run.history))
+            run.meter.add(decision.usage)
         try:
             call = check(decision, run.skills)
         except CallError as fault:
@@ -204,6 +266,15 @@ def _decide(run: Run, number: int, view: View) -> tuple[tuple[AttemptRecord, ...
         attempts.append(attempt_record(decision))
         return tuple(attempts), decision, call
     return tuple(attempts), decision, None
+
+
+@contextmanager
+def metered(meter: Meter) -> Iterator[None]:
+    """One question to a model. Raises LimitError, before it or after it, if a limit has been crossed."""
+    meter.begin("call")
+    meter.check()
+    yield
+    meter.check()
 
 
 def check(decision: Decision, skills: Mapping[str, Skill]) -> Call:
@@ -235,8 +306,9 @@ def _verify(run: Run, number: int, view: View, decision: Decision, call: Call) -
     if run.verifier is None:
         return None, call
     observation = Observation(number, run.spec.instruction, view.rgb)
-    with run.clock("verify"):
+    with run.clock("verify"), metered(run.meter):
         verdict = run.verifier.verify(observation, call, run.skills[call.skill], decision.mid_level_goal)
+        run.meter.add(verdict.usage)
     if verdict.accepted or verdict.replacement is None:
         return verdict, call
     try:
@@ -260,4 +332,4 @@ def _remember(run: Run, number: int, decision: Decision, call: Call | None, feed
 
 
 def _privileged(context: EpisodeContext, body: Body) -> EpisodeContext:
-    return EpisodeContext(context.spec, context.skills, context.seed, body.scene, body.state)
+    return replace(context, scene=body.scene, state=body.state)

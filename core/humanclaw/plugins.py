@@ -31,6 +31,8 @@ KINDS: Final[Mapping[str, str]] = {
     "motion_generators": "motion generator",
     "decision_makers": "decision maker",
     "verifiers": "verifier",
+    "executors": "executor",
+    "metrics": "metric",
 }
 """What can be registered under a name besides skills: hook suffix to what a person calls one of them."""
 

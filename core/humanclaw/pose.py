@@ -215,6 +215,17 @@ class Frame:
         return np.asarray((np.asarray(point, float) - [self.x, self.floor, self.z]) @ yaw_matrix(self.yaw))
 
 
+def anchored(generated: Motion, realised: Motion) -> Motion:
+    """Generated frames, moved as one piece so that the last of them stands where the body really is.
+
+    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair, and
+    the model never meets a pose that no person would take. Position and heading, which contact changes for good, are physical.
+    """
+    there = Frame.of(realised, floor=float(realised.root[-1, 1]))
+    here = Frame.of(generated, floor=float(generated.root[-1, 1]))
+    return there.to_world(here.to_local(generated))
+
+
 def _turned(motion: Motion, turn: Array) -> Motion:
     rotations = motion.rotations.copy()
     rotations[:, 0] = vector_from_matrix(turn @ matrix_from_vector(motion.rotations[:, 0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from humanclaw.embodiment import Body, Deed
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import (
+    Call,
     Contact,
     Decision,
     DecisionMaker,
@@ -32,10 +34,11 @@ from humanclaw.records import (
     CallRecord,
     ContactRecord,
     EpisodeRecord,
+    StepRecord,
     UsageRecord,
     VerdictRecord,
 )
-from humanclaw.scene import Scene
+from humanclaw.scene import GROUND, Scene
 
 
 class Film:
@@ -77,8 +80,19 @@ class Film:
 
 
 def episode_record(
-    body: Body, spec: EpisodeSpec, maker: DecisionMaker, verifier: Verifier | None, options: Mapping[str, Any]
+    body: Body,
+    spec: EpisodeSpec,
+    maker: DecisionMaker,
+    verifier: Verifier | None,
+    options: Mapping[str, Any],
+    limits: Mapping[str, float] | None = None,
 ) -> EpisodeRecord:
+    in_force = {
+        "decision_maker": getattr(maker, "settings", {}),
+        "verifier": getattr(verifier, "settings", {}),
+        "limits": limits or {},
+        "body": asdict(body.engines) | {"senses": list(body.senses)},
+    }
     boxes = {key: body.scene.aabb(key) for key in spec.target_ids}
     return EpisodeRecord(
         spec=spec,
@@ -86,11 +100,14 @@ def episode_record(
         agent=maker.name,
         verifier=verifier.name if verifier else "",
         options=dict(options),
+        settings={part: dict(found) for part, found in in_force.items() if found},
         versions={"humanclaw": humanclaw.__version__} | {i.origin: i.version for i in body.plugins.infos if i.version},
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
+        licences=body.scene.licences,
         targets={key: (_vec3(low), _vec3(high)) for key, (low, high) in boxes.items()},
         movable=tuple(thing.id for thing in body.scene.objects if thing.movable),
+        ground=tuple(thing.id for thing in body.scene.objects if thing.category in GROUND),
         skills=tuple(sorted(body.skills)),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
@@ -169,8 +186,15 @@ def attempt_record(decision: Decision, error: str = "") -> AttemptRecord:
         raw=decision.raw,
         prompt_digest=decision.prompt_digest,
         error=error,
-        usage=_usage(decision.usage),
+        usage=usage_record(decision.usage),
     )
+
+
+def decision_of(record: AttemptRecord) -> Decision:
+    """The decision that a record was made of."""
+    said = record.model_dump(exclude={"calls", "error", "usage"})
+    calls = tuple(Call(call.skill, call.params) for call in record.calls)
+    return Decision(calls, **said, usage=Usage(**record.usage.model_dump()))
 
 
 def _plain(params: Mapping[str, Any]) -> dict[str, Any]:
@@ -188,11 +212,17 @@ def verdict_record(verifier: Verifier | None, verdict: Verdict | None) -> Verdic
         replacement=CallRecord(skill=other.skill, params=_plain(other.params)) if other else None,
         answers=tuple(AnswerRecord(check=a.check, passed=a.passed, note=a.note) for a in verdict.answers),
         failed_open=verdict.failed_open,
-        usage=_usage(verdict.usage),
+        usage=usage_record(verdict.usage),
     )
 
 
-def _usage(usage: Usage) -> UsageRecord:
+def usage_of(step: StepRecord) -> Usage:
+    """What all answers of a recorded step took."""
+    records = [attempt.usage for attempt in step.attempts] + ([step.verdict.usage] if step.verdict else [])
+    return sum((Usage(**record.model_dump()) for record in records), Usage())
+
+
+def usage_record(usage: Usage) -> UsageRecord:
     return UsageRecord(**vars(usage))
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +17,7 @@ from humanclaw.files import write_atomically
 from humanclaw.pose import Array, Motion
 
 FORMAT: Literal[1] = 1
-Outcome = Literal["running", "stopped", "out_of_steps", "infra_error", "interrupted"]
+Outcome = Literal["running", "stopped", "out_of_steps", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
 
 
@@ -40,6 +41,7 @@ class UsageRecord(Record):
     tokens_out: int = 0
     cost: float = 0.0
     estimated: bool = False
+    cost_estimated: bool = False
 
 
 class AttemptRecord(Record):
@@ -132,13 +134,20 @@ class EpisodeRecord(Record):
     agent: str
     verifier: str = ""
     options: dict[str, Any] = {}
+    """As they were given."""
+    settings: dict[str, dict[str, Any]] = {}
+    """What was in force, defaults filled in, under decision_maker, verifier and limits."""
     versions: dict[str, str] = {}
     weights: dict[str, str] = {}
     """Adapter or base name to digest."""
     scene_digest: str
+    licences: tuple[str, ...] = ()
+    """'licence: whom to name', of everything in the scene."""
     targets: dict[int, tuple[Vec3, Vec3]] = {}
     """Target id to its bounding box."""
     movable: tuple[int, ...] = ()
+    ground: tuple[int, ...] = ()
+    """Ids of the floors and stairs: what feet are meant to stand on."""
     """Ids of the objects that can be moved."""
     geodesic: float | None = None
     """Shortest way from the start to a place beside the nearest target, metres; None if not measured."""
@@ -146,18 +155,26 @@ class EpisodeRecord(Record):
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""
+    """Why it ended as infra_error or limit_reached, or what the user is to mend."""
+    limit: str = ""
+    """Whose limit was reached: call, episode or run; after a run's no further episode may begin."""
+    usage: UsageRecord = UsageRecord()
+    """All that the episode's answers took, those included that no step holds because the episode ended first."""
     steps: Annotated[int, Field(ge=0)] = 0
 
 
 class EpisodeWriter:
     """Writes one episode folder; every step is on disk before the next begins."""
 
-    def __init__(self, folder: Path, record: EpisodeRecord) -> None:
+    def __init__(self, folder: Path, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
+        """kept: the steps that the folder begins with, those of an earlier run."""
         self.folder = folder
+        lines = "".join(step.model_dump_json() + "\n" for step in kept)
         try:
             (folder / "frames").mkdir(parents=True, exist_ok=True)
             write_atomically(folder / "episode.json", record.model_dump_json(indent=1).encode())
-            self._steps = (folder / "steps.jsonl").open("w", encoding="utf-8")
+            write_atomically(folder / "steps.jsonl", lines.encode())
+            self._steps = (folder / "steps.jsonl").open("a", encoding="utf-8")
         except OSError as error:
             reason = f"cannot write the record to {folder}: {error.strerror}."
             raise RecordError(reason, "Name another folder with --out.") from error
@@ -198,6 +215,23 @@ class RecordedEpisode:
         """Movable object id to (T, 7) position and quaternion, a row a frame of motion()."""
         with np.load(self.folder / "motion.npz") as data:
             return {int(key[7:]): data[key].astype(float) for key in data.files if key.startswith("object_")}
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over all that happened: record, steps, frames and motion. Two runs that did the same have the same.
+
+        When it was and how long it took is left out, as is what was made of the record later on.
+        """
+        state = hashlib.sha256(self.record.model_dump_json(exclude={"created"}).encode())
+        for step in self.steps:
+            state.update(step.model_dump_json(exclude={"seconds"}).encode())
+            if step.frame_file:
+                state.update((self.folder / step.frame_file).read_bytes())
+        if (self.folder / "motion.npz").exists():
+            with np.load(self.folder / "motion.npz") as data:
+                for key in sorted(data.files):
+                    state.update(key.encode() + data[key].tobytes())
+        return state.hexdigest()
 
 
 def load_run(folder: Path) -> list[RecordedEpisode]:

@@ -2,16 +2,141 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import click
 
+from humanclaw.embodiment import Engines
 from humanclaw.errors import HumanclawError
+from humanclaw.interfaces import DecisionMaker, Verifier
+from humanclaw.limits import Meter, check_limits
+from humanclaw.plugins import Plugins
+from humanclaw.senses import SENSES, check_senses
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Deciders:
+    """Who decides and who verifies, with what options and within what limits, as a command line asked for them."""
+
+    agent: str
+    verifier: str
+    """Empty: none."""
+    options: Mapping[str, Any]
+    """What every factory of decision makers and verifiers is given."""
+    limits: Mapping[str, float]
+
+    def make(self, plugins: Plugins) -> tuple[DecisionMaker, Verifier | None]:
+        """A decision maker and a verifier, for one episode after another."""
+        verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
+        return plugins.make("decision_makers", self.agent, self.options), verifier
+
+    def meter(self) -> Meter:
+        """The accounts of one run."""
+        return Meter(self.limits)
+
+
+_DECIDERS: Final = (
+    click.option(
+        "--agent", default="", help="Decision maker by name; the default is oracle, or the model if one is named."
+    ),
+    click.option(
+        "--model",
+        default="",
+        help="Any litellm model that can call tools, such as openai/gpt-5 or ollama_chat/qwen3-vl.",
+    ),
+    click.option(
+        "--verifier", default="", help="Verifier by name, or none. The default is the model's own, if one is named."
+    ),
+    click.option("--no-verifier", is_flag=True, help="The same as --verifier none."),
+    click.option(
+        "--no-mid-level",
+        "mid_level",
+        flag_value=False,
+        default=None,
+        help="The decision maker keeps no mid-level goal.",
+    ),
+    click.option("--history", type=click.IntRange(0), help="Past steps that the decision maker is told."),
+    click.option("--images", type=click.IntRange(1), help="Views that it is shown, the current one included."),
+    click.option(
+        "--profile",
+        type=click.Choice(["default", "paper"]),
+        default="default",
+        show_default=True,
+        help="Settings of the simulator, the motion solver and the decision maker; the switches above go before it.",
+    ),
+    click.option("--renderer", default=Engines.renderer, show_default=True, help="What draws the views, by name."),
+    click.option(
+        "--sense",
+        "senses",
+        type=click.Choice(SENSES),
+        multiple=True,
+        help="What the decision maker is told besides the view, which is always there. Repeatable.",
+    ),
+    click.option(
+        "--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the decision maker. Repeatable."
+    ),
+    click.option(
+        "--limit",
+        "limits",
+        multiple=True,
+        metavar="SCOPE.UNIT=N",
+        help="The most that a call, episode or run may take in seconds, tokens or usd, such as episode.usd=0.5. Repeatable.",
+    ),
+)
+
+
+def decider_options(function: F) -> F:
+    """The options that say who decides, and with what body; the command gets them as `deciders` and `engines`."""
+
+    @functools.wraps(function)
+    def command(
+        *args: Any,
+        agent: str,
+        model: str,
+        verifier: str,
+        no_verifier: bool,
+        mid_level: bool | None,
+        history: int | None,
+        images: int | None,
+        profile: str,
+        renderer: str,
+        senses: Sequence[str],
+        pairs: Sequence[str],
+        limits: Sequence[str],
+        **rest: Any,
+    ) -> Any:
+        switches = {"model": model or None, "history": history, "images": images, "mid_level": mid_level}
+        given = {key: value for key, value in switches.items() if value is not None}
+        options = {"profile": profile} | parse_pairs(pairs) | given
+        judge = "none" if no_verifier else verifier or ("litellm" if model else "none")
+        deciders = Deciders(
+            agent or ("litellm" if model else "oracle"), "" if judge == "none" else judge, options, parse_limits(limits)
+        )
+        engines = Engines(renderer=renderer, profile=profile, senses=check_senses(senses))
+        return function(*args, deciders=deciders, engines=engines, **rest)
+
+    return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
+
+
+def parse_limits(texts: Sequence[str]) -> dict[str, float]:
+    """scope.unit=number texts to a dict. Raises HumanclawError."""
+    limits: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            limits[name.strip()] = float(number)
+        except ValueError:
+            raise HumanclawError(
+                f"--limit takes scope.unit=number; got {text!r}.", "For example --limit run.usd=5."
+            ) from None
+    return dict(check_limits(limits))
 
 
 def plugin_files(function: F) -> F:

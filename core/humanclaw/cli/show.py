@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import get_args
 
 import click
 from rich.console import Console
@@ -14,7 +15,7 @@ from humanclaw.cli.options import plugin_files
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.plugins import PluginInfo, Plugins
-from humanclaw.tools import publish
+from humanclaw.tools import Format, publish
 
 
 @click.command()
@@ -37,14 +38,26 @@ def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
 
 
 @click.command()
-@click.option("--format", "form", type=click.Choice(["openai", "anthropic", "gemini", "mcp"]), default="openai")
-@click.option("--envelope/--no-envelope", default=True, help="With the fields that a model must say around a call.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(get_args(Format)),
+    default="openai",
+    show_default=True,
+    help="Whose interface: the tools of a request, or for mcp the result of tools/list.",
+)
+@click.option(
+    "--envelope/--no-envelope",
+    default=None,
+    help="With the fields that a model must say around a call, or without. The default is with; for mcp without.",
+)
 @plugin_files
-def tools(form: str, envelope: bool, files: tuple[Path, ...]) -> None:
+def tools(form: Format, envelope: bool | None, files: tuple[Path, ...]) -> None:
     """Print the skills as the tool list of a model's interface."""
     found = Plugins.discover(files)
     ready = [skill for skill in found.skills.values() if skill.trained]
-    click.echo(json.dumps(publish(ready, form, envelope=envelope), indent=2, ensure_ascii=False))  # type: ignore[arg-type]
+    listed = publish(ready, form, envelope=form != "mcp" if envelope is None else envelope)
+    click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
 
 
 @click.command()
