@@ -1,0 +1,34 @@
+"""Habitat scene datasets as scenes: hssd:/path/to/dataset#scene."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from humanclaw.hookspecs import RegisterFactory, hookimpl
+
+if TYPE_CHECKING:
+    import click
+
+    from humanclaw.scene import Scene
+
+__version__ = "0.1.0"
+
+
+def _open(source: str, argument: str) -> Scene:
+    from humanclaw_habitat.source import load_scene
+
+    return load_scene(source, argument)
+
+
+@hookimpl
+def humanclaw_scenes(register: RegisterFactory) -> None:
+    register("habitat", partial(_open, "habitat"), "A Habitat scene dataset: habitat:/path/to/dataset#scene.")
+    register("hssd", partial(_open, "hssd"), "The same, for the Habitat Synthetic Scenes Dataset: hssd:/path#scene.")
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_habitat.command import habitat
+
+    cli.add_command(habitat)

@@ -1,0 +1,96 @@
+"""`humanclaw habitat`: Habitat's scene datasets and episodes."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import click
+
+from humanclaw.bench.splits import summary, write_split
+from humanclaw.errors import HumanclawError
+from humanclaw.scene import TARGET_CATEGORIES, Scene
+from humanclaw_habitat.dataset import Dataset
+from humanclaw_habitat.episodes import convert, read_books
+from humanclaw_habitat.reference import TRIANGLES, Reference
+from humanclaw_habitat.source import load_scene, read_scene
+
+_PLACE = click.Path(path_type=Path)
+_skip = click.option("--skip", is_flag=True, help="Leave out what is missing or unsupported, and say what that was.")
+_small = click.option(
+    "--movable-small", "small", is_flag=True, help="Small things can be moved that the dataset fixes."
+)
+_triangles = click.option(
+    "--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(12), help="About the most for one object."
+)
+
+
+@click.group()
+def habitat() -> None:
+    """Habitat scene datasets, such as HSSD, and ObjectNav episodes."""
+
+
+@habitat.command()
+@click.argument("dataset", type=_PLACE)
+def scenes(dataset: Path) -> None:
+    """List the scenes of a dataset."""
+    for name in Dataset.open(dataset).scenes:
+        click.echo(f"hssd:{dataset}#{name}")
+
+
+@habitat.command()
+@click.argument("dataset", type=_PLACE)
+@click.argument("names", nargs=-1, metavar="[SCENE]...")
+@_skip
+@_small
+@_triangles
+def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triangles: int) -> None:
+    """Load scenes, by default all, and say what is in them and what is not. Later runs find them in the cache."""
+    for name in names or tuple(Dataset.open(dataset).scenes):
+        _tell(read_scene("hssd", _argument(dataset, name, skip, small, triangles)))
+
+
+@habitat.command()
+@click.argument("dataset", type=_PLACE)
+@click.argument("episodes", type=_PLACE)
+@click.option("--out", required=True, type=_PLACE, help="File of the split, for `humanclaw bench run --split`.")
+@click.option("--max-steps", default=100, show_default=True, type=click.IntRange(1), help="Decisions in an episode.")
+@_skip
+@_small
+@_triangles
+def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: bool, small: bool, triangles: int) -> None:
+    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a split of the benchmark."""
+    found = convert(
+        read_books(episodes),
+        lambda name: load_scene("hssd", _argument(dataset, name, skip, small, triangles)),
+        max_steps=max_steps,
+        skip=skip,
+    )
+    for reason, count in found.left_out.items():
+        click.echo(f"left out: {count} episodes: {reason}", err=True)
+    if not found.specs:
+        raise HumanclawError(f"no episode of {episodes} can be used.", "The reasons are above.")
+    write_split(out, found.specs)
+    click.echo(f"{out}")
+    for key, value in summary(found.specs).items():
+        click.echo(f"  {key:<13} {value}")
+
+
+def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int) -> str:
+    """What opens a scene again, from any folder."""
+    return Reference(dataset.resolve(), name, skip, small, triangles).argument
+
+
+def _tell(scene: Scene) -> None:
+    targets = Counter(thing.category for thing in scene.objects if thing.category in TARGET_CATEGORIES)
+    triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
+    movable = sum(thing.movable for thing in scene.objects)
+    click.echo(
+        f"{scene.name}: {len(scene.objects)} objects ({movable} movable) of {len(scene.assets)} assets, {triangles} triangles, "
+        f"{len({room.name for room in scene.rooms})} rooms; "
+        + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
+    )
+    for note, what in (("left_out", "left out"), ("without_textures", "without textures")):
+        for line in json.loads(scene.notes[note]):
+            click.echo(f"  {what}: {line}")

@@ -1,0 +1,197 @@
+"""A scene dataset on disk: which stages, objects and scenes it has, and what its objects are."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+from humanclaw.errors import SceneError
+from humanclaw_habitat.attributes import Region, SceneInstance, Semantics, Template, checked, read_json
+from humanclaw_habitat.categories import category_of
+
+CONFIG: Final = ".scene_dataset_config.json"
+SCENE: Final = ".scene_instance.json"
+_SUFFIXES: Final = {"stages": ".stage_config.json", "objects": ".object_config.json", "scene_instances": SCENE,
+                    "semantic_scene_descriptor_instances": ".semantic_config.json"}  # fmt: skip
+_MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a template is: its attributes, and the file that its paths are relative to."""
+
+    name: str
+    file: Path
+    template: Template
+
+    def path(self, asset: str) -> Path:
+        """Where an asset of the template lies."""
+        return (self.file.parent / asset).resolve()
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A *.scene_dataset_config.json and the files that it leads to. They are looked up when they are asked for."""
+
+    config: Path
+
+    @classmethod
+    def open(cls, path: Path) -> Dataset:
+        """path: the config, or the folder that holds exactly one. Raises SceneError."""
+        if path.name.endswith(CONFIG):
+            return cls(path)
+        if not path.is_dir():
+            raise SceneError(f"there is no scene dataset {path}.", f"Name a folder with a *{CONFIG}.")
+        found = sorted(path.glob(f"*{CONFIG}"))
+        if len(found) != 1:
+            names = ", ".join(file.name for file in found) or "none"
+            raise SceneError(f"{path} should hold one *{CONFIG}; it holds {names}.", "Name the file itself.")
+        return cls(found[0])
+
+    @property
+    def name(self) -> str:
+        return self.config.name[: -len(CONFIG)]
+
+    @cached_property
+    def licence(self) -> str:
+        """As the head of README.md states it, where Hugging Face's datasets do; 'not stated' if it does not."""
+        readme = self.config.parent / "README.md"
+        text = readme.read_text("utf-8", errors="replace") if readme.is_file() else ""
+        found = re.match(r"---\n.*?^license:\s*(\S+)\s*$.*?^---$", text, re.DOTALL | re.MULTILINE)
+        return found[1] if found else "not stated"
+
+    @cached_property
+    def _values(self) -> dict[str, Any]:
+        return read_json(self.config)
+
+    def _section(self, name: str) -> dict[str, Any]:
+        found = self._values.get(name, {})
+        return found if isinstance(found, dict) else {}
+
+    def _files(self, section: str) -> Iterator[Path]:
+        """Every file that a section's paths lead to: each is a file, a folder or a pattern of them."""
+        paths = self._section(section).get("paths", {})
+        for suffix, patterns in sorted(paths.items()):
+            endings = (_SUFFIXES[section],) if suffix == ".json" else _MODELS
+            for pattern in patterns:
+                for place in _places(self.config.parent, pattern):
+                    inside = sorted(place.iterdir()) if place.is_dir() else [place]
+                    yield from (file for file in inside if file.name.endswith(endings) and file.is_file())
+
+    def _index(self, section: str) -> dict[str, Path]:
+        """Name to file; a config goes before a bare model of the same name."""
+        found: dict[str, Path] = {}
+        for file in self._files(section):
+            name = _stem(file)
+            if name not in found or (file.suffix == ".json" and found[name].suffix != ".json"):
+                found[name] = file
+        return found
+
+    @cached_property
+    def _templates(self) -> Mapping[str, dict[str, Path]]:
+        return {section: self._index(section) for section in ("stages", "objects")}
+
+    @cached_property
+    def scenes(self) -> Mapping[str, Path]:
+        """Name to file of each scene, by name."""
+        return dict(sorted(self._index("scene_instances").items()))
+
+    def scene_name(self, wanted: str) -> str:
+        """The scene of this name; of no name, the only one. Raises SceneError."""
+        names = list(self.scenes)
+        if not wanted and len(names) == 1:
+            return names[0]
+        if wanted in self.scenes:
+            return wanted
+        near = difflib.get_close_matches(wanted, names, n=3) or names[:3]
+        known = f"the scenes of {self.config} are {len(names)}" + (f", such as {', '.join(near)}." if near else ".")
+        what = f"there is no scene {wanted!r}" if wanted else "no scene is named"
+        raise SceneError(f"{what}: {known}", "Name one behind #; `humanclaw habitat scenes PATH` lists them.")
+
+    def scene(self, name: str) -> SceneInstance:
+        values = self._section("scene_instances").get("default_attributes", {}) | read_json(self.scenes[name])
+        return checked(SceneInstance, values, self.scenes[name])
+
+    def stage(self, name: str) -> Kind:
+        return self._kind("stages", name)
+
+    def furniture(self, name: str) -> Kind:
+        return self._kind("objects", name)
+
+    def _kind(self, section: str, name: str) -> Kind:
+        """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
+        known = self._templates[section]
+        base = _stem(Path(name))
+        found = [base] if base in known else [key for key in known if name and base in key]
+        if len(found) != 1:
+            many = f"fits {len(found)} {section}" if found else f"is none of the {len(known)} {section}"
+            raise SceneError(f"template {name!r} {many} of {self.config}.", "Is the dataset complete?")
+        file = known[found[0]]
+        values = read_json(file) if file.suffix == ".json" else {"render_asset": file.name}
+        defaults = self._section(section).get("default_attributes", {})
+        return Kind(found[0], file, checked(Template, defaults | values, file))
+
+    def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
+        """The annotated rooms of a scene; none if nobody annotated them."""
+        wanted = scene.semantic_scene_instance.replace("%%CONFIG_NAME_AS_ASSET_FILENAME%%", name)
+        known = self._index("semantic_scene_descriptor_instances")
+        file = known.get(_stem(Path(wanted))) or known.get(name)
+        return checked(Semantics, read_json(file), file).region_annotations if file else ()
+
+    @cached_property
+    def _rows(self) -> Mapping[str, Mapping[str, str]] | None:
+        """Object id to its row of semantics/objects.csv; None without the file."""
+        file = self.config.parent / "semantics" / "objects.csv"
+        if not file.is_file():
+            return None
+        with file.open(encoding="utf-8-sig", newline="") as text:
+            reader = csv.DictReader(text)
+            if "id" not in (reader.fieldnames or ()):
+                raise SceneError(f"{file} has no column id; it has {', '.join(reader.fieldnames or ['none'])}.")
+            return {row["id"]: row for row in reader}
+
+    @cached_property
+    def _lexicon(self) -> Mapping[int, str]:
+        """Semantic id to name."""
+        named = self._section("semantic_scene_descriptor_instances")
+        texts = [named.get("default_attributes", {}).get("semantic_descriptor_filename", "")]
+        texts += [value for value in named.values() if isinstance(value, str)]
+        for text in filter(None, texts):
+            # Relative to the file of a scene, which lies in a folder of its own.
+            for file in (self.config.parent / text, self.config.parent / "semantics" / Path(text).name):
+                if file.is_file():
+                    return {entry["id"]: entry["name"] for entry in read_json(file).get("classes", [])}
+        return {}
+
+    def category(self, kind: Kind) -> str:
+        """What an object is, in the words of this project.
+
+        From semantics/objects.csv; only a dataset without that file is believed its semantic ids.
+        """
+        if self._rows is None:
+            return category_of([self._lexicon.get(kind.template.semantic_id or -1, "")])
+        row = self._rows.get(kind.name) or self._rows.get(kind.name.split("_part_")[0]) or {}
+        words = [row.get(column) or "" for column in ("main_category", "category", "wnsynsetkey", "super_category")]
+        return category_of([word.split(".")[0] for word in words])
+
+
+def _places(folder: Path, pattern: str) -> list[Path]:
+    """What a path or a pattern, relative to a folder, leads to."""
+    place = folder / pattern
+    if place.exists() or Path(pattern).is_absolute():
+        return [place]
+    return sorted(folder.glob(pattern)) if pattern else [folder]
+
+
+def _stem(file: Path) -> str:
+    """A name without its folder and without any of the known endings."""
+    for ending in (*_SUFFIXES.values(), *_MODELS):
+        if file.name.endswith(ending):
+            return file.name[: -len(ending)]
+    return file.name

@@ -1,0 +1,107 @@
+"""GLB files as Habitat's tools write them: what no reader here knows is named; KTX2 textures are decoded if that can be done."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import io
+import json
+import struct
+from typing import Any, Final
+
+from PIL import Image
+
+from humanclaw.errors import SceneError
+
+_JSON: Final = 0x4E4F534A
+_BASIS: Final = "KHR_texture_basisu"
+_DRACO: Final = "KHR_draco_mesh_compression"
+_KNOWN: Final = frozenset({_BASIS, "EXT_texture_webp", "KHR_lights_punctual"})
+"""Required extensions without which a model has the same shape; those of materials are others."""
+_PIXELS: Final = 512
+"""The longest side of a decoded texture: a texture's cell in the atlas is smaller."""
+_FETCH: Final = "Fetch it again; in a git checkout run `git lfs pull`."
+PLAIN: Final = "KTX2 textures are not read, so it is drawn in the base colours of its materials"
+
+
+def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
+    """A GLB that trimesh reads, and what of it is lost.
+
+    Raises SceneError if it is not a GLB or needs an extension that is not known.
+    """
+    head, rest = _split(data, name)
+    _check(head, name)
+    images = {number for number, image in enumerate(head.get("images", ())) if _is_basis(image)}
+    lost = [texture for texture in head.get("textures", ()) if _source(texture) in images]
+    if not lost:
+        return data, ()
+    if not importlib.util.find_spec("alktx2"):
+        return data, (PLAIN,)
+    for number in images:
+        head["images"][number] = _decoded(head, head["images"][number], rest, name)
+    for texture in lost:
+        texture["source"] = _source(texture)
+    return _join(head, rest), ()
+
+
+def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
+    """The JSON of a GLB, and the chunks behind it."""
+    if data[:4] != b"glTF":
+        said = data[:40].split(b"\n")[0].decode("ascii", "replace")
+        raise SceneError(f"{name} is not a GLB file; it begins with {said!r}.", _FETCH)
+    try:
+        size, length, kind = struct.unpack_from("<III", data, 8)
+        if kind != _JSON or len(data) < size:
+            raise ValueError(f"it has {len(data)} of its {size} bytes")
+        return json.loads(data[20 : 20 + length]), data[20 + length : size]
+    except (struct.error, ValueError) as error:
+        raise SceneError(f"{name} is a broken GLB file: {error}.", _FETCH) from error
+
+
+def _check(head: dict[str, Any], name: str) -> None:
+    """Raises SceneError if the shape of a model cannot be read without an extension that is not known."""
+    required = {
+        extension for extension in head.get("extensionsRequired", ()) if not extension.startswith("KHR_materials_")
+    }
+    if _DRACO in required and not importlib.util.find_spec("DracoPy"):
+        raise SceneError(f"{name} is compressed with {_DRACO}.", "Run `pip install 'humanclaw-habitat[draco]'`.")
+    unknown = sorted(required - _KNOWN - {_DRACO})
+    if unknown:
+        raise SceneError(
+            f"{name} needs the glTF extension {', '.join(unknown)}, which is not supported.",
+            "Write it without, for example with `gltf-transform copy` or `gltf-transform dequantize`.",
+        )
+
+
+def _is_basis(image: dict[str, Any]) -> bool:
+    return image.get("mimeType") == "image/ktx2" or str(image.get("uri", "")).lower().endswith(".ktx2")
+
+
+def _source(texture: dict[str, Any]) -> int | None:
+    """The image of a texture; one in another format goes before one in KTX2."""
+    inner = texture.get("extensions", {}).get(_BASIS, {}).get("source")
+    source = texture.get("source", inner)
+    return None if source is None else int(source)
+
+
+def _decoded(head: dict[str, Any], image: dict[str, Any], rest: bytes, name: str) -> dict[str, Any]:
+    """A KTX2 image of a GLB as a small PNG within its JSON."""
+    import alktx2  # type: ignore[import-not-found,unused-ignore]
+
+    view = head["bufferViews"][image["bufferView"]]
+    first = 8 + view.get("byteOffset", 0)
+    try:
+        picture, _ = alktx2.decode_ktx2_to_bytes(rest[first : first + view["byteLength"]], format="png")
+        found = Image.open(io.BytesIO(picture))
+        found.thumbnail((_PIXELS, _PIXELS))
+    except Exception as error:  # A native reader fails on broken files in every way there is.
+        raise SceneError(f"{name} holds a KTX2 texture that cannot be decoded: {error}.", _FETCH) from error
+    out = io.BytesIO()
+    found.save(out, "PNG")
+    return {"uri": "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()}
+
+
+def _join(head: dict[str, Any], rest: bytes) -> bytes:
+    text = json.dumps(head).encode()
+    text += b" " * (-len(text) % 4)
+    return b"glTF" + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), _JSON) + text + rest

@@ -1,0 +1,259 @@
+"""From the model files of templates to assets. What is dear to make is kept on disk, by the content of the files.
+
+Templates become fragments: small scenes in the template's own frame (its axes and scale applied), which a scene then places.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.cache import Cache
+from humanclaw.errors import SceneError
+from humanclaw.meshes import Part, bake, convex_pieces, read_model
+from humanclaw.meshes.hulls import Hollow
+from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of
+from humanclaw.meshes.reading import bounds
+from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
+from humanclaw.pose import Array
+from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw.scene_file import pack_scene, unpack_scene
+from humanclaw_habitat.attributes import Template, Vec3
+from humanclaw_habitat.categories import SEATS
+from humanclaw_habitat.dataset import Kind
+from humanclaw_habitat.frames import axes, quarter, quaternion
+from humanclaw_habitat.gltf import readable
+from humanclaw_habitat.stage import floor_levels, pieces
+
+VERSION: Final = 1
+"""To be raised when the same files give another asset."""
+_LIMIT: Final = 1 << 32
+_SMALL: Final = 0.35
+"""What is nowhere longer than this collides as one convex piece, metres."""
+_CONVEX: Final = 0.9
+"""A part of a collision mesh is convex if it fills this share of its convex hull."""
+_FROM_BACK: Final = {"-z": 0, "+x": 1, "+z": 2, "-x": 3}
+"""Quarter turns to the left that bring a front to +z, by the side where the back is. Habitat's own back is at +z."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a dataset's assets come from, and on what terms."""
+
+    source: str
+    licence: str
+
+
+@dataclass
+class Models:
+    """The model files of a scene, each read at most once, and what could not be read of them."""
+
+    origin: Origin
+    triangles: int
+    digests: dict[Path, str] = field(default_factory=dict)
+    lost: dict[Path, tuple[str, ...]] = field(default_factory=dict)
+    cache: Cache = field(default_factory=lambda: Cache("habitat", _LIMIT))
+
+    def thing(self, kind: Kind, scale: Vec3, category: str, joined: bool = False) -> Scene:
+        """One object in the frame of its template; the note 'middle' is the centre of its bounding box, metres.
+
+        joined: whether its collision model is one convex piece.
+
+        Raises SceneError if a file is missing or cannot be read.
+        """
+        return self._kept(kind, (scale, category, joined), lambda: self._object(kind, scale, category, joined))
+
+    def building(self, kind: Kind) -> Scene:
+        """A building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises SceneError."""
+        return self._kept(kind, (), lambda: self._stage(kind))
+
+    def _kept(self, kind: Kind, rest: tuple[object, ...], make: Callable[[], Scene]) -> Scene:
+        """A fragment from the cache, or made and put there."""
+        if not kind.template.render_asset:
+            raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
+        files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
+        recipe = (VERSION, kind.template.model_dump(), self.origin, self.triangles, self._decodes, *rest)
+        key = hashlib.sha256(repr((recipe, [self._digest(file) for file in files])).encode()).hexdigest()
+        data = self.cache.get(key)
+        if data is not None:
+            try:
+                return self._told(files, unpack_scene(data))
+            except SceneError as error:
+                self.cache.drop(key, error.message)
+        made = make()
+        lost = {number: self.lost[file] for number, file in enumerate(files) if file in self.lost}
+        made = replace(made, notes={**made.notes, "lost": json.dumps(lost)})
+        self.cache.put(key, pack_scene(made))
+        return made
+
+    @cached_property
+    def _decodes(self) -> bool:
+        """Whether KTX2 textures are read: a model with them looks otherwise than one without."""
+        return importlib.util.find_spec("alktx2") is not None
+
+    def _told(self, files: Sequence[Path], fragment: Scene) -> Scene:
+        for number, lost in json.loads(fragment.notes["lost"]).items():
+            self.lost[files[int(number)]] = tuple(lost)
+        return fragment
+
+    def _digest(self, path: Path) -> str:
+        if path not in self.digests:
+            try:
+                self.digests[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+            except OSError as error:
+                raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
+        return self.digests[path]
+
+    def _parts(self, path: Path, template: Template) -> list[Part]:
+        """Everything in a model file, turned so that its up is +Y and its front -Z."""
+        turn = axes(template.up, template.front)
+        return [replace(part, vertices=part.vertices @ turn.T) for part in self._read(path)]
+
+    def _read(self, path: Path) -> list[Part]:
+        if path.suffix.lower() != ".glb":
+            return read_model(path)
+        data = path.read_bytes()
+        read, lost = readable(data, str(path))
+        if lost:
+            self.lost[path] = lost
+        if read is data:
+            return read_model(path)
+        with tempfile.NamedTemporaryFile(suffix=".glb") as file:
+            file.write(read)
+            file.flush()
+            return read_model(Path(file.name))
+
+    def _stage(self, kind: Kind) -> Scene:
+        template = kind.template
+        parts = _scaled(self._parts(kind.path(template.render_asset), template), _size(template))
+        shell = None
+        if template.collision_asset:
+            shell = _scaled(self._parts(kind.path(template.collision_asset), template), _size(template))
+        assets, objects = {}, []
+        for number, piece in enumerate(pieces(parts, shell, template.is_collidable), 1):
+            base = base_of(piece.mesh.vertices)
+            name = f"{kind.name}/{piece.category}-{number}"
+            hulls = tuple(exact(hull - base) for hull in piece.hulls)
+            assets[name] = self._asset(name, piece.category, moved(piece.mesh, -base), hulls, None)
+            objects.append(_thing(number, assets[name], base, np.eye(3), kind))
+        levels = json.dumps(floor_levels(parts))
+        return Scene(kind.name, assets, tuple(objects), (), Placement(0, 0, 0), {"levels": levels})
+
+    def _object(self, kind: Kind, scale: Vec3, category: str, joined: bool) -> Scene:
+        template = kind.template
+        parts = _scaled(self._parts(kind.path(template.render_asset), template), np.array(scale))
+        low, high = bounds(parts)
+        base = base_of(np.stack([low, high]))
+        mesh = moved(lightened(bake(parts), self.triangles), -base)
+        quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
+        mesh = turned(mesh, quarters)
+        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS else None
+        hulls: tuple[NDArray[np.float32], ...] = ()
+        if template.is_collidable:
+            given = self._given(kind, np.array(scale))
+            placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
+            hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
+        name = f"{kind.name}@{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
+        asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
+        thing = _thing(1, asset, base, quarter(-quarters), kind)
+        middle = json.dumps(((low + high) / 2).tolist())
+        return Scene(name, {name: asset}, (thing,), (), Placement(0, 0, 0), {"middle": middle})
+
+    def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
+        """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""
+        if not kind.template.collision_asset or kind.template.use_bounding_box_for_collision:
+            return []
+        parts = _scaled(self._parts(kind.path(kind.template.collision_asset), kind.template), scale)
+        solids = [solid for part in parts for solid in _solids(part)]
+        return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
+
+    def _asset(
+        self, name: str, category: str, mesh: Mesh, hulls: tuple[NDArray[np.float32], ...], seat: float | None
+    ) -> Asset:
+        return Asset(name, category, mesh, hulls, seat, self.origin.source, self.origin.licence)
+
+
+def _size(template: Template) -> Array:
+    return np.array(template.scale) * template.units_to_meters
+
+
+def _thing(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> SceneObject:
+    x, y, z = (np.round(base, 5) + 0.0).tolist()
+    friction = kind.template.friction_coefficient
+    return SceneObject(number, asset.name, asset.category, (x, y, z), quaternion(turn), friction=friction)
+
+
+def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
+    """Parts stretched along the axes; a mirrored one keeps its outside outside."""
+    return [
+        replace(part, vertices=part.vertices * scale, faces=part.faces if np.prod(scale) > 0 else part.faces[:, ::-1])
+        for part in parts
+    ]
+
+
+def _hulls(
+    mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: Hollow | None
+) -> tuple[NDArray[np.float32], ...]:
+    """What of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
+    if template.use_bounding_box_for_collision:
+        return (_box(mesh),)
+    if given and joined:
+        return convex_pieces(_cloud(np.concatenate(given)), 1)
+    if given:
+        return given
+    if np.ptp(mesh.vertices, axis=0).max() < _SMALL:
+        return convex_pieces(mesh, 1)
+    pieces = convex_pieces(mesh, hollow=room)
+    return with_lid(pieces, room) if room and len(pieces) > 1 else pieces
+
+
+def _box(mesh: Mesh) -> NDArray[np.float32]:
+    sides = zip(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), strict=True)
+    return exact(np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3))
+
+
+def _cloud(points: Array) -> Mesh:
+    """Points as a mesh whose convex hull is wanted."""
+    faces = np.arange(len(points) // 3 * 3, dtype=np.int32).reshape(-1, 3)
+    return Mesh(exact(points), faces, np.zeros((len(points), 2), np.float32), np.zeros((1, 1, 3), np.uint8))
+
+
+def _solids(part: Part) -> list[Mesh]:
+    """The connected pieces of a part, without looks."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    points, place = np.unique(np.round(part.vertices, 5), axis=0, return_inverse=True)
+    faces = place.ravel()[part.faces]
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    _, label = connected_components(
+        coo_array((np.ones(len(edges)), edges.T), (len(points), len(points))), directed=False
+    )
+    blank, found = np.zeros((1, 1, 3), np.uint8), []
+    for number in np.unique(label[faces[:, 0]]):
+        used, index = np.unique(faces[label[faces[:, 0]] == number], return_inverse=True)
+        uv = np.zeros((len(used), 2), np.float32)
+        found.append(Mesh(exact(points[used]), index.reshape(-1, 3).astype(np.int32), uv, blank))
+    return found
+
+
+def _is_convex(mesh: Mesh) -> bool:
+    """Whether a closed mesh is as good as its convex hull; a flat one is."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(float) for k in range(3))
+    try:
+        whole = ConvexHull(mesh.vertices.astype(float)).volume
+    except QhullError:
+        return True
+    return bool(abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6) > _CONVEX * whole)

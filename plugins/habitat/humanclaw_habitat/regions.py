@@ -1,0 +1,117 @@
+"""Annotated regions as rooms: polygons cut into rectangles, their heights those of the floors that the building really has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from humanclaw.pose import Array
+from humanclaw.scene import Room
+from humanclaw_habitat.attributes import Region
+
+_STEP: Final = 0.25
+"""Slanted walls are cut into steps of at most this, metres."""
+_NEAR: Final = 0.4
+"""How far a region's floor may be from the floor of the building, metres."""
+_NARROW: Final = 0.05
+"""Strips narrower than this are left out, metres."""
+
+
+def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> tuple[Room, ...]:
+    """Rectangles of all regions; those of one region have one name. levels: heights and areas of the building's floors."""
+    names: dict[str, int] = {}
+    found: list[Room] = []
+    for region in regions:
+        kind = re.sub(r"[^a-z0-9]+", "_", (region.label or region.name or "room").lower()).strip("_")
+        name = region.name or kind
+        names[name] = names.get(name, 0) + 1
+        if names[name] > 1:
+            name = f"{name} {names[name]}"
+        floor = _snapped(region.floor_height, levels)
+        loop = np.array(region.poly_loop, float).reshape(-1, 3)[:, [0, 2]]
+        found += [Room(name, kind, *box, floor) for box in rectangles(loop)]
+    return tuple(found)
+
+
+def _snapped(height: float, levels: Sequence[tuple[float, float]]) -> float:
+    """The largest floor near a height; the height itself if there is none."""
+    near = [(area, level) for level, area in levels if abs(level - height) <= _NEAR]
+    return max(near)[1] if near else round(height, 3)
+
+
+def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
+    """Rooms for a building that nobody annotated: at each level, rectangles that cover what there is of floor.
+
+    slabs: (K, 3) points of the convex pieces of the floor, metres.
+    """
+    found: list[Room] = []
+    for number, level in enumerate(levels, 1):
+        tops = [slab for slab in slabs if abs(slab[:, 1].max() - level) < 0.05]
+        low, high = _extent(tops)
+        x, z = (np.arange(a, b + _STEP, _STEP) for a, b in zip(low, high, strict=True))
+        middle = np.stack(np.meshgrid(x[:-1] + _STEP / 2, z[:-1] + _STEP / 2, indexing="ij"), axis=-1)
+        cells = np.zeros(middle.shape[:-1], bool)
+        for slab in tops:
+            sides = ConvexHull(slab[:, [0, 2]]).equations
+            cells |= (middle @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=-1)
+        boxes = [(float(x[a]), float(z[c]), float(x[b]), float(z[d])) for a, b, c, d in _blocks(cells)]
+        found += [Room(f"floor {number}", "room", *box, level) for box in boxes]
+    return tuple(found)
+
+
+def _extent(slabs: Sequence[Array]) -> tuple[Array, Array]:
+    points = np.concatenate([np.zeros((0, 3)), *slabs])[:, [0, 2]]
+    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+
+
+def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
+    """(x0, z0, x1, z1) of rectangles that do not overlap and together are an (N, 2) polygon, or nearly so if it is slanted."""
+    if len(loop) < 3:
+        return []
+    x, z = _lines(loop, 0), _lines(loop, 1)
+    middle = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (z[1:] + z[:-1]) / 2, indexing="ij"), axis=-1)
+    return [
+        (float(x[a]), float(z[c]), float(x[b]), float(z[d]))
+        for a, b, c, d in _blocks(_inside(middle, loop))
+        if min(x[b] - x[a], z[d] - z[c]) >= _NARROW
+    ]
+
+
+def _lines(loop: Array, axis: int) -> Array:
+    """Coordinates to cut at: every corner's, and more along slanted edges."""
+    cuts: list[float] = []
+    for start, end in zip(loop, np.roll(loop, -1, axis=0), strict=True):
+        slanted = np.abs(end - start).min() > 0.02
+        count = int(np.ceil(abs(end[axis] - start[axis]) / _STEP)) if slanted else 1
+        cuts += np.linspace(start[axis], end[axis], max(count, 1) + 1).tolist()
+    return np.unique(np.round(cuts, 2))
+
+
+def _inside(points: Array, loop: Array) -> NDArray[np.bool_]:
+    """(...) whether (..., 2) points lie in a polygon: how often a ray to +x crosses it."""
+    within = np.zeros(points.shape[:-1], bool)
+    for (x0, z0), (x1, z1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
+        crosses = (z0 > points[..., 1]) != (z1 > points[..., 1])
+        at = x0 + (points[..., 1] - z0) / (z1 - z0 if z1 != z0 else 1.0) * (x1 - x0)
+        within ^= crosses & (points[..., 0] < at)
+    return within
+
+
+def _blocks(cells: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, int]]:
+    """Rectangles of cells that are set, each as wide and then as deep as can be: first and last line along x, then z."""
+    left = cells.copy()
+    for a, c in np.argwhere(cells):
+        if not left[a, c]:
+            continue
+        b, d = a, c
+        while d < left.shape[1] and left[a, d]:
+            d += 1
+        while b < left.shape[0] and left[b, c:d].all():
+            b += 1
+        left[a:b, c:d] = False
+        yield int(a), int(b), int(c), int(d)

@@ -1,0 +1,200 @@
+"""From a reference to a scene: everything of a scene instance placed as Habitat places it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+from tqdm import tqdm
+
+from humanclaw.errors import SceneError
+from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.scene import Asset, Placement, Room, Scene, SceneObject
+from humanclaw_habitat.attributes import Placing, SceneInstance, Template
+from humanclaw_habitat.categories import MOVABLE
+from humanclaw_habitat.dataset import Dataset
+from humanclaw_habitat.frames import quaternion, rotation
+from humanclaw_habitat.models import VERSION, Models, Origin
+from humanclaw_habitat.reference import Reference
+from humanclaw_habitat.regions import floors, rooms
+from humanclaw_habitat.starting import roomiest
+
+_REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists all that is missing."
+_SMALL: Final = 1.0
+"""What may become movable is nowhere longer than this, metres."""
+_DENSITY: Final = 200.0
+"""Of the box around a small thing whose mass nobody stated, kg/m^3."""
+_MASSES: Final = (0.1, 15.0)
+"""Such a thing weighs at least and at most so much, kg."""
+_NAMED: Final = 5
+"""So many of the things that were lost are named in a warning; the scene's notes name all."""
+
+
+def load_scene(source: str, argument: str) -> Scene:
+    """read_scene, and a warning that tells what of the scene is lost."""
+    scene = read_scene(source, argument)
+    for note, what in (("left_out", "left out"), ("without_textures", "drawn without its textures")):
+        lost = json.loads(scene.notes[note])
+        if lost:
+            more = f"\n... and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
+            listed = "\n".join(lost[:_NAMED])
+            warnings.warn(f"{scene.name}: {len(lost)} {what}:\n{listed}{more}", stacklevel=3)
+    return scene
+
+
+def read_scene(source: str, argument: str) -> Scene:
+    """The scene that follows the colon in source:argument. See the module `reference` for its form.
+
+    Object k of the scene instance, counted from 0, has id k + 1; the pieces of the building follow. Shows its progress where
+    the model files must be read. Raises SceneError if the dataset, the scene or anything in it is missing or cannot be read;
+    with missing=skip that is left out and named in the scene's notes, as what is drawn without its textures always is.
+    """
+    reference = Reference.parse(argument)
+    dataset = Dataset.open(reference.path)
+    name = dataset.scene_name(reference.scene)
+    return _Assembly.of(dataset, name, reference).scene(f"{source}:{replace(reference, scene=name).argument}")
+
+
+@dataclass
+class _Assembly:
+    """A scene on its way from its files."""
+
+    dataset: Dataset
+    name: str
+    instance: SceneInstance
+    models: Models
+    skip: bool
+    small: bool
+    assets: dict[str, Asset] = field(default_factory=dict)
+    objects: list[SceneObject] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    levels: list[tuple[float, float]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, dataset: Dataset, name: str, reference: Reference) -> _Assembly:
+        models = Models(Origin(dataset.name, dataset.licence), reference.triangles)
+        return cls(dataset, name, dataset.scene(name), models, reference.skip, reference.small)
+
+    def scene(self, name: str) -> Scene:
+        things = self.instance.object_instances
+        for number, placing in enumerate(tqdm(things, desc=self.name, unit="object", disable=None, leave=False)):
+            self._try(f"object {number} ({placing.template_name})", partial(self._place, number, placing))
+        for joint in self.instance.articulated_object_instances:
+            self._try(f"articulated object {joint.get('template_name', '')}", _refuse_joints)
+        self._try(f"stage {self.instance.stage_instance.template_name!r}", self._build)
+        regions = rooms(self.dataset.regions(self.name, self.instance), self.levels)
+        return self._finished(name, regions or floors(self._slabs(), [level for level, _ in self.levels]))
+
+    def _try(self, what: str, place: Callable[[], None]) -> None:
+        """Do it; if it cannot be done, stop or go on without, as was asked for."""
+        try:
+            place()
+        except SceneError as error:
+            if not self.skip:
+                raise SceneError(f"{self.dataset.scenes[self.name]}: {what}: {error.message}",
+                                 f"{error.remedy} {_REMEDY}".strip()) from error  # fmt: skip
+            self.left_out.append(f"{what}: {error.message}")
+
+    def _place(self, number: int, placing: Placing) -> None:
+        kind = self.dataset.furniture(placing.template_name)
+        template = kind.template
+        # Exports hold 0.9999998807907176 where nobody scaled anything: equal scales share one asset.
+        factors = np.array([template.scale, placing.non_uniform_scale]).prod(axis=0)
+        x, y, z = np.round(factors * template.units_to_meters * placing.uniform_scale, 4).tolist()
+        if not x * y * z:
+            raise SceneError(f"it is scaled by {x} x {y} x {z}.")
+        category = self.dataset.category(kind)
+        fragment = self.models.thing(kind, (x, y, z), category)
+        mass = self._mass(placing, template, category, np.ptp(fragment.aabb(1), axis=0))
+        if mass and template.join_collision_meshes:
+            fragment = self.models.thing(kind, (x, y, z), category, joined=True)
+        (part,) = fragment.objects
+        turn, place = rotation(placing.rotation), np.array(placing.translation)
+        if (placing.translation_origin or self.instance.translation_origin) != "asset_local":
+            place = place - turn @ np.array(template.com or json.loads(fragment.notes["middle"]))
+        self.assets |= fragment.assets
+        self.objects.append(replace(_placed(part, turn, place), id=number + 1, movable=mass > 0, mass=mass))
+
+    def _mass(self, placing: Placing, template: Template, category: str, size: Array) -> float:
+        """Kilograms of what can be moved; 0 for what is fixed. size: (3,) of its box, metres."""
+        given = template.mass * placing.mass_scale
+        if placing.motion_type in ("dynamic", "", "undefined"):
+            return given
+        if not (self.small and category in MOVABLE and size.max() <= _SMALL):
+            return 0.0
+        return (
+            given if "mass" in template.model_fields_set else round(float(np.clip(_DENSITY * size.prod(), *_MASSES)), 3)
+        )
+
+    def _build(self) -> None:
+        if not self.instance.stage_instance.template_name:
+            return
+        fragment = self.models.building(self.dataset.stage(self.instance.stage_instance.template_name))
+        self.levels = [(level, area) for level, area in json.loads(fragment.notes["levels"])]
+        self.assets |= fragment.assets
+        first = len(self.instance.object_instances)
+        self.objects += [replace(part, id=first + part.id) for part in fragment.objects]
+
+    def _slabs(self) -> list[Array]:
+        """What there is of floor, (K, 3) world points each."""
+        return [
+            hull + np.array(thing.position)
+            for thing in self.objects
+            if thing.category == "floor"
+            for hull in self.assets[thing.asset].hulls
+        ]
+
+    def _finished(self, name: str, regions: Sequence[Room]) -> Scene:
+        if not self.objects:
+            raise SceneError(f"nothing of the scene {self.name} could be loaded.", "Is the dataset complete?")
+        known = {room.floor for room in regions} or {level for level, _ in self.levels} or {0.0}
+        floor = max(
+            (area, level) for level, area in [*self.levels, *((level, 0.0) for level in known)] if level in known
+        )[1]
+        objects = tuple(replace(thing, room=_room_of(thing, regions)) for thing in self.objects)
+        notes = {
+            "dataset": self.dataset.name, "files": self._files(), "left_out": json.dumps(self.left_out),
+            "without_textures": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
+        }  # fmt: skip
+        scene = Scene(name, self.assets, objects, tuple(regions), Placement(0.0, 0.0, 0.0, floor), notes)
+        return replace(scene, start=self._start(scene, floor))
+
+    def _start(self, scene: Scene, floor: float) -> Placement:
+        """The roomiest place, kept as everything is that takes long."""
+        what = [[vars(thing) for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
+        key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
+        known = self.models.cache.get(key)
+        if known is not None:
+            return Placement(**json.loads(known))
+        start = roomiest(scene, floor)
+        self.models.cache.put(key, json.dumps(vars(start)).encode())
+        return start
+
+    def _files(self) -> str:
+        """SHA-256 over every model file that was read."""
+        return hashlib.sha256(" ".join(sorted(self.models.digests.values())).encode()).hexdigest()
+
+
+def _refuse_joints() -> None:
+    raise SceneError("articulated objects are not supported.")
+
+
+def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
+    """An object of a fragment where the fragment is put."""
+    x, y, z = (np.round(turn @ np.array(thing.position) + place, 5) + 0.0).tolist()
+    return replace(
+        thing, position=(x, y, z), rotation=quaternion(turn @ matrix_from_quaternion(np.array(thing.rotation)))
+    )
+
+
+def _room_of(thing: SceneObject, regions: Sequence[Room]) -> str:
+    """The room on whose floor an object stands or over which it hangs; empty if there is none."""
+    x, y, z = thing.position
+    inside = [r for r in regions if r.x0 <= x <= r.x1 and r.z0 <= z <= r.z1 and r.floor <= y + 0.3]
+    return max(inside, key=lambda room: room.floor).name if inside else ""

@@ -1,0 +1,215 @@
+"""The building of a scene: its floors, ceilings and walls apart, and thin solid slabs behind every surface.
+
+A stage is a shell of triangles. Nothing convex fits it as a whole, so each of its planes is cut into convex polygons, and each of
+them collides as a slab behind it.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from humanclaw.meshes import Part, bake
+from humanclaw.meshes.shaping import exact
+from humanclaw.pose import Array
+from humanclaw.scene import Mesh
+
+Faces = NDArray[np.int64]
+
+_LEVEL: Final = 0.7
+"""A surface is level if its normal is within 45 degrees of the vertical."""
+_THICK: Final = {"floor": 0.1, "ceiling": 0.05, "wall": 0.05}
+"""How far slabs reach behind their surface, metres."""
+_LEAST: Final = 4e-4
+"""Polygons smaller than this collide with nobody, square metres."""
+_HEADROOM: Final = 1.8
+"""Between a floor and the top of the building at least, metres: what is higher up is a roof, or the ceiling under it."""
+_STOREY: Final = 4.0
+"""Square metres of level surface at one height that make a floor."""
+_WALLS: Final = 150
+"""At most so many pieces of wall are things of their own; the rest are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of a building, world frame."""
+
+    category: str
+    mesh: Mesh
+    hulls: tuple[NDArray[np.float32], ...]
+
+
+def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> list[Piece]:
+    """Floor, ceiling and walls of a stage. shell: what collides, if that is another model. solid: whether anything does."""
+    found = _by_category(parts)
+    shells = {} if shell is None else _by_category(shell)
+    walls = found.pop("wall", [])
+    groups = [*found.items(), *(("wall", group) for group in ([walls] if shells else _standing(walls)) if group)]
+    return [
+        Piece(name, bake(group), slabs(shells.get(name, ()) if shells else group, name) if solid else ())
+        for name, group in groups
+    ]
+
+
+def _by_category(parts: Sequence[Part]) -> dict[str, list[Part]]:
+    """Parts cut into what is floor, ceiling and wall of them."""
+    roof, found = _roof(parts), defaultdict[str, list[Part]](list)
+    for part in parts:
+        for category, faces in _sorted(part, roof):
+            found[category].append(replace(part, faces=faces))
+    return found
+
+
+def _roof(parts: Sequence[Part]) -> float:
+    """The height over which a level surface is no floor: nobody could stand there, or below it."""
+    heights = np.concatenate([part.vertices[:, 1] for part in parts])
+    return float(max(heights.max() - _HEADROOM, heights.min() + _HEADROOM))
+
+
+def _sorted(part: Part, roof: float) -> Iterator[tuple[str, Faces]]:
+    """The faces of a part by what they are: level ones below the roof are floor, other level ones ceiling."""
+    points = part.vertices[part.faces]
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    up = normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+    low = points[..., 1].min(axis=1) <= roof
+    kinds = np.where(np.abs(up) < _LEVEL, "wall", np.where((up > 0) & low, "floor", "ceiling"))
+    for name in ("floor", "ceiling", "wall"):
+        if (kinds == name).any():
+            yield name, part.faces[kinds == name]
+
+
+def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:
+    """Heights at which a building has a floor, lowest first, and how many square metres of it. World frame, metres."""
+    roof = _roof(parts)
+    corners = [part.vertices[faces] for part in parts for name, faces in _sorted(part, roof) if name == "floor"]
+    if not corners:
+        return []
+    points = np.concatenate(corners)
+    area = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1) / 2
+    height = points[..., 1].mean(axis=1)
+    order = np.argsort(height)
+    groups = np.split(order, np.flatnonzero(np.diff(height[order]) > 0.05) + 1)
+    levels = [
+        (float(np.average(height[group], weights=area[group] + 1e-9)), float(area[group].sum())) for group in groups
+    ]
+    return [(round(y, 3), size) for y, size in levels if size >= _STOREY]
+
+
+def _standing(parts: Sequence[Part]) -> list[list[Part]]:
+    """Walls by what hangs together, the largest first; the smallest as one."""
+    found: list[tuple[float, Part]] = []
+    for part in parts:
+        label = _together(_welded(part))
+        for number in np.unique(label):
+            piece = replace(part, faces=part.faces[label == number])
+            found.append((_area(piece), piece))
+    found.sort(key=lambda pair: -pair[0])
+    single = [[piece] for _, piece in found[:_WALLS]]
+    return [*single, [piece for _, piece in found[_WALLS:]]]
+
+
+def _area(part: Part) -> float:
+    points = part.vertices[part.faces]
+    return float(np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1).sum() / 2)
+
+
+def _welded(part: Part) -> Faces:
+    """Faces whose corners at one place have one number."""
+    _, place = np.unique(np.round(part.vertices, 4), axis=0, return_inverse=True)
+    return np.asarray(place.ravel()[part.faces], np.int64)
+
+
+def _together(faces: Faces) -> NDArray[np.int32]:
+    """(M,) number of the connected piece that each face belongs to."""
+    count = int(faces.max()) + 1
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), (count, count)), directed=False)
+    return np.asarray(label[faces[:, 0]])
+
+
+# -- slabs -------------------------------------------------------------------------------------------------------------
+def slabs(parts: Sequence[Part], category: str) -> tuple[NDArray[np.float32], ...]:
+    """Convex pieces behind the surfaces of some parts, each (K, 3) points."""
+    return tuple(
+        exact(np.concatenate([polygon, polygon - _THICK[category] * normal]))
+        for part in parts
+        for polygon, normal in polygons(part)
+    )
+
+
+def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
+    """The faces of a part put together to flat convex polygons, (K, 3) points each, and the (3,) normal of each.
+
+    Hertel and Mehlhorn: an edge between two faces goes if what remains is convex and flat.
+    """
+    points, place = np.unique(np.round(part.vertices, 4), axis=0, return_inverse=True)
+    faces = place.ravel()[part.faces]
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    size = np.linalg.norm(cross, axis=1)
+    faces, normals = faces[size > 1e-8], (cross / np.maximum(size, 1e-12)[:, None])[size > 1e-8]
+    loops: dict[int, list[int]] = {number: face.tolist() for number, face in enumerate(faces)}
+    owner = list(range(len(faces)))
+    for first, second, one, two in _edges(faces, points):
+        left, right = _root(owner, one), _root(owner, two)
+        if left == right or normals[left] @ normals[right] < 0.9999:
+            continue
+        merged = _spliced(loops[left], loops[right], first, second)
+        if merged and _convex(points[merged], normals[left]):
+            loops[left], owner[right] = merged, left
+            del loops[right]
+    for number, loop in loops.items():
+        corners = points[loop]
+        if _loop_area(corners, normals[number]) > _LEAST:
+            yield corners, normals[number]
+
+
+def _edges(faces: Faces, points: Array) -> Iterator[tuple[int, int, int, int]]:
+    """Edges between exactly two faces, the longest first: its ends, as the first face runs along it, and both faces."""
+    sides: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, face in enumerate(faces.tolist()):
+        for k in range(3):
+            sides[face[k], face[(k + 1) % 3]].append(number)
+    shared = [
+        (start, end, mine[0], sides[end, start][0])
+        for (start, end), mine in list(sides.items())
+        if start < end and len(mine) == 1 and len(sides.get((end, start), ())) == 1
+    ]
+    length = [float(np.linalg.norm(points[start] - points[end])) for start, end, _, _ in shared]
+    yield from (shared[k] for k in np.argsort(np.negative(length), kind="stable"))
+
+
+def _root(owner: list[int], number: int) -> int:
+    while owner[number] != number:
+        owner[number] = owner[owner[number]]
+        number = owner[number]
+    return number
+
+
+def _spliced(one: Sequence[int], two: Sequence[int], start: int, end: int) -> list[int]:
+    """Two loops without the edge that one has from start to end and two from end to start; empty if they no longer have it."""
+    k, m = one.index(start), two.index(end)
+    if one[(k + 1) % len(one)] != end or two[(m + 1) % len(two)] != start:
+        return []
+    rest = [two[(m + 2 + j) % len(two)] for j in range(len(two) - 2)]
+    merged = [*one[k + 1 :], *one[: k + 1], *rest]
+    return merged if len(set(merged)) == len(merged) else []
+
+
+def _convex(loop: Array, normal: Array) -> bool:
+    side = np.roll(loop, -1, axis=0) - loop
+    turn = np.cross(side, np.roll(side, -1, axis=0)) @ normal
+    scale = np.linalg.norm(side, axis=1) * np.linalg.norm(np.roll(side, -1, axis=0), axis=1)
+    flat = np.abs((loop - loop[0]) @ normal).max() < 2e-3
+    return bool(flat and (turn > -1e-3 * scale).all())
+
+
+def _loop_area(loop: Array, normal: Array) -> float:
+    return float(np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0) @ normal / 2)

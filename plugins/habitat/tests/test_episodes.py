@@ -1,0 +1,195 @@
+"""ObjectNav episodes as a split: headings and places by hand, and the oracle from start to end."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from toy_dataset import HALF, episode, write_episodes
+
+from humanclaw import Body, Plugins
+from humanclaw.bench.agents import OracleAgent
+from humanclaw.bench.metrics import score
+from humanclaw.bench.splits import load_split
+from humanclaw.cli import build
+from humanclaw.episode import EpisodeSpec
+from humanclaw.loop import run_episode
+from humanclaw.pose import wrap_angle
+from humanclaw.records import RecordedEpisode
+from humanclaw.scene import Placement
+
+GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}
+BACK = [0, 1, 0, 0]
+"""A half turn: in Habitat one then looks to +Z."""
+
+
+def run(*args: object) -> Result:
+    return CliRunner().invoke(build(Plugins.discover()), ["habitat", *map(str, args)])
+
+
+def made(
+    dataset: Path, folder: Path, *episodes: dict[str, Any], goals: Any = GOALS, flags: tuple[str, ...] = ()
+) -> Any:
+    """The command's result and the split that it wrote."""
+    place = write_episodes(folder / "objectnav", list(episodes), goals)
+    out = folder / "split.jsonl"
+    result = run("episodes", dataset, place, "--out", out, *flags)
+    return result, load_split(str(out)) if out.exists() else ()
+
+
+def one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
+    result, specs = made(dataset, folder, episode(7, *args, **more))
+    assert result.exit_code == 0, result.output
+    (spec,) = specs
+    return spec
+
+
+@pytest.mark.parametrize(
+    ("rotation", "ahead"),
+    [
+        ([0, 0, 0, 1], (0, -1)),  # Habitat's forward is -Z.
+        ([0, HALF, 0, HALF], (-1, 0)),  # A quarter turn to the left.
+        ([0, -HALF, 0, HALF], (1, 0)),  # To the right.
+        (BACK, (0, 1)),
+    ],
+)
+def test_the_body_looks_where_habitats_agent_looks(dataset: Path, tmp_path: Path, rotation: list, ahead: tuple) -> None:
+    yaw = one(dataset, tmp_path, "couch", [2, 0.1, 2], rotation).start.yaw
+    np.testing.assert_allclose((np.sin(yaw), np.cos(yaw)), ahead, atol=1e-3)
+
+
+def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Path) -> None:
+    start = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF]).start
+    with Body(f"hssd:{dataset}#toy1", Placement(start.x, start.z, start.yaw, start.floor)) as body:
+        state, view = body.state(), body.view()
+    np.testing.assert_allclose(state.body.root[-1][[0, 2]], (2, 2), atol=0.02)
+    assert float(wrap_angle(state.body.yaw()[-1] - np.pi / 2)) == pytest.approx(0, abs=0.05)
+    assert 1 in view.ids  # The couch at +X shows through the doorway.
+
+
+def test_the_start_is_on_the_floor_of_the_scene_and_the_targets_are_the_goals_objects(
+    dataset: Path, tmp_path: Path
+) -> None:
+    spec = one(dataset, tmp_path, "couch", [2, 0.12, 2], BACK)
+    assert (spec.start.x, spec.start.z, spec.start.floor) == (2, 2, 0)
+    assert (spec.target_category, spec.target_ids, spec.interact) == ("couch", (1,), True)
+    assert spec.id == "toy1-couch-7"
+    assert spec.scene_digest == Plugins.discover().scene(spec.scene).digest
+
+
+def test_the_difficulty_is_that_of_the_way(dataset: Path, tmp_path: Path) -> None:
+    found = one(dataset, tmp_path, "couch", [2, 0.1, 3], BACK).difficulty
+    # From x = 2 straight through the doorway to 0.28 m or more before the couch's edge at x = 6.85; the grid is 5 cm.
+    assert found is not None
+    assert 4.3 < found.distance < 4.85 - 0.28 + 0.05
+    assert (found.turns, found.rooms) == (0, 2)
+
+
+def test_offset_and_yaw_of_the_reference_release_are_honoured(dataset: Path, tmp_path: Path) -> None:
+    spec = one(dataset, tmp_path, "tv", [6, 0.1, 1], [0, 0, 0, 1], init_offset=[0.5, 0.0, 0.25], init_yaw=1.25)
+    assert (spec.start.x, spec.start.z, spec.start.yaw) == (6.5, 1.25, 1.25)
+    flat = one(dataset, tmp_path / "2", "tv", [6, 0.1, 1], BACK, info={"init_offset": [-0.5, 0.5]})
+    assert (flat.start.x, flat.start.z) == (5.5, 1.5)
+    assert flat.start.yaw == pytest.approx(0)
+
+
+def test_a_yaw_in_degrees_is_refused(dataset: Path, tmp_path: Path) -> None:
+    result, _ = made(dataset, tmp_path, episode(0, "tv", [6, 0.1, 1], BACK, init_yaw=90))
+    assert result.exit_code == 2
+    assert "radians" in result.output
+
+
+def test_the_names_of_other_datasets_are_understood_and_what_is_no_target_is_left_out(
+    dataset: Path, tmp_path: Path
+) -> None:
+    goals = {"toy1.glb_sofa": GOALS["toy1_couch"]}
+    sofa = episode(0, "sofa", [2, 0.1, 2], BACK, scene_id="hssd-hab/toy1.glb")
+    result, specs = made(dataset, tmp_path, sofa, episode(1, "piano", [2, 0.1, 2], BACK), goals=goals)
+    assert [spec.target_category for spec in specs] == ["couch"]
+    assert "left out: 1 episodes: piano is not among chair" in result.output
+
+
+def test_goals_may_stand_in_the_episode_itself(dataset: Path, tmp_path: Path) -> None:
+    result, (spec,) = made(dataset, tmp_path, episode(0, "tv", [2, 0.1, 2], BACK, goals=[{"object_id": 1}]), goals={})
+    assert result.exit_code == 0
+    assert spec.target_ids == (2,)
+
+
+@pytest.mark.parametrize(
+    ("task", "goals", "said"),
+    [
+        (("couch", [2, 0.1, 2], BACK), {}, "the file has no goals"),
+        (("couch", [2, 0.1, 2], BACK), {"toy1_couch": [{"object_id": 99}]}, "1 goals are not in the scene"),
+        (
+            ("couch", [2, 0.1, 2], BACK),
+            {"toy1_couch": [{"object_id": 2, "position": [7.3, 0.4, 3]}]},
+            "object 2 is 2.3 m from",
+        ),
+        (("couch", [2, 3.1, 2], BACK), GOALS, "the floors are at 0"),
+        (("couch", [20, 0.1, 2], BACK), GOALS, "no way from its start"),
+    ],
+)
+def test_an_episode_that_the_scene_does_not_bear_out_is_named(
+    dataset: Path, tmp_path: Path, task: tuple, goals: Any, said: str
+) -> None:
+    result, _ = made(dataset, tmp_path, episode(5, *task), goals=goals)
+    assert result.exit_code == 2
+    assert "episode 5" in result.output
+    assert said in result.output
+    result, specs = made(dataset, tmp_path / "2", episode(5, *task), episode(6, "tv", [2, 0, 2], BACK),
+                         goals={"toy1_tv": GOALS["toy1_tv"], **goals}, flags=("--skip",))  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert [spec.id for spec in specs] == ["toy1-tv-6"]
+    assert said in result.output
+
+
+def test_episodes_of_one_number_get_names_of_their_own(dataset: Path, tmp_path: Path) -> None:
+    _, specs = made(dataset, tmp_path, *(episode(3, "tv", [2, 0.1, z], BACK) for z in (2, 3, 4)))
+    assert [spec.id for spec in specs] == ["toy1-tv-3", "toy1-tv-3..1", "toy1-tv-3..2"]
+    assert [spec.seed for spec in specs] == [0, 1, 2]
+
+
+def test_a_file_that_holds_no_episodes_is_named(dataset: Path, tmp_path: Path) -> None:
+    out = ["--out", str(tmp_path / "x.jsonl")]
+    broken = tmp_path / "broken.json.gz"
+    broken.write_bytes(b"nothing")
+    result = run("episodes", str(dataset), str(broken), *out)
+    assert result.exit_code == 2
+    assert "broken.json.gz" in result.output
+    with gzip.open(broken, "wt") as text:
+        json.dump({"episodes": [{"episode_id": 1, "scene_id": "toy1"}]}, text)
+    result = run("episodes", str(dataset), str(broken), *out)
+    assert result.exit_code == 2
+    assert "start_position" in result.output
+    result = run("episodes", str(dataset), str(tmp_path / "empty"), *out)
+    assert "holds no episodes" in result.output
+
+
+def test_the_list_of_all_episodes_leads_to_the_files_of_the_scenes(dataset: Path, tmp_path: Path) -> None:
+    place = write_episodes(tmp_path / "objectnav", [episode(0, "tv", [2, 0, 2], BACK)], GOALS)
+    out = tmp_path / "split.jsonl"
+    assert run("episodes", dataset, place / "val.json.gz", "--out", out).exit_code == 0
+    assert len(load_split(str(out))) == 1
+
+
+def test_scenes_are_listed_and_checked(dataset: Path) -> None:
+    listed = run("scenes", str(dataset))
+    assert listed.output == f"hssd:{dataset}#toy1\n"
+    checked = run("check", str(dataset))
+    assert "16 objects (1 movable)" in checked.output
+    assert "2 rooms; chair 1, couch 1, potted_plant 1, tv 1" in checked.output
+
+
+def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path) -> None:
+    spec = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
+    start = Placement(**spec.start.model_dump())
+    with Body(spec.scene, start, seed=spec.seed) as body:
+        record = run_episode(body, spec, OracleAgent(), folder=tmp_path / "episode")
+    assert record.outcome == "stopped"
+    scored = score(RecordedEpisode(tmp_path / "episode"))
+    assert (scored.find, scored.nav, scored.interact) == (True, True, True)

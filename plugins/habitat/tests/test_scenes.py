@@ -1,0 +1,436 @@
+"""Scenes of a dataset: where everything is, what it is, and what is said where something is wrong. Numbers are derived by hand."""
+
+from __future__ import annotations
+
+import json
+import struct
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
+
+from humanclaw import Plugins
+from humanclaw.bench.routes import FloorPlan
+from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.pose import matrix_from_quaternion
+from humanclaw.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def scene(dataset: Path) -> Scene:
+    return Plugins.discover().scene(f"hssd:{dataset}#toy1")
+
+
+def load(folder: Path, rest: str = "") -> Scene:
+    return Plugins.discover().scene(f"hssd:{folder}#toy1{rest}")
+
+
+def edit(file: Path, **changes: object) -> None:
+    write(file, json.loads(file.read_text()) | changes)
+
+
+def change_object(folder: Path, number: int, **changes: object) -> None:
+    placed = [dict(entry) for entry in PLACED]
+    placed[number] |= changes
+    edit(folder / "scenes" / "toy1.scene_instance.json", object_instances=placed)
+
+
+def front(scene: Scene, number: int) -> np.ndarray:
+    return matrix_from_quaternion(np.array(scene.by_id[number].rotation)) @ np.array([0.0, 0.0, 1.0])
+
+
+# -- what there is ----------------------------------------------------------------------------------------------------
+def test_objects_are_numbered_as_in_the_scene_instance_and_the_building_follows(scene: Scene) -> None:
+    assert [scene.by_id[k].category for k in range(1, 6)] == ["couch", "tv", "potted_plant", "cup", "chair"]
+    assert {thing.category for thing in scene.objects if thing.id > 5} == {"floor", "ceiling", "wall"}
+
+
+@pytest.mark.parametrize(
+    ("number", "low", "high"),
+    [
+        # 2 m wide and 0.9 m deep, turned by 90 degrees about (7.3, 0, 3).
+        (1, (6.85, 0, 2), (7.75, 0.85, 4)),
+        # Z-up, 1.2 x 0.7 x 0.1 m, its back's lower edge at (0, 1, 3) and all of it on the side of +X.
+        (2, (0, 1, 2.4), (0.1, 1.7, 3.6)),
+        # From 0.3 m below its origin to 0.7 m above, times 1.5, the origin at 0.45 m.
+        (3, (7.3, 0, 5.3), (7.7, 1.5, 5.7)),
+        # A cube of 0.1 m whose middle, not whose corner, is at (1, 0.05, 5).
+        (4, (0.95, 0, 4.95), (1.05, 0.1, 5.05)),
+        # 0.5 x 0.9 x 0.5 m, times 1.2.
+        (5, (0.7, 0, 0.7), (1.3, 1.08, 1.3)),
+    ],
+)
+def test_every_object_is_where_habitat_puts_it(scene: Scene, number: int, low: tuple, high: tuple) -> None:
+    np.testing.assert_allclose(scene.aabb(number), (low, high), atol=1e-4)
+
+
+@pytest.mark.parametrize(("number", "way"), [(1, (-1, 0, 0)), (2, (1, 0, 0)), (3, (0, 0, -1)), (5, (0, 0, -1))])
+def test_fronts_look_where_habitat_turns_minus_z(scene: Scene, number: int, way: tuple) -> None:
+    np.testing.assert_allclose(front(scene, number), way, atol=1e-6)
+
+
+def test_assets_stand_on_the_middle_of_their_footprint(scene: Scene) -> None:
+    for asset in scene.assets.values():
+        low, high = asset.mesh.vertices.min(axis=0), asset.mesh.vertices.max(axis=0)
+        np.testing.assert_allclose([low[0] + high[0], low[1], low[2] + high[2]], 0, atol=1e-4)
+
+
+def test_a_seat_whose_back_is_elsewhere_than_its_front_axis_says_is_turned_to_its_real_front(mine: Path) -> None:
+    # The couch's back is at +Z; the config calls +Z the front.
+    edit(mine / "objects" / "c" / "couch1.object_config.json", front=[0, 0, 1])
+    scene = load(mine)
+    # Habitat turns the asset by half a turn, so its back is at -Z, then left by a quarter: the back at -X, the front at +X.
+    np.testing.assert_allclose(front(scene, 1), (1, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(scene.aabb(1), ((6.85, 0, 2), (7.75, 0.85, 4)), atol=1e-4)
+
+
+def test_seat_heights_are_measured_and_scaled(scene: Scene) -> None:
+    assert scene.assets[scene.by_id[1].asset].seat_height == pytest.approx(0.42, abs=0.005)
+    assert scene.assets[scene.by_id[5].asset].seat_height == pytest.approx(1.2 * 0.45, abs=0.005)
+    assert scene.assets[scene.by_id[2].asset].seat_height is None
+
+
+def test_only_dynamic_things_move_and_mass_and_friction_come_from_the_config_or_its_defaults(scene: Scene) -> None:
+    assert [thing.id for thing in scene.objects if thing.movable] == [4]
+    assert (scene.by_id[4].mass, scene.by_id[4].friction) == (0.3, 0.4)
+    assert scene.by_id[1].friction == 0.7
+
+
+def test_a_thing_of_unknown_motion_type_is_dynamic_as_in_habitat(mine: Path) -> None:
+    change_object(mine, 4, motion_type="UNDEFINED", mass_scale=3)
+    thing = load(mine).by_id[5]
+    assert thing.movable
+    assert thing.mass == 3
+
+
+def test_small_things_can_be_made_movable_and_weigh_by_their_size(mine: Path) -> None:
+    change_object(mine, 3, motion_type="static")
+    scene = load(mine, "?movable=small")
+    # The cup's config says 0.3 kg; the chair's says nothing, and it is more than 1 m high.
+    assert [(thing.id, thing.mass) for thing in scene.objects if thing.movable] == [(4, 0.3)]
+    change_object(mine, 4, uniform_scale=1)
+    # 200 kg/m^3 of 0.5 x 0.9 x 0.5 m are 45 kg, more than the 15 kg that such a thing weighs at most.
+    assert {thing.id: thing.mass for thing in load(mine, "?movable=small").objects if thing.movable} == {
+        4: 0.3,
+        5: 15.0,
+    }
+    assert not any(thing.movable for thing in load(mine).objects if thing.id != 4)
+
+
+def test_the_centre_of_mass_of_the_config_goes_before_that_of_the_box(mine: Path) -> None:
+    edit(mine / "objects" / "c" / "cup1.object_config.json", COM=[0.02, 0.05, 0.05])
+    np.testing.assert_allclose(load(mine).aabb(4)[0], (0.98, 0, 4.95), atol=1e-4)
+
+
+def test_a_given_collision_model_becomes_its_convex_parts(scene: Scene) -> None:
+    hulls = scene.assets[scene.by_id[5].asset].hulls
+    # A seat of 0.5 x 0.45 x 0.5 m and a back of 0.5 x 0.45 x 0.05 m, times 1.2.
+    sizes = sorted(np.ptp(hull, axis=0).tolist() for hull in hulls)
+    np.testing.assert_allclose(sizes, [(0.6, 0.54, 0.06), (0.6, 0.54, 0.6)], atol=1e-4)
+
+
+def test_a_part_of_a_collision_model_that_is_not_convex_is_decomposed(mine: Path) -> None:
+    tall, wide = box((0, 0, 0), (0.2, 1, 0.2)), box((0.2, 0, 0), (1, 0.2, 0.2))
+    ell = tall.union(wide) if find_spec("manifold3d") else pytest.skip("needs manifold3d")
+    ell.visual = tall.visual
+    model(mine / "objects" / "c" / "chair1.collider.glb", ell)
+    hulls = load(mine).assets[load(mine).by_id[5].asset].hulls
+    assert len(hulls) > 1
+    assert not any((hull.max(axis=0) - hull.min(axis=0) > 0.9).sum() > 1 for hull in hulls)
+
+
+def test_what_is_not_collidable_has_no_body_and_a_box_can_be_asked_for(mine: Path) -> None:
+    edit(mine / "objects" / "t" / "tv1.object_config.json", is_collidable=False)
+    edit(mine / "objects" / "c" / "couch1.object_config.json", use_bounding_box_for_collision=True)
+    scene = load(mine)
+    assert scene.assets[scene.by_id[2].asset].hulls == ()
+    (hull,) = scene.assets[scene.by_id[1].asset].hulls
+    np.testing.assert_allclose(np.ptp(hull, axis=0), (2, 0.85, 0.9), atol=1e-4)
+
+
+def test_joined_collision_meshes_of_a_movable_thing_are_one_piece(mine: Path) -> None:
+    edit(mine / "objects" / "c" / "chair1.object_config.json", join_collision_meshes=True)
+    change_object(mine, 4, motion_type="dynamic")
+    scene = load(mine)
+    (hull,) = scene.assets[scene.by_id[5].asset].hulls
+    np.testing.assert_allclose(np.ptp(hull, axis=0), (0.6, 1.08, 0.6), atol=1e-4)
+
+
+# -- the building -----------------------------------------------------------------------------------------------------
+def test_the_floor_is_solid_below_and_the_walls_fill_their_width(scene: Scene) -> None:
+    floor = next(thing for thing in scene.objects if thing.category == "floor")
+    (slab,) = scene.assets[floor.asset].hulls
+    low, high = slab.min(axis=0) + floor.position, slab.max(axis=0) + floor.position
+    np.testing.assert_allclose((low, high), ((0, -0.1, 0), (8, 0, 6)), atol=1e-4)
+    # The wall at x = 4 up to the doorway: a slab of 5 cm behind each of its two sides, and one behind its end.
+    (wall,) = [t for t in scene.objects if np.allclose(scene.aabb(t.id), ((3.95, 0, 0), (4.05, 2.7, 2.5)), atol=1e-3)]
+    spans = [(*h.min(axis=0) + wall.position, *h.max(axis=0) + wall.position) for h in scene.assets[wall.asset].hulls]
+    for span in [(3.95, 0, 0, 4, 2.7, 2.5), (4, 0, 0, 4.05, 2.7, 2.5), (3.95, 0, 2.45, 4.05, 2.7, 2.5)]:
+        assert any(np.allclose(span, found, atol=1e-3) for found in spans)
+
+
+def test_a_building_collides_as_its_collision_model_does(mine: Path) -> None:
+    model(mine / "stages" / "shell.glb", *walls(), box((2, 0, 2), (2.5, 1, 2.5)))
+    edit(mine / "stages" / "toy.stage_config.json", collision_asset="shell.glb")
+    plan = FloorPlan.of(load(mine))
+    assert plan.at(plan.blocked, np.array([2.25, 2.02]))
+    assert not plan.at(plan.blocked, np.array([1.0, 3.0]))
+
+
+def test_a_building_that_is_not_collidable_stops_nobody(mine: Path) -> None:
+    edit(mine / "stages" / "toy.stage_config.json", is_collidable=False)
+    scene = load(mine)
+    assert not any(scene.assets[thing.asset].hulls for thing in scene.objects if thing.id > 5)
+
+
+def test_the_doorway_is_open_and_the_wall_beside_it_is_not(scene: Scene) -> None:
+    plan = FloorPlan.of(scene)
+    assert not plan.at(plan.blocked, np.array([[4.0, 3.1], [3.0, 3.1], [5.0, 3.1]])).any()
+    assert plan.at(plan.blocked, np.array([[4.0, 1.0], [4.0, 5.0], [8.05, 3.0], [-1.0, 3.0]])).all()
+
+
+def test_regions_become_rooms_on_the_floor_that_is_really_there(scene: Scene) -> None:
+    assert [(r.name, r.kind, r.x0, r.z0, r.x1, r.z1, r.floor) for r in scene.rooms] == [
+        ("living room", "living_room", 0, 0, 4, 6, 0), ("bedroom", "bedroom", 4, 0, 8, 6, 0),
+    ]  # fmt: skip
+    assert (scene.by_id[1].room, scene.by_id[2].room) == ("bedroom", "living room")
+
+
+def test_a_room_with_a_corner_missing_becomes_rectangles_of_one_name(mine: Path) -> None:
+    ell = room("hall", (0, 0), (4, 6))
+    ell["poly_loop"] = [[x, 0, z] for x, z in ((0, 0), (4, 0), (4, 2), (1, 2), (1, 6), (0, 6))]
+    write(mine / "semantics" / "scenes" / "toy1.semantic_config.json", {"region_annotations": [ell]})
+    rooms = load(mine).rooms
+    assert {r.name for r in rooms} == {"hall"}
+    assert sum((r.x1 - r.x0) * (r.z1 - r.z0) for r in rooms) == pytest.approx(4 * 2 + 1 * 4)
+    assert not any(r.x0 < 2 < r.x1 and r.z0 < 3 < r.z1 for r in rooms)
+
+
+def test_without_annotations_the_floor_itself_is_the_room(mine: Path) -> None:
+    (mine / "semantics" / "scenes" / "toy1.semantic_config.json").unlink()
+    rooms = load(mine).rooms
+    assert sum((r.x1 - r.x0) * (r.z1 - r.z0) for r in rooms) == pytest.approx(8 * 6)
+    assert {r.floor for r in rooms} == {0.0}
+
+
+def test_a_floor_without_walls_is_a_floor(mine: Path) -> None:
+    model(mine / "stages" / "toy.glb", walls()[0])
+    scene = load(mine)
+    assert {thing.category for thing in scene.objects if thing.id > 5} == {"floor", "wall", "ceiling"}
+    assert {r.floor for r in scene.rooms} == {0.0}
+
+
+def test_an_upper_floor_is_found(mine: Path) -> None:
+    model(mine / "stages" / "toy.glb", *walls(), *(part.apply_translation((0, 2.8, 0)) for part in walls()))
+    (mine / "semantics" / "scenes" / "toy1.semantic_config.json").unlink()
+    assert sorted({r.floor for r in load(mine).rooms}) == [0.0, 2.8]
+
+
+# -- as a whole -------------------------------------------------------------------------------------------------------
+def test_the_digest_is_the_same_again_and_covers_every_model(mine: Path, dataset: Path, scene: Scene) -> None:
+    assert load(mine).digest == scene.digest
+    model(mine / "objects" / "c" / "cup1.glb", box((0, 0, 0), (0.1, 0.1, 0.1), (250, 0, 0)))
+    other = load(mine)
+    assert other.digest != scene.digest
+    assert other.notes["files"] != scene.notes["files"]
+
+
+def test_a_second_load_reads_the_cache_and_gives_the_same(mine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = load(mine)
+    monkeypatch.setattr("humanclaw_habitat.models.read_model", lambda path: pytest.fail(f"{path} is read again"))
+    assert load(mine).digest == first.digest
+
+
+def test_the_licence_of_the_dataset_is_told(scene: Scene) -> None:
+    assert scene.licences == ("cc-by-nc-4.0: toy",)
+
+
+def test_a_dataset_with_one_scene_needs_no_name_and_the_scene_says_how_to_open_it_again(dataset: Path) -> None:
+    scene = Plugins.discover().scene(f"habitat:{dataset}?triangles=500")
+    assert scene.name == f"habitat:{dataset}#toy1?triangles=500"
+    assert Plugins.discover().scene(scene.name).digest == scene.digest
+
+
+def test_without_a_table_of_objects_the_lexicon_says_what_they_are(mine: Path) -> None:
+    (mine / "semantics" / "objects.csv").unlink()
+    write(mine / "semantics" / "toy_lexicon.json", {"classes": [{"id": 7, "name": "sofa"}]})
+    config = json.loads((mine / "toy.scene_dataset_config.json").read_text())
+    config["semantic_scene_descriptor_instances"]["default_attributes"] = {
+        "semantic_descriptor_filename": "../toy_lexicon.json"
+    }
+    write(mine / "toy.scene_dataset_config.json", config)
+    edit(mine / "objects" / "c" / "couch1.object_config.json", semantic_id=7)
+    scene = load(mine)
+    assert (scene.by_id[1].category, scene.by_id[2].category) == ("couch", "object")
+
+
+# -- what is wrong ----------------------------------------------------------------------------------------------------
+def fails(folder: Path, *words: str, rest: str = "") -> None:
+    with pytest.raises(SceneError) as caught:
+        load(folder, rest)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_lost_mesh_is_named_with_its_object(mine: Path) -> None:
+    (mine / "objects" / "t" / "tv1.glb").unlink()
+    fails(mine, "object 1 (tv1)", "tv1.glb", "No such file", "missing=skip")
+
+
+def test_the_rest_is_loaded_if_asked_for_and_what_was_left_out_is_listed(mine: Path, scene: Scene) -> None:
+    (mine / "objects" / "t" / "tv1.glb").unlink()
+    with pytest.warns(UserWarning, match="1 left out"):
+        rest = load(mine, "?missing=skip")
+    assert 2 not in rest.by_id
+    np.testing.assert_allclose(rest.aabb(3), scene.aabb(3))
+    (said,) = json.loads(rest.notes["left_out"])
+    assert "object 1 (tv1)" in said
+    assert "tv1.glb" in said
+
+
+def test_a_template_that_nobody_defines_is_named(mine: Path) -> None:
+    (mine / "objects" / "t" / "tv1.object_config.json").unlink()
+    fails(mine, "object 1 (tv1)", "is none of the 4 objects")
+
+
+def test_a_git_lfs_pointer_is_told_from_a_model(mine: Path) -> None:
+    (mine / "objects" / "t" / "tv1.glb").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\n")
+    fails(mine, "tv1.glb", "not a GLB", "git lfs pull")
+
+
+def test_a_model_cut_short_is_told(mine: Path) -> None:
+    file = mine / "objects" / "t" / "tv1.glb"
+    file.write_bytes(file.read_bytes()[:-100])
+    fails(mine, "tv1.glb", "broken GLB")
+
+
+def rewrite(file: Path, change) -> None:
+    """Change the JSON of a GLB."""
+    data = file.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    head = json.loads(data[20 : 20 + length])
+    change(head)
+    text = json.dumps(head).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    file.write_bytes(b"glTF" + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest)
+
+
+@pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "KHR_mesh_quantization", "ACME_rubber"])
+def test_an_extension_that_the_shape_needs_and_nobody_knows_is_named(mine: Path, extension: str) -> None:
+    rewrite(mine / "objects" / "t" / "tv1.glb", lambda head: head.update(extensionsRequired=[extension]))
+    fails(mine, "object 1 (tv1)", "tv1.glb", extension)
+
+
+@pytest.mark.skipif(find_spec("DracoPy") is not None, reason="DracoPy is installed, so Draco is read")
+def test_draco_is_named_and_so_is_what_reads_it(mine: Path) -> None:
+    rewrite(
+        mine / "objects" / "t" / "tv1.glb", lambda head: head.update(extensionsRequired=["KHR_draco_mesh_compression"])
+    )
+    fails(mine, "tv1.glb", "KHR_draco_mesh_compression", "humanclaw-habitat[draco]")
+
+
+def basis(head: dict) -> None:
+    """As Habitat's tools leave a model: the picture is KTX2, which only an extension names."""
+    head["images"][0]["mimeType"] = "image/ktx2"
+    head["textures"][0] = {"extensions": {"KHR_texture_basisu": {"source": 0}}}
+    head.update(extensionsUsed=["KHR_texture_basisu"], extensionsRequired=["KHR_texture_basisu"])
+
+
+@pytest.mark.skipif(find_spec("alktx2") is not None, reason="alktx2 is installed, so KTX2 is read")
+def test_ktx2_textures_give_way_to_the_base_colour_and_that_is_said_every_time(mine: Path) -> None:
+    rewrite(textured(mine / "objects" / "c" / "cup1.glb"), basis)
+    for _ in range(2):
+        with pytest.warns(UserWarning, match=r"1 drawn without its textures:\n.*cup1.glb: KTX2"):
+            scene = load(mine)
+        mesh = scene.assets[scene.by_id[4].asset].mesh
+        # The factor 1, 0.5, 0 in linear light is 255, 186, 0 on a screen.
+        np.testing.assert_allclose(mesh.texture.reshape(-1, 3).max(axis=0), (255, 186, 0), atol=2)
+
+
+def test_ktx2_textures_are_read_where_there_is_a_decoder(mine: Path) -> None:
+    alktx2 = pytest.importorskip("alktx2")
+    file = textured(mine / "objects" / "c" / "cup1.glb")
+    picture = mine / "green.png"
+    from PIL import Image
+
+    Image.fromarray(np.full((64, 64, 3), (0, 160, 0), np.uint8)).save(picture)
+    alktx2.encode_image_to_ktx2(str(picture), str(mine / "green.ktx2"), codec="uastc")
+    rewrite(file, basis)
+    data = file.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    head, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    ktx = (mine / "green.ktx2").read_bytes()
+    binary += b"\0" * (-len(binary) % 16)
+    head["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(ktx)})
+    head["images"][0] = {"mimeType": "image/ktx2", "bufferView": len(head["bufferViews"]) - 1}
+    binary += ktx + b"\0" * (-len(ktx) % 4)
+    head["buffers"][0]["byteLength"] = len(binary)
+    head["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
+    text = json.dumps(head).encode()
+    text += b" " * (-len(text) % 4)
+    size = 28 + len(text) + len(binary)
+    file.write_bytes(b"glTF" + struct.pack("<IIII", 2, size, len(text), 0x4E4F534A) + text
+                     + struct.pack("<II", len(binary), 0x004E4942) + binary)  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = load(mine)
+    mesh = scene.assets[scene.by_id[4].asset].mesh
+    np.testing.assert_allclose(np.median(mesh.texture.reshape(-1, 3), axis=0), (0, 160, 0), atol=4)
+
+
+def test_articulated_objects_are_named_as_unsupported(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
+    fails(mine, "articulated object fridge", "not supported")
+    with pytest.warns(UserWarning, match="fridge"):
+        assert len(load(mine, "?missing=skip").objects) == 16
+
+
+def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Path) -> None:
+    change_object(mine, 2, rotation=[0, 0, 0, 0])
+    fails(mine, "toy1.scene_instance.json", "object_instances.2", "w, x, y, z")
+    change_object(mine, 2, translation=[0, 1])
+    fails(mine, "toy1.scene_instance.json", "object_instances.2.translation")
+    change_object(mine, 2, translation_origin="corner")
+    fails(mine, "asset_local or COM", "corner")
+
+
+def test_axes_that_are_not_orthogonal_are_refused(mine: Path) -> None:
+    edit(mine / "objects" / "t" / "tv1.object_config.json", up=[0, 1, 0], front=[0, 1, 1])
+    fails(mine, "tv1.object_config.json", "orthogonal")
+
+
+def test_json_that_is_none_is_told_by_file(mine: Path) -> None:
+    (mine / "scenes" / "toy1.scene_instance.json").write_text("version https://git-lfs.github.com/spec/v1")
+    fails(mine, "toy1.scene_instance.json", "not JSON", "git lfs pull")
+
+
+def test_a_scene_that_is_not_there_is_answered_with_the_nearest_that_are(mine: Path) -> None:
+    with pytest.raises(SceneError, match=r"there is no scene 'toy2'.*such as toy1"):
+        Plugins.discover().scene(f"hssd:{mine}#toy2")
+
+
+@pytest.mark.parametrize(
+    "argument", ["", "?missing=skip", "/x#y?missing=perhaps", "/x?triangles=many", "/x?colour=red"]
+)
+def test_a_reference_of_another_form_is_answered_with_the_form(argument: str) -> None:
+    with pytest.raises(HumanclawError, match=r"hssd:/path/to/dataset#scene"):
+        Plugins.discover().scene(f"hssd:{argument}")
+
+
+def test_a_folder_without_a_dataset_is_told(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"scene_dataset_config.json; it holds none"):
+        Plugins.discover().scene(f"hssd:{tmp_path}")
+    with pytest.raises(SceneError, match="there is no scene dataset"):
+        Plugins.discover().scene(f"hssd:{tmp_path / 'nowhere'}")
+
+
+def test_mirrored_objects_keep_their_outside_outside(mine: Path) -> None:
+    change_object(mine, 3, non_uniform_scale=[-1, 1, 1], rotation=[HALF, 0, HALF, 0])
+    scene = load(mine)
+    mesh = scene.assets[scene.by_id[4].asset].mesh
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(0.001, rel=1e-3)
