@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -102,22 +102,22 @@ class HalfPhysics:
     def _frame(self, target: Pose, velocity: Array, swing: float = 0.0) -> list[Any]:
         """One frame of physics; the rows of everything the body touched in any of its substeps."""
         assert self._client is not None
-        profile, rows = self._profile, []
+        profile, rows = self._profile, list[Any]()
         self._puppet.aim(target.quaternions, swing)
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
             speed = self._puppet.drive(profile.substeps - substep, horizontal, self._reflex)
-            self._step(speed)
-            felt = self._client.getContactPoints(self._puppet.body)
+            felt = self._step(speed)
             self._puppet.restrain(bool(felt))
             self._reflex = feel(self._client, self._puppet.body, profile, felt, self._reflex)
             rows += felt
         return rows
 
-    def _step(self, speed: float) -> None:
-        """One physics step, in so many parts that no link comes far between two looks for contacts.
+    def _step(self, speed: float) -> Sequence[Any]:
+        """One physics step, in so many parts that no link comes far between two looks for contacts; the contacts of the body.
 
-        In one part a kick ends 10 cm inside a wall, and a fast enough one behind it.
+        In one part a kick ends 10 cm inside a wall, and a fast enough one behind it. A foot may touch a wall in an early part
+        and have left it in the last one: the contacts are those of the last part that had any.
         """
         assert self._client is not None
         seconds = 1 / (FPS * self._profile.substeps)
@@ -126,8 +126,11 @@ class HalfPhysics:
             # Not numSubSteps: with it Bullet forgets gravity after the first part.
             self._client.setPhysicsEngineParameter(fixedTimeStep=seconds / parts)
             self._parts = parts
+        felt: Sequence[Any] = ()
         for _ in range(parts):
             self._client.stepSimulation()
+            felt = self._client.getContactPoints(self._puppet.body) or felt
+        return felt
 
     def _contacts(self, frame: int, rows: Iterable[Any]) -> list[Contact]:
         """One contact for each pair of link and object: the deepest of the frame."""

@@ -46,8 +46,11 @@ class Things:
         """Bullet body to object id; a fixed object has one body a hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
         self._still: dict[int, Array] = {}
+        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it forget.
+        client.setPhysicsEngineParameter(enableFileCaching=1)
         for thing in scene.objects:
             self._add(thing)
+        client.setPhysicsEngineParameter(enableFileCaching=0)
 
     def _add(self, thing: SceneObject) -> None:
         asset = self._scene.assets[thing.asset]
@@ -95,23 +98,24 @@ class Things:
         self._movable[thing.id] = body, centre
 
     def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
-        """One shape for some hulls: boxes as boxes, which Bullet stacks better; a single hull as points; others from a file."""
+        """One shape for some hulls: boxes as boxes, which Bullet stacks better; others from a file."""
         client, boxes = self._client, [box_of(hull) for hull in hulls]
         if len(hulls) == 1 and boxes[0] is not None:
             centre, half = boxes[0]
             shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
-        elif len(hulls) == 1:
-            shape = client.createCollisionShape(client.GEOM_MESH, vertices=hulls[0].tolist())
         else:
-            shape = self._compound(hulls)
+            shape = self._convex(hulls)
         if shape < 0:
             raise SceneError(
                 f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?"
             )
         return int(shape)
 
-    def _compound(self, hulls: Sequence[Array]) -> int:
-        """Bullet takes several hulls in one shape from a Wavefront file only: one convex piece a named object."""
+    def _convex(self, hulls: Sequence[Array]) -> int:
+        """Convex pieces from a Wavefront file, each a named object of it.
+
+        Bullet takes several hulls in one shape from a file only, and what it is given as points it never frees.
+        """
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "hulls.obj"
             path.write_text(_wavefront(hulls), encoding="utf-8")

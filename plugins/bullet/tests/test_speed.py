@@ -1,5 +1,7 @@
 """The bench's own arithmetic, and that loading a scene again and again keeps no memory."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from humanclaw_bullet.profile import find_profile
@@ -19,9 +21,14 @@ def test_quartiles_are_those_of_the_numbers():
     assert str(Quartiles.of([1, 2, 3, 4, 5])) == "3 [2, 4]"
 
 
-def test_resetting_keeps_next_to_no_memory(workshop):
+def test_resetting_keeps_no_memory(workshop):
+    """Neither of boxes nor of a hundred other shapes, which are given to the engine in a different way."""
     workshop.room()
-    for x in np.linspace(-1.5, 1.5, 20):
-        workshop.box("box", (0.1, 0.1, 0.1), (float(x), 0, 1), movable=True, mass=1.0)
-    _, memory = reset_times(find_profile("default"), workshop.scene(), 30, lambda: None)
-    assert memory[-1] - memory[9] < 3.0
+    random = np.random.default_rng(0)
+    for number in range(100):
+        thing = workshop.box(f"rock {number}", (0.1, 0.1, 0.1), (random.uniform(-1.5, 1.5), 3, 1))
+        name = workshop.objects[thing - 1].asset
+        hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
+        workshop.assets[name] = replace(workshop.assets[name], hulls=(hull,))
+    _, memory = reset_times(find_profile("default"), workshop.scene(), 40, lambda: None)
+    assert memory[-1] - memory[9] < 2.0
