@@ -25,7 +25,7 @@ from humanclaw.records import (
     StepRecord,
     VerdictRecord,
 )
-from humanclaw.scene import Scene
+from humanclaw.scene import GROUND, Scene
 
 
 def picture(step: int) -> bytes:
@@ -37,23 +37,41 @@ def picture(step: int) -> bytes:
     return buffer.getvalue()
 
 
-def record_episode(folder: Path, scene: Scene | None = None, *, instruction: str = "", name: str = "couch-0") -> Scene:
-    """Let the oracle walk to the couch, sit down and stop, and write it down as the loop would."""
+def foot(thing: int, height: float) -> ContactRecord:
+    """The left ankle touches a thing at this height in the world."""
+    return ContactRecord(
+        joint="left_ankle", group="leg_foot", object_id=thing, movable=False, frames=(14,), depth=0.004, height=height
+    )
+
+
+def record_episode(
+    folder: Path,
+    scene: Scene | None = None,
+    *,
+    instruction: str = "",
+    name: str = "couch-0",
+    targets: tuple[int, ...] = (20,),
+    settings: dict[str, dict[str, object]] | None = None,
+) -> Scene:
+    """Let the oracle walk to a seat, sit down and stop, and write it down as the loop would."""
     scene = scene or two_rooms()
     spec = EpisodeSpec(
         id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
-        scene=scene.name, target_category="couch", target_ids=(20,), interact=True,
+        scene=scene.name, target_category=scene.by_id[targets[0]].category, target_ids=targets, interact=True,
         start=StartPose(**vars(scene.start)),
     )  # fmt: skip
-    low, high = scene.aabb(20)
+    boxes, nearest = {key: scene.aabb(key) for key in targets}, targets[0]
     record = EpisodeRecord(
         spec=spec, start=StartPose(**vars(scene.start)), agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
-        weights={"base": "abc"}, scene_digest=scene.digest, targets={20: (tuple(low), tuple(high))},
-        skills=tuple(SKILLS), created="2026-01-01T00:00:00+00:00",
+        weights={"base": "abc"}, scene_digest=scene.digest,
+        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=tuple(SKILLS),
+        created="2026-01-01T00:00:00+00:00", settings=settings or {},
+        ground=tuple(o.id for o in scene.objects if o.category in GROUND),
     )  # fmt: skip
-    writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, (20,)), OracleAgent()
+    writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, targets), OracleAgent()
     oracle.begin(EpisodeContext(spec, SKILLS, 0, scene, walker.state))
     history: list[Past] = []
+    heights = [walker.ground + walker.height] * HISTORY
     for number in range(100):
         before, first = walker.state().body, len(walker.track)
         decision = oracle.decide(Observation(number, spec.instruction, PICTURE), history)
@@ -61,6 +79,7 @@ def record_episode(folder: Path, scene: Scene | None = None, *, instruction: str
         history.append(Past(number, decision, decision.calls[0], "", PICTURE))
         walker.track += [(walker.x, walker.z)] * max(0, 15 - len(walker.track) + first)
         walker.track[first:] = walker.track[first:][-15:]
+        heights += [walker.ground + walker.height] * 15
         after = walker.state().body
         call = decision.calls[0]
         writer.step(
@@ -73,11 +92,10 @@ def record_episode(folder: Path, scene: Scene | None = None, *, instruction: str
                 frame_file=writer.frame(f"{number:04d}.jpg", picture(number)),
                 start=tuple(before.root[-1]), end=tuple(after.root[-1]),
                 yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),
-                target_pixels={20: 3000 if "A couch" in decision.visible_state else 0},
-                target_distance=float(distance_to_box(after.joints()[-1], low, high).min()),
-                pelvis_contacts=(20,) if walker.sat else (),
-                contacts=(ContactRecord(joint="left_ankle", group="leg_foot", object_id=20, movable=False, frames=(14,),
-                                        depth=0.004, height=0.3),) if number > 17 else (),
+                target_pixels={nearest: 3000 if "A couch" in decision.visible_state else 0},
+                target_distance=float(distance_to_box(after.joints()[-1], *boxes[nearest]).min()),
+                pelvis_contacts=(nearest,) if walker.sat else (),
+                contacts=(foot(record.ground[0], walker.ground), *([foot(nearest, 0.3)] if number > 17 else [])),
                 seconds={"observe": 0.08, "decide": 0.01, "verify": 0.02, "generate": 0.09, "simulate": 0.12},
             )
         )  # fmt: skip
@@ -85,7 +103,7 @@ def record_episode(folder: Path, scene: Scene | None = None, *, instruction: str
             break
     track = np.array([(scene.start.x, scene.start.z)] * HISTORY + walker.track)
     still = rest_pose(len(track))
-    motion = Motion(np.stack([track[:, 0], still.root[:, 1], track[:, 1]], -1), still.rotations)
+    motion = Motion(np.stack([track[:, 0], heights, track[:, 1]], -1), still.rotations)
     arrays = {
         f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "realised") for part in ("root", "rotations")
     }

@@ -6,10 +6,12 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from made import record_episode
+from rooms import UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 
-from humanclaw.bench.report import Table, in_words, stages, write_report
+from humanclaw.bench.report import Table, house_maps, in_words, path_maps, stages, storeys_at, write_report
 from humanclaw.errors import RecordError, SceneError
 from humanclaw.records import RecordedEpisode
 from humanclaw.scene import Scene
@@ -114,6 +116,90 @@ def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, run:
     assert [float(v) for v in half[-1].split()[-1].split(",")] == pytest.approx([100 * end[0], 100 * end[2]], abs=1)
     colours = [line["stroke"] for line in page.all("polyline")]
     assert len(set(colours[: len(half)])) == len(half)
+
+
+@pytest.fixture(scope="module")
+def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Scene]:
+    """From the ground floor of a house with two storeys onto the bed upstairs."""
+    folder = tmp_path_factory.mktemp("climbed")
+    settings = {"body": {"senses": ["vision", "touch"]}}
+    scene = record_episode(folder, two_storeys(), instruction="sit on the bed", targets=(31,), settings=settings)
+    return RecordedEpisode(folder), scene
+
+
+def test_a_height_belongs_to_the_highest_floor_below_it() -> None:
+    assert storeys_at((0.0, 2.7, 5.4), np.array([-0.4, 0.9, 2.5, 2.65, 3.6, 9.0])).tolist() == [0, 0, 0, 1, 1, 2]
+    assert storeys_at((0.0,), 7.0) == 0
+
+
+def test_a_house_with_one_floor_has_one_map_without_a_title() -> None:
+    (only,) = house_maps(two_rooms(), "house")
+    assert only.title == ""
+    assert {kind for *_, kind in only.rooms} == {"bedroom", "living room"}
+
+
+def test_each_storey_shows_its_own_rooms_and_things_and_the_stairs() -> None:
+    lower, upper = house_maps(two_storeys(), "house")
+    assert (lower.title, upper.title) == ("ground floor", "upper floor")
+    assert lower.box == upper.box
+    assert {kind for *_, kind in lower.rooms} == {"living"}
+    assert {kind for *_, kind in upper.rooms} == {"bedroom", "hall"}
+    names = [{name for _, _, name in drawn.things} for drawn in (lower, upper)]
+    assert names[0] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 30"}
+    assert names[1] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 32", "bed 31"}
+    # The first step ends at x = 2.25 m, the last begins at 5.5.
+    for drawn in (lower, upper):
+        stairs = " ".join(outline for outline, kind, _ in drawn.things if kind == "stairs")
+        assert "225,0" in stairs
+        assert "550,0" in stairs
+
+
+def test_the_path_is_drawn_on_the_storey_where_it_was_walked(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    episode, scene = climbed
+    lower, upper = path_maps(episode, house_maps(scene, "house"))
+    heights = {step.step: step.end[1] for step in episode.steps}
+    assert max(heights[step] for *_, step in lower.pieces) <= UPSTAIRS + 0.1
+    assert min(heights[step] for *_, step in upper.pieces) >= UPSTAIRS - 0.1
+    assert {step for *_, step in lower.pieces + upper.pieces} == set(heights)
+    assert lower.start is not None
+    assert lower.start[:2] == (100, 50)
+    assert upper.end is not None
+    assert upper.end[:2] == pytest.approx((100 * episode.steps[-1].end[0], 100 * episode.steps[-1].end[2]), abs=1)
+    assert (lower.end, upper.start) == (None, None)
+    assert (len(lower.targets), len(upper.targets)) == (0, 1)
+
+
+def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
+    seat = asset("couch", "couch", block(1.6, 0.42, 0.9), seat=0.42)
+    scene = record_episode(tmp_path, two_storeys((seat, thing(20, seat, 7.4, 1.5, -np.pi / 2))))
+    (drawn,) = path_maps(RecordedEpisode(tmp_path), house_maps(scene, "house"))
+    assert drawn.house.title == "ground floor"
+
+
+def test_the_page_of_a_climb_shows_both_floors_and_the_senses(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    page = Page(write_report(climbed[0].folder, None, lambda name: climbed[1]).read_text("utf-8"))
+    assert len(page.all("use")) == len(page.all("symbol")) == 2
+    assert "ground floor" in page.text
+    assert "upper floor" in page.text
+    assert "senses vision, touch" in page.text
+
+
+def test_standing_on_an_upper_floor_is_no_contact(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    page = Page(write_report(climbed[0].folder, None, lambda name: climbed[1]).read_text("utf-8"))
+    assert climbed[0].steps[-1].contacts[0].height > 2
+    assert "left ankle on floor" not in page.text
+
+
+def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path)
+    (tmp_path / "steps.jsonl").write_text("")
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert not page.all("polyline")
+    assert "start end" in page.text
+
+
+def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
+    assert "senses" not in page.text
 
 
 def test_contacts_name_the_thing_and_the_part_of_the_body(page: Page) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
@@ -14,8 +14,8 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 from tqdm import tqdm
 
-from humanclaw.bench.report import PathMap, call_text, house_map, path_map
-from humanclaw.bench.routes import FloorPlan
+from humanclaw.bench.report import HouseMap, PathMap, call_text, house_maps, path_maps, storeys_at
+from humanclaw.bench.routes import FloorPlan, floors_of
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
@@ -35,6 +35,9 @@ WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
 FILM_SIZE: Final = (512, 384)
+SLAB: Final = 0.4
+"""The thickest floor that hides those below it, metres."""
+FILLS: Final = {"fixed": "#cfc8b9", "movable": "#e6dfc9", "stairs": "#ffffff"}
 GAP: Final = 16
 """Between the pictures of a poster, pixels."""
 
@@ -50,7 +53,8 @@ def film(
 ) -> Path:
     """Film an episode from behind and above, with the ego view in a corner. every: frames of motion a frame of film.
 
-    Loads the scene, without its ceilings, into the renderer. Raises RecordError if there is no motion or out cannot be written.
+    Loads the scene, without what hides the body from above, into the renderer. Raises RecordError if there is no motion or out
+    cannot be written.
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
@@ -64,26 +68,22 @@ def poster(
     episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
 ) -> Path:
     """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path (PNG)."""
-    replay = Replay.of(episode, scene)
-    _, _, wide, deep = house_map(scene, "house").box
-    # The map fills its column: as wide as its shape makes it at the height of both rows.
-    side = int((width - GAP * (moments + 2 + wide / deep)) / (moments + 2 * wide / deep))
-    renderer.load(replay.open_scene)
+    replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
+    # The map fills its column, a storey below another: as wide as its shape makes it at the height of both rows.
+    shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
+    side = int((width - GAP * (moments + 2 + shape * (2 - len(maps)))) / (moments + 2 * shape))
     last = len(replay.motion) - 1
-    frames = np.linspace(min(HISTORY, last), last, moments).astype(int)
-    outside = [_shot(replay, renderer, int(frame), (side, side)) for frame in frames]
+    frames = [int(frame) for frame in np.linspace(min(HISTORY, last), last, moments)]
+    outside = list(_shots(replay, renderer, frames, (side, side)))
     # The eyes see the ceiling, so the ego views need the whole scene.
     renderer.load(scene)
-    inside = [
-        renderer.render(replay.state(int(frame)), ego_camera(replay.state(int(frame)).body, side)).rgb
-        for frame in frames
-    ]
+    inside = [renderer.render(replay.state(frame), ego_camera(replay.state(frame).body, side)).rgb for frame in frames]
     sheet = Image.new("RGB", (width, 2 * side + 3 * GAP), "white")
     for column in range(moments):
         for row, picture in enumerate((outside[column], inside[column])):
             sheet.paste(Image.fromarray(picture), (GAP + column * (side + GAP), GAP + row * (side + GAP)))
     left = GAP + moments * (side + GAP)
-    sheet.paste(draw_map(episode, scene, (width - left - GAP, 2 * side + GAP)), (left, GAP))
+    sheet.paste(_draw(maps, (width - left - GAP, 2 * side + GAP)), (left, GAP))
     sheet.save(out)
     return out
 
@@ -94,8 +94,10 @@ class Replay:
     """An episode's motion in its scene, with a camera for every frame."""
 
     episode: RecordedEpisode
-    open_scene: Scene
-    """The scene without ceilings."""
+    scenes: tuple[Scene, ...]
+    """The scene as it is shown while the body is on each storey, lowest first."""
+    storeys: NDArray[np.int64]
+    """(T,) on which storey the body is."""
     motion: Motion
     objects: dict[int, Array]
     eyes: Array
@@ -109,8 +111,11 @@ class Replay:
             raise RecordError(
                 f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed."
             ) from error
-        plan = FloorPlan.of(scene, scene.start.floor)
-        return cls(episode, without_ceilings(scene), motion, objects, follow(plan, motion))
+        floors = floors_of(scene)
+        scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
+        storeys = storeys_at(floors, _smooth(motion.root[:, 1], 6.0))
+        plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
+        return cls(episode, scenes, storeys, motion, objects, follow(plans, storeys, motion))
 
     def state(self, frame: int) -> WorldState:
         return WorldState(self.motion[frame : frame + 1], {key: path[frame] for key, path in self.objects.items()})
@@ -129,9 +134,21 @@ class Replay:
         return None
 
 
-def without_ceilings(scene: Scene) -> Scene:
-    """The same scene, open from above."""
-    return replace(scene, objects=tuple(thing for thing in scene.objects if not thing.category.startswith("ceiling")))
+def opened(scene: Scene, above: float = np.inf) -> Scene:
+    """The same scene, open from above: without its ceilings and without what begins above a height, metres."""
+    kept = [
+        thing
+        for thing in scene.objects
+        if not thing.category.startswith("ceiling") and scene.aabb(thing.id)[0][1] < above
+    ]
+    return replace(scene, objects=tuple(kept))
+
+
+def sight(scene: Scene, floor: float) -> FloorPlan:
+    """The plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is below."""
+    plan = FloorPlan.of(scene, floor)
+    well = np.isnan(plan.ground) & (plan.tops == 0)
+    return replace(plan, tops=np.where(well, -np.inf, plan.tops))
 
 
 def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
@@ -142,20 +159,30 @@ def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0)
     return Camera(eye, forward, up, fov, *size)
 
 
-def follow(plan: FloorPlan, motion: Motion) -> Array:
+def follow(plans: Sequence[FloorPlan], storeys: NDArray[np.int64], motion: Motion) -> Array:
     """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
 
-    The cheapest sequence of directions (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
+    plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of directions
+    (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
     """
     keys = np.arange(0, len(motion), KEY)
     azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
     ways = np.stack([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)], -1)
     swing = np.arccos(np.clip(ways @ ways.T, -1, 1))
-    chosen = _cheapest(_discomfort(plan, motion, keys, azimuth, elevation, ways), 2.5 * swing)
+    cost = np.empty((len(keys), len(ways)))
+    for k, plan in enumerate(plans):
+        here = storeys[keys] == k
+        cost[here] = _discomfort(plan, motion, keys[here], azimuth, elevation, ways)
+    chosen = _cheapest(cost, 2.5 * swing)
     offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
-    offsets = gaussian_filter1d(offsets, 9.0, axis=0, mode="nearest")
+    offsets = _smooth(offsets, 9.0)
     offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
-    return np.asarray(gaussian_filter1d(motion.root, 6.0, axis=0, mode="nearest") + offsets)
+    return _smooth(motion.root, 6.0) + offsets
+
+
+def _smooth(values: Array, frames: float) -> Array:
+    """(T, ...) values, smoothed over time."""
+    return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
 
 
 def _discomfort(
@@ -167,7 +194,8 @@ def _discomfort(
     steep = np.abs(elevation - PREFERRED_ELEVATION)
     eyes = joints[:, None, 0] + DISTANCE * ways
     # The floor around the feet counts a little: a picture of the body behind the top of a wall tells little.
-    ground = joints[:, None, 0] * [1, 0, 1] + [0, plan.floor + 0.05, 0] + _ring(0.8)
+    soles = joints[:, :, 1].min(1)[:, None, None] * [0, 1, 0]
+    ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
     veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
     return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
@@ -193,19 +221,27 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
-def _shot(replay: Replay, renderer: Renderer, frame: int, size: tuple[int, int]) -> Picture:
-    return renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
+def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
+    """The body from outside at each frame, in the scene as it is shown then."""
+    shown: Scene | None = None
+    for frame in frames:
+        scene = replay.scenes[replay.storeys[frame]]
+        if scene is not shown:
+            renderer.load(scene)
+            shown = scene
+        yield renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
 
 
 def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
-    renderer.load(replay.open_scene)
     inset: tuple[str, Image.Image | None] = ("", None)
+    frames = range(0, len(replay.motion), every)
+    shots = _shots(replay, renderer, frames, size)
     # tqdm keeps silent where nobody watches a terminal.
-    for frame in tqdm(range(0, len(replay.motion), every), "film", unit="frame", disable=None, leave=False):
+    for frame, shot in zip(tqdm(frames, "film", unit="frame", disable=None, leave=False), shots, strict=True):
         step = replay.step(frame)
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))
-        yield _caption(_shot(replay, renderer, frame, size), step, inset[1])
+        yield _caption(shot, step, inset[1])
 
 
 def _ego(path: Path, side: int) -> Image.Image | None:
@@ -232,20 +268,19 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
     return np.asarray(image)
 
 
-def draw_map(episode: RecordedEpisode, scene: Scene, size: tuple[int, int]) -> Image.Image:
-    """The map of the report as a picture of this size."""
-    house = house_map(scene, "house")
-    chart = _Chart.of(house.box, size)
-    for x, z, wide, deep, _ in house.rooms:
-        # A little larger than the room, so that the floor goes on in the doorways.
-        chart.pen.rectangle(chart.corners(x - 8, z - 8, wide + 16, deep + 16), fill="#f3efe6")
-    for outline, kind, _ in house.things:
-        chart.pen.polygon(chart.line(outline), fill="#cfc8b9" if kind == "fixed" else "#e6dfc9", outline="#a8a294")
-    for outline in house.walls:
-        chart.pen.polygon(chart.line(outline), fill="#4a4e55")
-    path = path_map(episode, house)
-    if path:
-        chart.walk(path)
+def _draw(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:
+    """The maps of the report as a picture of this size, the highest storey on top."""
+    sheet = Image.new("RGB", size, "white")
+    height = (size[1] - GAP * (len(maps) - 1)) // len(maps)
+    for row, drawn in enumerate(reversed(maps)):
+        sheet.paste(_draw_storey(drawn, (size[0], height)), (0, row * (height + GAP)))
+    return sheet
+
+
+def _draw_storey(path: PathMap, size: tuple[int, int]) -> Image.Image:
+    chart = _Chart.of(path.box, size)
+    chart.house(path.house)
+    chart.walk(path)
     return chart.image.resize(size, Image.Resampling.LANCZOS)
 
 
@@ -278,13 +313,24 @@ class _Chart:
     def corners(self, x: float, z: float, wide: float, deep: float) -> list[float]:
         return [*self.point(x, z), *self.point(x + wide, z + deep)]
 
+    def house(self, house: HouseMap) -> None:
+        for x, z, wide, deep, _ in house.rooms:
+            # A little larger than the room, so that the floor goes on in the doorways.
+            self.pen.rectangle(self.corners(x - 8, z - 8, wide + 16, deep + 16), fill="#f3efe6")
+        for outline, kind, _ in house.things:
+            self.pen.polygon(self.line(outline), fill=FILLS[kind], outline="#a8a294")
+        for outline in house.walls:
+            self.pen.polygon(self.line(outline), fill="#4a4e55")
+
     def walk(self, path: PathMap) -> None:
         for x, z, wide, deep, _ in path.targets:
             self.pen.rectangle(self.corners(x, z, wide, deep), outline="#1b6e46", width=4)
         for points, colour, _ in path.pieces:
             self.pen.line(self.line(points), fill=colour, width=8, joint="curve")
-        for (x, z, _), colour in ((path.start, "#3d6ceb"), (path.end, "#e2a030")):
-            a, b = self.point(x, z)
+        for mark, colour in ((path.start, "#3d6ceb"), (path.end, "#e2a030")):
+            if mark is None:
+                continue
+            a, b = self.point(*mark[:2])
             self.pen.ellipse((a - 11, b - 11, a + 11, b + 11), fill="white", outline=colour, width=6)
 
 

@@ -16,12 +16,14 @@ from typing import Final
 
 import jinja2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
+from humanclaw.bench.routes import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
-from humanclaw.records import CallRecord, RecordedEpisode, StepRecord, load_run
+from humanclaw.records import CallRecord, ContactRecord, RecordedEpisode, StepRecord, Vec3, load_run
 from humanclaw.scene import Scene, SceneObject
 
 SEEN_PIXELS: Final = 100
@@ -36,6 +38,10 @@ FILM_BYTES: Final = 4_000_000
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
 """Start to end of a path: even in lightness, so that it reads on light and on dark paper."""
 
+Box = tuple[float, float, float, float]
+"""x, z, width and depth, centimetres."""
+Corners = tuple[Vec3, Vec3]
+"""Lowest and highest corner of a box, metres."""
 Polygon = str
 """Points as SVG writes them: x,z x,z ... in centimetres."""
 
@@ -72,38 +78,46 @@ class StepView:
     verdict: str
     verdict_kind: str
     contacts: str
+    felt: str
+    """What senses other than vision told of it."""
     pixels: int
     colour: str
 
 
 @dataclass(frozen=True)
 class HouseMap:
-    """A house from above. Centimetres; x to the right, z down, as one looks at it."""
+    """One storey of a house from above. Centimetres; x to the right, z down, as one looks at it."""
 
     key: str
-    box: tuple[float, float, float, float]
+    box: Box
+    """The same for all storeys of a house."""
+    title: str = ""
+    """Which storey; empty if there is only one."""
+    floor: float = 0.0
+    """Metres."""
     rooms: tuple[tuple[float, float, float, float, str], ...] = ()
     """x, z, width, depth and kind."""
     walls: tuple[Polygon, ...] = ()
     things: tuple[tuple[Polygon, str, str], ...] = ()
-    """Outline, kind (fixed or movable) and title."""
+    """Outline, kind (fixed, movable or stairs) and title."""
 
 
 @dataclass(frozen=True)
 class PathMap:
-    """What one episode adds to the map of its house."""
+    """What one episode adds to the map of one storey."""
 
     house: HouseMap
-    box: tuple[float, float, float, float]
+    box: Box
     pieces: tuple[tuple[Polygon, str, int], ...]
     """Stretch of the path, its colour, its step."""
     text: float
     """Size of the labels, so that they are as large on the page whatever the size of the house."""
-    start: tuple[float, float, float]
-    """x, z and bearing in degrees, clockwise from up."""
-    end: tuple[float, float, float]
+    start: tuple[float, float, float] | None
+    """x, z and bearing in degrees, clockwise from up; None if the path begins on another storey."""
+    end: tuple[float, float, float] | None
     targets: tuple[tuple[float, float, float, float, str], ...]
     note: str = ""
+    """Why the house is not drawn."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +151,8 @@ class EpisodeView:
     cost: float
     steps: tuple[StepView, ...] = ()
     strip: tuple[StepView, ...] = ()
-    map: PathMap | None = None
+    maps: tuple[PathMap, ...] = ()
+    """The storeys that the path or a target is on, lowest first."""
     contacts: tuple[ContactRow, ...] = ()
     film: FilmView | None = None
 
@@ -147,22 +162,22 @@ class Houses:
     """Scenes by name, each loaded and drawn once. One that cannot be loaded leaves a note in its place."""
 
     load: Callable[[str], Scene]
-    known: dict[str, tuple[Scene | None, HouseMap, str]] = field(default_factory=dict)
+    known: dict[str, tuple[Scene | None, tuple[HouseMap, ...], str]] = field(default_factory=dict)
 
-    def of(self, name: str, digest: str) -> tuple[Scene | None, HouseMap, str]:
+    def of(self, name: str, digest: str) -> tuple[Scene | None, tuple[HouseMap, ...], str]:
         if name not in self.known:
             self.known[name] = self._draw(name, f"house-{len(self.known)}", digest)
         return self.known[name]
 
-    def _draw(self, name: str, key: str, digest: str) -> tuple[Scene | None, HouseMap, str]:
+    def _draw(self, name: str, key: str, digest: str) -> tuple[Scene | None, tuple[HouseMap, ...], str]:
+        nothing = (HouseMap(key, (0, 0, 0, 0)),)
         try:
             scene = self.load(name)
         except HumanclawError as fault:
-            return None, HouseMap(key, (0, 0, 0, 0)), f"The house is not drawn: {fault}"
+            return None, nothing, f"The house is not drawn: {fault}"
         if digest and scene.digest != digest:
-            note = "The house is not drawn: the installed scene differs from the one of the record."
-            return None, HouseMap(key, (0, 0, 0, 0)), note
-        return scene, house_map(scene, key), ""
+            return None, nothing, "The house is not drawn: the installed scene differs from the one of the record."
+        return scene, house_maps(scene, key), ""
 
 
 def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *, tables: Sequence[Table] = ()) -> Path:
@@ -180,7 +195,7 @@ def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *,
         title=run.resolve().name,
         episodes=views,
         detailed=views[:DETAILED],
-        houses=[house for scene, house, _ in houses.known.values() if scene],
+        houses=[storey for scene, drawn, _ in houses.known.values() if scene for storey in drawn],
         tables=tables,
         totals=_totals(views),
         parts=PARTS,
@@ -232,7 +247,7 @@ def _detailed(view: EpisodeView, houses: Houses, pictures: int, page: Path) -> E
         view,
         steps=steps,
         strip=tuple(shown[k] for k in _spread(len(shown), 8)),
-        map=path_map(recorded, house, note),
+        maps=path_maps(recorded, house, note),
         contacts=_contacts(recorded, scene),
         film=_film(recorded.folder, page),
     )
@@ -307,8 +322,9 @@ def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
 
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: bool, scene: Scene | None) -> StepView:
     kind, verdict = _verdict(step)
-    touched = {c.object_id: f"{c.joint.replace('_', ' ')} on {_name(scene, c.object_id)}" for c in step.contacts if
-               c.height > 0.03}  # fmt: skip
+    touched = {
+        c.object_id: f"{c.joint.replace('_', ' ')} on {_name(scene, c.object_id)}" for c in _touched(recorded, step)
+    }
     return StepView(
         record=step,
         call=call_text(step.call) if step.call else "no usable call",
@@ -317,9 +333,14 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: boo
         verdict=verdict,
         verdict_kind=kind,
         contacts="; ".join(touched.values()),
+        felt=_EXECUTED.sub("", step.feedback) if step.status == "executed" else "",
         pixels=sum(step.target_pixels.values()),
         colour=_colour(number / max(1, len(recorded.steps) - 1)),
     )
+
+
+_EXECUTED: Final = re.compile(r"^.*?Executed \w+\([^)]*\)( in its place)?\.\s*")
+"""What the loop says of a step; what is felt of it follows."""
 
 
 def call_text(call: CallRecord) -> str:
@@ -353,14 +374,20 @@ def _picture(path: Path, size: int = 240) -> str:
     return _data_uri(buffer.getvalue(), "image/jpeg")
 
 
+def _touched(recorded: RecordedEpisode, step: StepRecord) -> list[ContactRecord]:
+    """Contacts above the floor of the start, without feet on an upper floor or on stairs."""
+    level, ground = recorded.record.start.floor + 0.03, recorded.record.ground
+    high = [contact for contact in step.contacts if contact.height > level]
+    return [c for c in high if not (c.object_id in ground and c.joint.endswith(("_ankle", "_foot")))]
+
+
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
-    """What was touched above the floor, the longest first."""
+    """What was touched other than by standing on it, the longest first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
-        for contact in step.contacts:
-            if contact.height > 0.03:
-                part = contact.joint.replace("_", " ")
-                rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
+        for contact in _touched(recorded, step):
+            part = contact.joint.replace("_", " ")
+            rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
     table = [
         ContactRow(
             _name(scene, key),
@@ -408,9 +435,36 @@ def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
 
 
 # -- maps --------------------------------------------------------------------------------------------------------------
-def house_map(scene: Scene, key: str) -> HouseMap:
-    """The storey on which the scene's start lies, from above."""
-    floor = scene.start.floor
+def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
+    """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all are.
+
+    A pelvis, or the bottom of a thing, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
+    """
+    return np.maximum(np.searchsorted(np.asarray(floors), np.asarray(heights) + 0.1, side="right") - 1, 0)
+
+
+def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
+    """The storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
+    floors = floors_of(scene)
+    maps = [
+        _storey_map(scene, floor, f"{key}-{k}", title)
+        for k, (floor, title) in enumerate(zip(floors, _titles(floors), strict=True))
+    ]
+    box = _box(scene, [wall for drawn in maps for wall in drawn.walls])
+    return tuple(replace(drawn, box=box) for drawn in maps)
+
+
+def _titles(floors: Sequence[float]) -> list[str]:
+    """What storeys are called by their heights, lowest first. One alone needs no name."""
+    if len(floors) == 1:
+        return [""]
+    below = next((k for k, floor in enumerate(floors) if floor > -1.0), 0)
+    above = len(floors) - below - 1
+    lower = [f"lower floor {below - k}" if below > 1 else "lower floor" for k in range(below)]
+    return [*lower, "ground floor", *(f"upper floor {k}" if above > 1 else "upper floor" for k in range(1, above + 1))]
+
+
+def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
     rooms = tuple(
         (_c(r.x0), _c(r.z0), _c(r.x1 - r.x0), _c(r.z1 - r.z0), r.kind.replace("_", " "))
         for r in scene.rooms
@@ -424,26 +478,32 @@ def house_map(scene: Scene, key: str) -> HouseMap:
         if thing.category in ("wall", "window"):
             walls += outlines
         else:
-            kind = "movable" if thing.movable else "fixed"
+            kind = "stairs" if thing.category == "stairs" else "movable" if thing.movable else "fixed"
             things += [(outline, kind, f"{thing.category.replace('_', ' ')} {thing.id}") for outline in outlines]
-    return HouseMap(key, _box(scene, walls), rooms, tuple(walls), tuple(things))
+    return HouseMap(key, (0, 0, 0, 0), title, floor, rooms, tuple(walls), tuple(things))
 
 
 def _on_storey(scene: Scene, thing: SceneObject, floor: float) -> bool:
+    """Stairs are on the storeys that they join: they lead up to one whose floor is a step higher than their last."""
     low, high = scene.aabb(thing.id)
-    return bool(low[1] < floor + 1.9 and high[1] > floor + 0.02)
+    bottom = floor - STEP if thing.category == "stairs" else floor + 0.02
+    return bool(low[1] < floor + OBSTACLE_HEIGHTS[1] and high[1] > bottom)
 
 
 def _outlines(scene: Scene, thing: SceneObject, floor: float) -> list[Polygon]:
-    """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel above."""
+    """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel above.
+
+    Of stairs all pieces, from the lowest up.
+    """
     asset = scene.assets[thing.asset]
-    corner = np.array(thing.position)
-    vertices = scene.vertices(thing.id)
     if not asset.hulls:
-        return [_outline(vertices)]
+        return [_outline(scene.vertices(thing.id))]
     turn = matrix_from_quaternion(np.array(thing.rotation))
-    pieces = [hull @ turn.T + corner for hull in asset.hulls]
-    return [_outline(p) for p in pieces if p[:, 1].min() < floor + 1.9 and p[:, 1].max() > floor + 0.05]
+    pieces = [hull @ turn.T + np.array(thing.position) for hull in asset.hulls]
+    if thing.category == "stairs":
+        return [_outline(piece) for piece in sorted(pieces, key=lambda piece: float(piece[:, 1].max()))]
+    low, high = floor + OBSTACLE_HEIGHTS[0], floor + OBSTACLE_HEIGHTS[1]
+    return [_outline(p) for p in pieces if p[:, 1].min() < high and p[:, 1].max() > low]
 
 
 def _outline(points: Array) -> Polygon:
@@ -463,54 +523,87 @@ def _c(metres: float) -> float:
     return round(100 * float(metres))
 
 
-def _box(scene: Scene, walls: Sequence[Polygon]) -> tuple[float, float, float, float]:
+def _box(scene: Scene, walls: Sequence[Polygon]) -> Box:
     points = [tuple(map(float, pair.split(","))) for outline in walls for pair in outline.split()]
     points += [(_c(x), _c(z)) for room in scene.rooms for x, z in ((room.x0, room.z0), (room.x1, room.z1))]
     return _around(np.array(points or [(0, 0)], float), 20)
 
 
-def _around(points: Array, margin: float) -> tuple[float, float, float, float]:
+def _around(points: Array, margin: float) -> Box:
     low, high = points.min(0) - margin, points.max(0) + margin
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
 
 
-def path_map(recorded: RecordedEpisode, house: HouseMap, note: str = "") -> PathMap | None:
-    """The walked path over the house; None if the body never stood anywhere."""
+def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = "") -> tuple[PathMap, ...]:
+    """The walked path over the storeys of a house that it or a target is on, lowest first."""
     walked = _walked(recorded)
-    if not walked:
-        return None
-    record, last = recorded.record, recorded.steps[-1]
-    boxes = tuple(
-        (
-            _c(low[0]),
-            _c(low[2]),
-            _c(high[0] - low[0]),
-            _c(high[2] - low[2]),
-            record.spec.target_category.replace("_", " "),
+    floors = [storey.floor for storey in house]
+    pieces = storeys_at(floors, np.array([piece[:, 1].mean() for piece in walked]))
+    targets = list(recorded.record.targets.values())
+    on = storeys_at(floors, np.array([low[1] for low, _ in targets]))
+    extent = [100 * piece[:, [0, 2]] for piece in walked] + [100 * np.array(corners)[:, [0, 2]] for corners in targets]
+    box = house[0].box if house[0].box[2] else _around(np.concatenate(extent), 60)
+    return tuple(
+        _path_map(
+            recorded, replace(storey, box=box), walked, pieces == k, [targets[n] for n in np.flatnonzero(on == k)], note
         )
-        for low, high in record.targets.values()
+        for k, storey in enumerate(house)
+        if k in pieces or k in on
     )
-    extent = [100 * np.concatenate(walked)] + [np.array([[x, z], [x + w, z + d]]) for x, z, w, d, _ in boxes]
-    box = house.box if house.box[2] else _around(np.concatenate(extent), 60)
+
+
+def _path_map(
+    recorded: RecordedEpisode,
+    house: HouseMap,
+    walked: list[Array],
+    here: NDArray[np.bool_],
+    targets: list[Corners],
+    note: str,
+) -> PathMap:
+    """here: (pieces,) whether each piece of the path is on this storey."""
+    record = recorded.record
+    noun = record.spec.target_category.replace("_", " ")
     pieces = tuple(
-        (_points(piece), _colour(n / max(1, len(walked) - 1)), recorded.steps[n].step)
+        (_points(piece[:, [0, 2]]), _colour(n / max(1, len(walked) - 1)), recorded.steps[n].step)
         for n, piece in enumerate(walked)
-        if len(piece) > 1
+        if here[n] and len(piece) > 1
     )
-    begin = (_c(walked[0][0][0]), _c(walked[0][0][1]), _bearing(record.start.yaw))
-    final = walked[-1][-1]
-    yaw = last.yaw_end if last.status != "invalid" else last.yaw_start
-    text = round(max(box[2], box[3]) / 34)
-    return PathMap(house, box, pieces, text, begin, (_c(final[0]), _c(final[1]), _bearing(yaw)), boxes, note)
+    return PathMap(
+        house=house,
+        box=house.box,
+        pieces=pieces,
+        text=round(max(house.box[2], house.box[3]) / 34),
+        start=_mark(walked[0][0], record.start.yaw) if here[0] else None,
+        end=_mark(walked[-1][-1], _last_yaw(recorded)) if here[-1] else None,
+        targets=tuple((_c(a[0]), _c(a[2]), _c(b[0] - a[0]), _c(b[2] - a[2]), noun) for a, b in targets),
+        note=note,
+    )
+
+
+def _last_yaw(recorded: RecordedEpisode) -> float:
+    if not recorded.steps:
+        return recorded.record.start.yaw
+    last = recorded.steps[-1]
+    return last.yaw_end if last.status != "invalid" else last.yaw_start
+
+
+def _mark(place: Array, yaw: float) -> tuple[float, float, float]:
+    return _c(place[0]), _c(place[2]), _bearing(yaw)
 
 
 def _walked(recorded: RecordedEpisode) -> list[Array]:
-    """(N, 2) pelvis positions of each step, from the motion if there is one, else from the steps' ends."""
+    """(N, 3) pelvis positions of each step, from the motion if there is one, else from the steps' ends.
+
+    Without a step the start alone.
+    """
+    if not recorded.steps:
+        start = recorded.record.start
+        return [np.array([[start.x, start.floor, start.z]])]
     try:
-        root = recorded.motion().root[:, [0, 2]]
+        root = recorded.motion().root
     except (OSError, KeyError):
         ends = [(s.start, s.end if s.status != "invalid" else s.start) for s in recorded.steps]
-        return [np.array([a, b])[:, [0, 2]] for a, b in ends]
+        return [np.array(pair) for pair in ends]
     pieces, first = [], HISTORY
     for step in recorded.steps:
         stretch = root[first - 1 : first + step.motion_frames]

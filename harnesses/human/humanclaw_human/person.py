@@ -60,8 +60,7 @@ class Person:
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
         assert self._window is not None
-        words = f"{observation.instruction}  Step {observation.step}. {observation.feedback}"
-        self._window.show(observation.rgb, observation.step, words)
+        self._window.show(observation.rgb, observation.step, observation.instruction, observation.feedback)
         if observation.feedback:
             click.echo(observation.feedback)
         while True:

@@ -12,25 +12,41 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>HumanCLAW</title>
-<style>body{margin:0;background:#16181c;color:#e8e6e1;font:16px/1.5 system-ui;display:grid;place-items:center;min-height:100vh}
-figure{margin:1rem;width:min(92vw,80vh)}img{width:100%;border-radius:6px;display:block}figcaption{margin-top:.6rem}</style>
-<figure><img id="view" alt="What the body sees"><figcaption id="words"></figcaption></figure>
+_PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>HumanCLAW</title><link rel="icon" href="data:,">
+<style>
+body{margin:0;padding:1.2rem;box-sizing:border-box;min-height:100vh;background:#16181c;color:#e8e6e1;
+  font:16px/1.5 system-ui,sans-serif;display:flex;flex-wrap:wrap;gap:1.6rem;align-items:center;justify-content:center}
+img{width:min(100%,100vh - 2.4rem);aspect-ratio:1;border-radius:6px;display:block}
+figure{margin:0;flex:3 1 24rem;max-width:calc(100vh - 2.4rem)}
+main{flex:1 1 15rem;max-width:26rem}
+h1{font-size:1.5rem;line-height:1.25;margin:0 0 .8rem}
+#step{color:#9aa3ad;margin:0;font-weight:600}
+#feedback{margin:.3rem 0 1.4rem}
+small{color:#9aa3ad}
+</style></head><body>
+<figure><img id="view" alt="What the body sees"></figure>
+<main><h1 id="instruction"></h1><p id="step"></p><p id="feedback" aria-live="polite"></p>
+<small id="hint">Type the next call in the terminal; help lists them.</small></main>
 <script>
-let shown = -1;
+const put = (name, text) => { document.getElementById(name).textContent = text; };
+let shown = "", count = 0;
 async function follow() {
   try {
-    const now = await (await fetch("state", {cache: "no-store"})).json();
-    if (now.step !== shown) {
-      shown = now.step;
-      document.getElementById("view").src = "view.png?" + shown;
-      document.getElementById("words").textContent = now.words;
+    const told = await (await fetch("state", {cache: "no-store"})).text();
+    const now = JSON.parse(told);
+    if (told !== shown && now.step >= 0) {
+      shown = told;
+      document.getElementById("view").src = "view.png?" + count++;
+      put("instruction", now.instruction);
+      put("step", "Step " + now.step);
+      put("feedback", now.feedback);
     }
-  } catch (error) { document.getElementById("words").textContent = "The run has ended."; }
-  setTimeout(follow, 200);
+    setTimeout(follow, 200);
+  } catch (error) { put("hint", "The run has ended."); }
 }
 follow();
-</script></html>"""
+</script></body></html>"""
 
 
 class Window:
@@ -38,7 +54,8 @@ class Window:
 
     def __init__(self, port: int = 0) -> None:
         """port 0: any free one. Raises OSError if the port is taken."""
-        self._picture, self._state = b"", {"step": -1, "words": ""}
+        self._picture = b""
+        self._state: dict[str, Any] = {"step": -1, "instruction": "", "feedback": ""}
         self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
         self._server.daemon_threads = True
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
@@ -47,11 +64,12 @@ class Window:
     def address(self) -> str:
         return f"http://127.0.0.1:{self._server.server_port}/"
 
-    def show(self, rgb: NDArray[np.uint8], step: int, words: str) -> None:
-        """Put a (H, W, 3) picture on the page."""
+    def show(self, rgb: NDArray[np.uint8], step: int, instruction: str, feedback: str = "") -> None:
+        """Put a (H, W, 3) picture on the page, what is to be done, and what became of the last call."""
         buffer = io.BytesIO()
         Image.fromarray(rgb).save(buffer, "PNG")
-        self._picture, self._state = buffer.getvalue(), {"step": step, "words": words}
+        self._picture = buffer.getvalue()
+        self._state = {"step": step, "instruction": instruction, "feedback": feedback}
 
     def close(self) -> None:
         self._server.shutdown()

@@ -79,8 +79,9 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
 def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
     window = Window()
     try:
-        window.show(PICTURE, 3, "Find a chair.")
-        assert json.load(urlopen(window.address + "state")) == {"step": 3, "words": "Find a chair."}
+        window.show(PICTURE, 3, "Find a chair.", "You walked.")
+        told = {"step": 3, "instruction": "Find a chair.", "feedback": "You walked."}
+        assert json.load(urlopen(window.address + "state")) == told
         picture = np.array(Image.open(io.BytesIO(urlopen(window.address + "view.png?3").read())))
         assert np.array_equal(picture, PICTURE)
         assert b"<img" in urlopen(window.address).read()
