@@ -107,7 +107,8 @@ def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     level, ground = recorded.record.start.floor + GROUND, set(recorded.record.ground)
     moving = [step for step in recorded.steps if step.motion_frames]
     hit = [
-        {c.group for c in step.contacts if not (c.movable or c.height <= level or _footing(c, ground))} for step in moving
+        {c.group for c in step.contacts if not (c.movable or c.height <= level or _footing(c, ground))}
+        for step in moving
     ]
     count = len(moving) or float("nan")
     return {"any": sum(map(bool, hit)) / count} | {
