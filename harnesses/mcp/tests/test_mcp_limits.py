@@ -45,7 +45,7 @@ async def test_there_are_no_more_bodies_than_allowed():
 
 
 async def test_a_scene_that_does_not_exist_is_told_and_can_be_left():
-    bodies = Bodies(Settings(scenes=("hose:0",)))
+    bodies = Bodies(Settings(scenes=("hause:0",)))
     async with Client(make_server(Handlers(bodies))) as client:
         for _ in range(2):
             result = await client.call_tool("look", {})
