@@ -14,7 +14,7 @@ from PIL import Image
 import humanclaw
 from humanclaw.embodiment import Body, Deed
 from humanclaw.episode import EpisodeSpec, StartPose
-from humanclaw.geometry import distance_to_box
+from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import (
     Call,
     Contact,
@@ -171,8 +171,7 @@ def _target_distance(scene: Scene, targets: Sequence[int], realised: Motion) -> 
     """From the nearest joint (pelvis, root and link origins) in the last frame to the nearest target's bounding box."""
     if not targets:
         return None
-    points = realised[-1:].joints()[0]
-    return float(min(distance_to_box(points, *scene.aabb(key)).min() for key in targets))
+    return distance_to_nearest(realised[-1:].joints(), map(scene.aabb, targets))
 
 
 def attempt_record(decision: Decision, error: str = "") -> AttemptRecord:

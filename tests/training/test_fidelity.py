@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from humanclaw import pose
 from humanclaw.errors import CheckpointError
-from humanclaw.motion.checkpoint import Card, Normaliser, load_base, save_adapter, save_base
+from humanclaw.motion.checkpoint import Card, save_adapter
 from humanclaw.motion.control import Adapter, AdapterConfig
-from humanclaw.motion.dit import DiT, ModelConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.plugins import Plugins
@@ -22,15 +20,10 @@ from humanclaw.training.rollouts import Command, Rollouts
 
 
 @pytest.fixture(scope="module")
-def still(tmp_path_factory):
+def still(tmp_path_factory, still_base):
     """A generator that holds the last pose, and an adapter of step_back that changes nothing."""
     folder = tmp_path_factory.mktemp("still")
-    rest = pose.rest_pose(5)
-    state = torch.from_numpy(pose.encode(rest)[-1]).float()
-    start = torch.from_numpy(rest.root).float(), torch.from_numpy(rest.rotations).float()
-    model = DiT(ModelConfig(32, 1, 4, prediction="clean"))
-    save_base(folder / "base.safetensors", model, Normaliser(state, torch.full((219,), 0.1)), start, Card())
-    base = load_base(folder / "base.safetensors")
+    base = still_base(folder)
     path = folder / "step_back" / "adapter.safetensors"
     save_adapter(
         path, Adapter(base.model, AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))), base.digest, Card()

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-import torch
 
 from humanclaw import pose
-from humanclaw.motion.checkpoint import Card, Normaliser, load_base, save_adapter, save_base
+from humanclaw.motion.checkpoint import Card, load_base, save_adapter
 from humanclaw.motion.control import Adapter, AdapterConfig
-from humanclaw.motion.dit import DiT, ModelConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.training.chunks import PARAMETERS, Chunks
@@ -30,15 +28,10 @@ SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 
 
 @pytest.fixture(scope="module")
-def still(tmp_path_factory):
+def still(tmp_path_factory, still_base):
     """A folder with a base that holds the last pose, and adapters of four skills that change nothing."""
     folder = tmp_path_factory.mktemp("still")
-    rest = pose.rest_pose(5)
-    state = torch.from_numpy(pose.encode(rest)[-1]).float()
-    start = torch.from_numpy(rest.root).float(), torch.from_numpy(rest.rotations).float()
-    model = DiT(ModelConfig(32, 1, 4, prediction="clean"))
-    save_base(folder / "base.safetensors", model, Normaliser(state, torch.full((219,), 0.1)), start, Card())
-    base = load_base(folder / "base.safetensors")
+    base = still_base(folder)
     for skill in SKILLS:
         width = len(PARAMETERS[skill])
         config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from humanclaw.bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common
+from humanclaw.bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, paired
 from humanclaw.bench.statistics import Difference, compare_rates, holm
 from humanclaw.bench.worker import Job
 from humanclaw.embodiment import Engines
@@ -70,8 +70,7 @@ def findings(scores: Mapping[str, Sequence[Scores]]) -> tuple[Finding, ...]:
 
 
 def _difference(a: Sequence[Scores], b: Sequence[Scores], metric: Metric) -> Difference:
-    pairs = [(metric.parts(x), metric.parts(y)) for x, y in common(a, b)]
-    both = [(x, y) for x, y in pairs if x is not None and y is not None]
+    both = paired(metric, common(a, b))
     return compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
 
 

@@ -16,7 +16,7 @@ from humanclaw.bench.routes import Flight, FloorPlan, Leg, Routes, Stand, Storey
 from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_box
+from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
 from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
 from humanclaw.scene import Scene
@@ -56,7 +56,7 @@ class StillAgent:
     privileged = False
 
     def begin(self, context: EpisodeContext) -> None:
-        self._stop = _ending(context.skills)
+        self._stop = ending(context.skills)
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
         return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
@@ -94,7 +94,7 @@ def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
     return skill.schema.get("properties", {})  # type: ignore[no-any-return]
 
 
-def _ending(skills: Mapping[str, Skill]) -> str:
+def ending(skills: Mapping[str, Skill]) -> str:
     """Name of the skill that ends an episode."""
     found = [name for name, skill in skills.items() if skill.ends_episode]
     if not found:
@@ -182,7 +182,7 @@ class OracleAgent:
         if context.scene is None or context.state is None:
             raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
-        self._stop = _ending(context.skills)
+        self._stop = ending(context.skills)
         _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
         self._memory = Memory(Storeys.of(self._scene, context.state().objects))
 
@@ -447,8 +447,7 @@ class OracleAgent:
         return str(self._spec.target_category).replace("_", " ") or "target"
 
     def _distance(self, state: WorldState) -> float:
-        points = state.body.joints()[-1]
-        return min(float(distance_to_box(points, *self._scene.aabb(key)).min()) for key in self._spec.target_ids)
+        return distance_to_nearest(state.body.joints()[-1], map(self._scene.aabb, self._spec.target_ids))
 
     def _goal(self) -> str:
         if not self._spec.target_ids:

@@ -15,7 +15,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from humanclaw.bench.metrics import REACHED, Scores, claims, in_view, is_sit, sat_down, score
-from humanclaw.geometry import distance_to_box
+from humanclaw.geometry import distance_to_nearest
 from humanclaw.pose import Array
 from humanclaw.records import EpisodeRecord, RecordedEpisode, StepRecord
 
@@ -91,8 +91,7 @@ def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...
 
 def _straight(record: EpisodeRecord, point: Sequence[float]) -> float:
     boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in record.targets.values()]
-    flat = np.array(point)[[0, 2]]
-    return float(min((distance_to_box(flat, low, high) for low, high in boxes), default=np.inf))
+    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
 
 
 def _asks(step: StepRecord, names: Sequence[str]) -> float:

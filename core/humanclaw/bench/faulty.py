@@ -17,11 +17,11 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.bench.agents import OracleAgent
+from humanclaw.bench.agents import OracleAgent, ending
 from humanclaw.bench.metrics import REACHED, acknowledges
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_box
+from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Answer as CheckAnswer
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict, WorldState
 from humanclaw.pose import Frame
@@ -54,14 +54,12 @@ class Senses:
 
     def reach(self) -> float:
         """From the nearest body point to the nearest target's bounding box, metres."""
-        points = self._state().body.joints()[-1]
-        return min((float(distance_to_box(points, *box).min()) for box in self.boxes()), default=np.inf)
+        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
 
     def away(self) -> float:
         """From the pelvis to the nearest target over the floor, metres."""
         here = self._state().body.root[-1, [0, 2]]
-        flat = [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()]
-        return min((float(distance_to_box(here, low, high)) for low, high in flat), default=np.inf)
+        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
 
     def bearing(self) -> float:
         """Of the nearest target's middle, radians, left positive; 0 without a target."""
@@ -255,7 +253,7 @@ class FaultyAgent:
     def begin(self, context: EpisodeContext) -> None:
         self._senses = Senses(context)
         self._begun = self._senses.away()
-        self._stop = next(name for name, skill in context.skills.items() if skill.ends_episode)
+        self._stop = ending(context.skills)
         self._fault = self._drawn(context)
         spec = context.spec
         if self._fault and self._fault.standing:

@@ -410,7 +410,7 @@ def compare(
     pairs = common(a, b)
     found: dict[str, Difference] = {}
     for metric in metrics:
-        both = [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+        both = paired(metric, pairs)
         if metric.rate and both:
             found[metric.name] = compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
         elif both:
@@ -419,6 +419,11 @@ def compare(
     rest = {name: difference for name, difference in found.items() if name not in headline}
     raised = [zip(family, holm(tuple(family.values())), strict=True) for family in (headline, rest)]
     return dict(chain(*raised))
+
+
+def paired(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> list[tuple[tuple[float, float], ...]]:
+    """The parts of a metric in both runs, for the episodes that bear on it in both."""
+    return [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:

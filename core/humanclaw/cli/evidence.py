@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from humanclaw.bench import ablation, rescue
-from humanclaw.bench.attribution import Cause, attribute
-from humanclaw.bench.metrics import Scores, score
+from humanclaw.bench.attribution import Cause
+from humanclaw.bench.export import scored
+from humanclaw.bench.metrics import Scores
 from humanclaw.bench.runner import run_split
 from humanclaw.bench.splits import load_split
 from humanclaw.bench.worker import Job
@@ -68,4 +69,4 @@ def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> 
         progress.end(tally)
     if tally.stopped:
         raise SystemExit(130)
-    return [(scores := score(recorded), attribute(recorded, scores)) for recorded in load_run(out)]
+    return scored(load_run(out), name=out.name)

@@ -15,7 +15,7 @@ from humanclaw.bench.geodesics import geodesics
 from humanclaw.bench.tasks import free_episode
 from humanclaw.embodiment import Body, Engines
 from humanclaw.errors import CallError
-from humanclaw.geometry import distance_to_box
+from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Call
 from humanclaw.loop import check_call
 from humanclaw.plugins import Plugins
@@ -143,9 +143,11 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
     def _target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None if there is none."""
-        joints = self.body.state().body[-1:].joints()[0]
-        boxes = [self.body.scene.aabb(key) for key in self._spec.target_ids]
-        return min((float(distance_to_box(joints, *box).min()) for box in boxes), default=None)
+        if not self._spec.target_ids:
+            return None
+        return distance_to_nearest(
+            self.body.state().body[-1:].joints(), map(self.body.scene.aabb, self._spec.target_ids)
+        )
 
     def _info(self, call: Call | None, success: bool, error: str = "") -> dict[str, Any]:
         return {
