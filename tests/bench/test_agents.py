@@ -53,6 +53,18 @@ def test_the_oracle_stops_within_twenty_centimetres(category: str, target: int, 
     assert reach(walker, target) <= 0.2
 
 
+@pytest.mark.parametrize(("pace", "stops"), [(0.0, True), (0.6, False)])
+def test_the_oracle_does_not_stop_in_passing(pace: float, stops: bool) -> None:
+    """Beside the corner of the couch, whose long side is at x = 7.05 and ends at z = 3.5; going on, it comes to rest behind it."""
+    walker = Walker(two_rooms(), (20,))
+    agent = OracleAgent()
+    agent.begin(EpisodeContext(episode(walker.scene, "couch", 20), SKILLS, 0, walker.scene, walker.state))
+    for walker.x, walker.z in ((6.8, 3.5 - pace), (6.8, 3.5)):
+        decision = agent.decide(Observation(0, "Find a couch.", PICTURE), ())
+    assert reach(walker, 20) < 0.14
+    assert (decision.calls[0].skill == "stop") == stops
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed: int) -> None:
     board, screen = asset("board", "tv_stand", block(1.4, 0.45, 0.5)), asset("screen", "tv", block(1.0, 0.6, 0.06))
