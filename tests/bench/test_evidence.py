@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from humanclaw.bench import ablation, rescue
 from humanclaw.bench.attribution import CAUSES
+from humanclaw.bench.faults import FAULTS, drawn
 from humanclaw.bench.metrics import Scores
+from humanclaw.episode import EpisodeSpec
 
 BY_LABEL = {cause.label: cause for cause in CAUSES}
 
@@ -53,14 +55,46 @@ def test_the_settings_differ_from_the_baseline_in_one_thing_each():
 def test_rescue_counts_by_label_who_is_saved_by_the_blamed_faculty():
     far, blind = BY_LABEL["nav: stop while far"], BY_LABEL["find: target in view but not seen"]
     causes = {"e0": far, "e1": far, "e2": far, "e3": blind, "e4": None}
-    blamed = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
-    other = {f"e{k}": scores(k, nav=k == 2) for k in range(4)}
-    rows = {row.label: row for row in rescue.rescued(causes, blamed, other)}
-    assert (rows[far.label].count, rows[far.label].by_blamed, rows[far.label].by_another) == (3, 2, 1)
-    assert (rows[blind.label].count, rows[blind.label].by_blamed, rows[blind.label].by_another) == (1, 1, 0)
-    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) | 1 (33 %) |" in rescue.markdown(
-        [*rows.values()]
-    )
+    right = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
+    other = {f"e{k}": scores(k, nav=k == 2) for k in range(1, 4)}
+    rows = rescue.rescued(causes, right, other)
+    assert [row.label for row in rows] == [blind.label, far.label]
+    assert (rows[0].count, rows[0].rescued, rows[0].rescued_by_others, rows[0].others) == (1, 1, 0, 1)
+    assert (rows[1].count, rows[1].rescued, rows[1].rescued_by_others, rows[1].others) == (3, 2, 1, 2)
+    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) | 1 of 2 |" in rescue.markdown(rows)
+
+
+def specs(count: int) -> list[EpisodeSpec]:
+    return [EpisodeSpec(id=f"e{k}", instruction="find", scene="house:0", interact=True, seed=k) for k in range(count)]
+
+
+def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_enough():
+    everything, causes = specs(500), {}
+    first = rescue.wanting(everything, causes, 3)
+    assert len(first) == 3 * len(FAULTS)
+    causes = {spec.id: BY_LABEL[FAULTS[drawn(spec)].label] for spec in first}
+    spoilt = next(spec for spec in first if drawn(spec) == "jam")
+    causes[spoilt.id] = None
+    (another,) = rescue.wanting(everything, causes, 3)
+    assert drawn(another) == "jam"
+    assert another not in first
+
+
+def test_what_is_played_ends_with_the_episodes():
+    everything = specs(10)
+    assert rescue.wanting(everything, {spec.id: None for spec in everything}, 3) == []
+
+
+def test_the_blamed_of_a_faculty_are_at_most_so_many_of_each_label():
+    arrived, jammed = BY_LABEL["nav: unaware arrived/touch"], BY_LABEL["nav: unaware jammed"]
+    causes = {f"e{k}": arrived if k < 4 else jammed for k in range(5)} | {"e5": BY_LABEL["nav: lost target"]}
+    assert len(rescue.blamed(specs(6), causes, "body awareness")) == 5
+    assert [spec.id for spec in rescue.blamed(specs(6), causes, "body awareness", 2)] == ["e0", "e1", "e4"]
+
+
+def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_faculty():
+    assert {BY_LABEL[fault.label].faculty == fault.faculty for fault in FAULTS.values()} == {True}
+    assert {cause.label for cause in CAUSES} - {fault.label for fault in FAULTS.values()} == {"find: too far"}
 
 
 def test_the_faculty_put_right_for_comparison_is_another_one():

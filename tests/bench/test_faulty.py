@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rooms import two_rooms
+from rooms import asset, block, thing, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw.bench.faulty import FAULTS, FaultyAgent, OracleVerifier, options
+from humanclaw.bench.faults import FAULTS
+from humanclaw.bench.faulty import FaultyAgent, OracleVerifier, options
 from humanclaw.bench.metrics import acknowledges
-from humanclaw.episode import EpisodeSpec
+from humanclaw.episode import Difficulty, EpisodeSpec
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import Call, EpisodeContext, Observation
@@ -83,6 +84,64 @@ def test_who_rises_has_sat_and_stands_at_the_end():
     assert not walker.sat
 
 
+def skills(log: list) -> list[str]:
+    return [call.skill for _, call in log]
+
+
+def test_who_fidgets_never_leaves_the_spot():
+    walker, log = live(sit=False, fault="fidgeting")
+    assert set(skills(log)) == {"turn_in_place"}
+    assert np.ptp(np.array(walker.track), axis=0).max() < 0.3
+
+
+def test_who_dawdles_sets_out_when_twelve_steps_are_left():
+    _, log = live(sit=False, fault="lateness")
+    assert set(skills(log[:48])) == {"turn_in_place"}
+    assert "walk" in skills(log[48:])
+
+
+def test_who_loses_heart_stops_where_it_started():
+    """A folding screen hides the couch until one is round it."""
+    screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
+    walker = Walker(two_rooms(0.9, (screen, thing(30, screen, 6.0, 2.6))), (COUCH,))
+    log = play(FaultyAgent(options({"fault": "despair"})), walker, spec(False))
+    track = np.array(walker.track)
+    assert log[-1][1].skill == "stop"
+    assert np.linalg.norm(track - track[0], axis=1).max() > 3.0
+    assert np.linalg.norm(track[-1] - track[0]) < 0.6
+
+
+def test_who_wanders_turns_back_again_and_again():
+    """Up to 3.2 m of way and a step more: 60 steps are enough to come back twice."""
+    walker, log = live(sit=False, fault="wandering")
+    away = np.linalg.norm(np.array(walker.track) - walker.track[0], axis=1)
+    returns = np.flatnonzero((away[1:] < 0.5) & (away[:-1] >= 0.5))
+    assert len(log) == 60
+    assert 2.0 < away.max() < 3.9
+    assert len(returns) >= 2
+
+
+def test_who_backs_up_steps_back_and_never_walks():
+    _, log = live(sit=False, fault="backing")
+    assert set(skills(log)) <= {"turn_in_place", "step_back", "stop"}
+    assert "step_back" in skills(log)
+
+
+def test_who_gropes_walks_against_the_wall_as_long_as_it_has_not_seen_the_target():
+    walker, log = live(sit=False, fault="groping")
+    assert skills(log)[-8:] == ["walk"] * 8
+    assert np.ptp(np.array(walker.track[-100:]), axis=0).max() < 0.1
+
+
+def test_who_is_hasty_sits_down_farther_from_the_seat_than_the_oracle():
+    places = {}
+    for fault in ("none", "haste"):
+        walker, log = live(fault=fault)
+        assert skills(log)[-2:] == ["sit_in_place", "stop"]
+        places[fault] = walker.x
+    assert places["none"] - places["haste"] > 0.15
+
+
 @pytest.mark.parametrize("fault", sorted(FAULTS))
 def test_putting_the_missing_faculty_back_makes_it_the_oracle_again(fault):
     walker, log = live(fault=fault, repair=FAULTS[fault].faculty)
@@ -101,6 +160,16 @@ def test_any_draws_a_fault_by_the_seed_of_the_episode():
     again = FaultyAgent(options({"fault": "any"}))
     again.begin(EpisodeContext(spec(True, 3), SKILLS, 3, walker.scene, walker.state))
     assert again._fault.meaning == drawn[3]
+
+
+def test_a_fault_shows_only_in_episodes_that_fit_it():
+    near, far = (
+        spec(True).model_copy(update={"difficulty": Difficulty(distance=d, turns=0, rooms=1, obstacles=0)})
+        for d in (3, 9)
+    )
+    assert not FAULTS["wandering"].fits(near)
+    assert FAULTS["wandering"].fits(far)
+    assert not FAULTS["seat"].fits(spec(False))
 
 
 def test_a_bounded_mind_without_memory_cannot_turn_its_back_on_the_seat():

@@ -10,196 +10,27 @@ the harness (history, images, mid_level, a verifier) widen or narrow: the ablati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw.bench.agents import OracleAgent, ending
+from humanclaw.bench.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses, drawn
 from humanclaw.bench.metrics import REACHED, acknowledges
 from humanclaw.contract import Skill
+from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Answer as CheckAnswer
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict, WorldState
-from humanclaw.pose import Frame
+from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
+from humanclaw.pose import Array
 
 SITTING: Final = ("sit_in_place", "step_back")
 """Skills of the sitting routine, in which the body has its back to the seat."""
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
-LOOK_AROUND: Final = 45
-"""Degrees that a searching body turns each step."""
-
-
-# -- what every one of them can tell -------------------------------------------------------------------------------------
-@dataclass
-class Senses:
-    """The true state of an episode, for those who are allowed to know it."""
-
-    context: EpisodeContext
-
-    def __post_init__(self) -> None:
-        if self.context.scene is None or self.context.state is None:
-            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
-        self._scene, self._state = self.context.scene, self.context.state
-
-    def state(self) -> WorldState:
-        return self._state()
-
-    def boxes(self) -> list[tuple[Any, Any]]:
-        return [self._scene.aabb(key) for key in self.context.spec.target_ids]
-
-    def reach(self) -> float:
-        """From the nearest body point to the nearest target's bounding box, metres."""
-        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
-
-    def away(self) -> float:
-        """From the pelvis to the nearest target over the floor, metres."""
-        here = self._state().body.root[-1, [0, 2]]
-        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
-
-    def bearing(self) -> float:
-        """Of the nearest target's middle, radians, left positive; 0 without a target."""
-        body = self._state().body
-        here = Frame(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
-        middles = [here.point_to_local(np.array([*((low + high) / 2)])) for low, high in self.boxes()]
-        nearest = min(middles, key=lambda point: float(np.hypot(point[0], point[2])), default=None)
-        return 0.0 if nearest is None else float(np.arctan2(nearest[0], nearest[2]))
-
-
-# -- faults ------------------------------------------------------------------------------------------------------------
-@dataclass
-class Moment:
-    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the episode."""
-
-    senses: Senses
-    decision: Decision
-    step: int
-    seen: bool
-    stop: str
-    """Name of the skill that ends the episode."""
-    begun: float
-    """Distance to the nearest target at the start, metres."""
-    notes: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def stopping(self) -> bool:
-        return self.decision.calls[0].skill == self.stop
-
-    def but(self, skill: str, why: str, **params: int) -> Decision:
-        """The same perception, another call."""
-        return replace(self.decision, calls=(Call(skill, params),), reasoning=why)
-
-    def count(self, what: str) -> int:
-        """How often this was asked before."""
-        self.notes[what] = self.notes.get(what, 0) + 1
-        return self.notes[what] - 1
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A faculty that is missing. apply: the decision it leads to. seated: whether only sitting tasks show it.
-
-    standing: the oracle behind it only walks up to the target, and the fault does the rest.
-    """
-
-    faculty: str
-    apply: Callable[[Moment], Decision]
-    meaning: str
-    seated: bool = False
-    standing: bool = False
-
-
-def _blind(at: Moment) -> Decision:
-    return replace(at.decision, visible_state="I am in a room.")
-
-
-def _misjudges(at: Moment) -> Decision:
-    if at.seen and 3 * REACHED < at.senses.away() < 3.0:
-        return at.but(at.stop, "It looks close enough to touch, so I stop.")
-    return at.decision
-
-
-def _overlooks_arrival(at: Moment) -> Decision:
-    if at.stopping or "arrived" in at.notes:
-        side = 1 if at.count("arrived") % 2 else -1
-        return at.but("turn_in_place", "I am not there yet and look where to go on.", yaw_deg=10 * side)
-    return at.decision
-
-
-def _overlooks_jam(at: Moment) -> Decision:
-    if at.stopping:
-        return at.decision
-    angle = at.senses.bearing()
-    if abs(angle) > np.radians(28):
-        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
-    return at.but("walk", "It lies straight ahead: I walk on.", x_cm=0, z_cm=50, yaw_deg=_degrees(angle, 20))
-
-
-def _wavers(at: Moment) -> Decision:
-    if at.seen or "seen" in at.notes:
-        side = 1 if at.count("seen") % 2 else -1
-        return at.but("turn_in_place", "A little more this way.", yaw_deg=8 * side)
-    return at.decision
-
-
-def _turns_away(at: Moment) -> Decision:
-    """Once half the way is done and the target was in view: back to where it came from."""
-    if "gone" not in at.notes and not (at.seen and at.senses.away() < 0.5 * at.begun):
-        return at.decision
-    turns = at.count("gone")
-    away = replace(at.decision, visible_state="I am in a room.")
-    call = Call("turn_in_place", {"yaw_deg": 60}) if turns < 3 else Call("walk", {"x_cm": 0, "z_cm": 30, "yaw_deg": 0})
-    return replace(away, calls=(call,), reasoning="There may be a better one elsewhere.")
-
-
-def _imagines(at: Moment) -> Decision:
-    gone = _turns_away(at)
-    if "gone" not in at.notes:
-        return gone
-    noun = at.senses.context.spec.target_category.replace("_", " ")
-    return replace(gone, visible_state=f"A {noun} is right in front of me.")
-
-
-def _never_sits(at: Moment) -> Decision:
-    return at.decision
-
-
-def _sits_on_air(at: Moment) -> Decision:
-    """Faces the seat and sits where it stands."""
-    if at.stopping and not at.count("sat"):
-        return at.but("sit_in_place", "I am at the seat: I sit down.", h_cm=50)
-    return at.decision
-
-
-def _rises(at: Moment) -> Decision:
-    if at.stopping and not at.count("risen"):
-        return at.but("walk", "I straighten up.", x_cm=0, z_cm=5, yaw_deg=0)
-    if "risen" in at.notes:
-        return at.but(at.stop, "The task is complete.")
-    return at.decision
-
-
-FAULTS: Final[Mapping[str, Fault]] = {
-    "blindness": Fault("perception", _blind, "the target is in view and it does not say so"),
-    "distance": Fault("ego-spatial distance", _misjudges, "stops as soon as the target is in view and within 3 m"),
-    "arrival": Fault("body awareness", _overlooks_arrival, "does not notice that it has arrived, and never stops"),
-    "jam": Fault("body awareness", _overlooks_jam, "walks straight at the target, whatever stands in between"),
-    "wavering": Fault("action", _wavers, "turns to and fro once it sees the target"),
-    "forgetting": Fault("mid-level reasoning", _turns_away, "turns back half-way"),
-    "imagination": Fault("perception", _imagines, "turns back half-way and says that the target is before it"),
-    "sitting": Fault("decision", _never_sits, "stops at the seat", seated=True, standing=True),
-    "seat": Fault("body awareness", _sits_on_air, "sits down facing the seat", seated=True, standing=True),
-    "rising": Fault("body awareness", _rises, "gets up again before it stops", seated=True),
-}
-"""By the name under which `--option fault=NAME` asks for them."""
-
-
-def _degrees(angle: float, most: int) -> int:
-    return int(np.clip(round(np.degrees(angle)), -most, most))
 
 
 class Options(BaseModel):
@@ -254,31 +85,32 @@ class FaultyAgent:
         self._senses = Senses(context)
         self._begun = self._senses.away()
         self._stop = ending(context.skills)
-        self._fault = self._drawn(context)
+        self._fault = self._chosen(context.spec)
         spec = context.spec
         if self._fault and self._fault.standing:
             spec = spec.model_copy(update={"interact": False})
         self._oracle = OracleAgent()
         self._oracle.begin(replace(context, spec=spec))
         self._notes: dict[str, int] = {}
+        self._trail: list[Array] = []
         self._mind = Mind(self.options, self._senses, self._stop)
 
-    def _drawn(self, context: EpisodeContext) -> Fault | None:
-        """The fault of this episode: by the episode's seed, among those that its task can show."""
-        fitting = [name for name, fault in FAULTS.items() if context.spec.interact or not fault.seated]
-        name = self.options.fault
-        if name == "any":
-            name = fitting[int(np.random.default_rng([context.seed, 77]).integers(len(fitting)))]
-        fault = FAULTS[name] if name in fitting else None
-        return None if fault is None or fault.faculty == self.options.repair else fault
+    def _chosen(self, spec: EpisodeSpec) -> Fault | None:
+        """The fault of this episode; none where it would not show or is put right."""
+        name = drawn(spec) if self.options.fault == "any" else self.options.fault
+        fault = FAULTS.get(name)
+        return None if fault is None or not fault.fits(spec) or fault.faculty == self.options.repair else fault
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
         decision = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
         if self._fault:
-            moment = Moment(self._senses, decision, observation.step, seen, self._stop, self._begun, self._notes)
-            decision = self._fault.apply(moment)
+            decision = self._fault.apply(self._moment(decision, seen, observation.step))
         return self._mind.think(decision, observation.step, seen, history) if self.options.bounded else decision
+
+    def _moment(self, decision: Decision, seen: bool, step: int) -> Moment:
+        left = self._senses.context.spec.max_steps - step
+        return Moment(self._senses, decision, left, seen, self._stop, self._begun, self._notes, self._trail)
 
 
 # -- a bounded mind ----------------------------------------------------------------------------------------------------

@@ -1,18 +1,22 @@
 """Does a root cause name what is wrong? Put the blamed faculty right and see whether the episode is rescued.
 
-Every episode is played by the oracle with one faculty missing, drawn by the episode's seed. The benchmark blames a faculty for each
-failure, from the record alone. Then the episode is played again twice: with the blamed faculty put right, and with another one.
+Every episode is played by the oracle with one faculty missing, drawn by the episode's seed, until every root cause that faults lead
+to has come up often enough. The benchmark blames a faculty for each failure, from the record alone. Then the episode is played
+again with the blamed faculty put right. Some are played once more with another one put right; since only one is missing, those
+go as they went before.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from humanclaw.bench.attribution import Cause
-from humanclaw.bench.faulty import FAULTS
+from humanclaw.bench.attribution import CAUSES, Cause
+from humanclaw.bench.faults import FAULTS, drawn
 from humanclaw.bench.metrics import Scores
+from humanclaw.episode import EpisodeSpec
 
 AGENT: Final = "faulty"
 FACULTIES: Final = tuple(sorted({fault.faculty for fault in FAULTS.values()}))
@@ -30,42 +34,64 @@ def another(faculty: str) -> str:
     return (later or others)[0]
 
 
-@dataclass(frozen=True)
-class Rescued:
-    """Of the episodes with one label: how many there were, and how many succeed once a faculty is put right."""
-
-    label: str
-    faculty: str
-    count: int
-    by_blamed: int
-    by_another: int
-
-
 Causes = Mapping[str, Cause | None]
 """Why each episode failed, by its id; None for one that did not."""
 
 
-def rescued(causes: Causes, blamed: Mapping[str, Scores], other: Mapping[str, Scores]) -> tuple[Rescued, ...]:
-    """The check, label by label. blamed, other: scores by episode id with that faculty put right."""
-    failed = {episode: cause for episode, cause in causes.items() if cause is not None and cause.faculty in FACULTIES}
-    labels = {cause.label: cause for cause in failed.values()}
-    return tuple(_rescued(cause, failed, blamed, other) for _, cause in sorted(labels.items()))
+def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int) -> list[EpisodeSpec]:
+    """What to play next: of every fault so many episodes as its root cause has come up too rarely. causes: of those played."""
+    found = Counter((drawn(spec), cause.label) for spec in specs if (cause := causes.get(spec.id)))
+    fresh = [spec for spec in specs if spec.id not in causes]
+    lacking = {name: max(0, each - found[name, fault.label]) for name, fault in FAULTS.items()}
+    return [spec for name, count in lacking.items() for spec in [s for s in fresh if drawn(s) == name][:count]]
 
 
-def _rescued(cause: Cause, failed: Causes, blamed: Mapping[str, Scores], other: Mapping[str, Scores]) -> Rescued:
-    mine = [episode for episode, found in failed.items() if found is not None and found.label == cause.label]
-    won = [sum(bool(scores[episode].success) for episode in mine) for scores in (blamed, other)]
-    return Rescued(cause.label, cause.faculty, len(mine), *won)
+def blamed(specs: Sequence[EpisodeSpec], causes: Causes, faculty: str, most: int = 0) -> list[EpisodeSpec]:
+    """The episodes whose failure is put down to a faculty; most: at most so many of each label, if given."""
+    by_label: dict[str, list[EpisodeSpec]] = {}
+    for spec in specs:
+        if (cause := causes.get(spec.id)) and cause.faculty == faculty:
+            by_label.setdefault(cause.label, []).append(spec)
+    return [spec for mine in by_label.values() for spec in mine[: most or None]]
+
+
+@dataclass(frozen=True)
+class Rescued:
+    """Of the episodes with one label: how many succeed once the blamed faculty is put right, and how many once another is."""
+
+    label: str
+    faculty: str
+    count: int
+    rescued: int
+    others: int
+    """How many were played with another faculty put right."""
+    rescued_by_others: int
+
+
+def rescued(causes: Causes, right: Mapping[str, Scores], other: Mapping[str, Scores]) -> tuple[Rescued, ...]:
+    """The check, label by label in the order of the rules. right, other: scores by episode id with that faculty put right."""
+    labels = [cause for cause in CAUSES if cause.faculty in FACULTIES and cause in causes.values()]
+    return tuple(_rescued(cause, causes, right, other) for cause in labels)
+
+
+def _rescued(cause: Cause, causes: Causes, right: Mapping[str, Scores], other: Mapping[str, Scores]) -> Rescued:
+    mine = [episode for episode, found in causes.items() if found is cause]
+    tried = [episode for episode in mine if episode in other]
+    saved, saved_by_others = (
+        sum(bool(scores[episode].success) for episode in episodes)
+        for scores, episodes in ((right, mine), (other, tried))
+    )
+    return Rescued(cause.label, cause.faculty, len(mine), saved, len(tried), saved_by_others)
 
 
 def markdown(rows: Sequence[Rescued]) -> str:
     lines = [
         "| label | faculty | episodes | rescued by that faculty | by another |",
-        "| --- | --- | --- | --- | --- |",
+        "| --- | --- | ---: | ---: | ---: |",
     ]
     lines += [
-        f"| {row.label} | {row.faculty} | {row.count} | {_share(row.by_blamed, row.count)} | "
-        f"{_share(row.by_another, row.count)} |"
+        f"| {row.label} | {row.faculty} | {row.count} | {_share(row.rescued, row.count)} | "
+        f"{row.rescued_by_others} of {row.others} |"
         for row in rows
     ]
     return "\n".join(lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 
 import click
@@ -39,23 +40,31 @@ def ablate(name: str, workers: int, out: Path) -> None:
 
 
 @click.command("rescue")
-@_SPLIT
+@click.option("--split", "name", default="val", show_default=True, help="val, mini, smoke, or a file.")
+@click.option("--each", type=click.IntRange(1), default=20, show_default=True, help="Failures of each root cause.")
+@click.option(
+    "--others", type=click.IntRange(1), default=5, show_default=True, help="Of those, with another faculty put right."
+)
 @_WORKERS
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/rescue"), show_default=True)
-def rescue_command(name: str, workers: int, out: Path) -> None:
+def rescue_command(name: str, each: int, others: int, workers: int, out: Path) -> None:
     """Whether root causes name what is wrong: failures of known origin, and what rescues them."""
     specs = load_split(name)
-    first = _played(specs, Job(rescue.AGENT, rescue.options()), out / "faulty", workers)
-    causes = {one.episode: cause for one, cause in first}
-    blamed: dict[str, Scores] = {}
+    causes: dict[str, Cause | None] = {}
+    for sitting in count(1):
+        if not (todo := rescue.wanting(specs, causes, each)):
+            break
+        played = _played(todo, Job(rescue.AGENT, rescue.options()), out / f"faulty-{sitting}", workers)
+        causes |= {one.episode: cause for one, cause in played}
+    right: dict[str, Scores] = {}
     other: dict[str, Scores] = {}
     for faculty in rescue.FACULTIES:
-        mine = [spec for spec in specs if (cause := causes.get(spec.id)) and cause.faculty == faculty]
-        for repair, found in ((faculty, blamed), (rescue.another(faculty), other)):
+        for repair, most, found in ((faculty, 0, right), (rescue.another(faculty), others, other)):
             job = Job(rescue.AGENT, rescue.options(repair))
             folder = out / f"{faculty}--{repair}".replace(" ", "-")
-            found.update({one.episode: one for one, _ in _played(mine, job, folder, workers)})
-    click.echo(rescue.markdown(rescue.rescued(causes, blamed, other)))
+            mine = rescue.blamed(specs, causes, faculty, most)
+            found |= {one.episode: one for one, _ in _played(mine, job, folder, workers)}
+    click.echo(rescue.markdown(rescue.rescued(causes, right, other)))
 
 
 def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:
