@@ -40,7 +40,8 @@ def test_a_rate_that_rises_reproduces_nothing():
 def test_the_ablation_table_tells_rates_and_directions():
     runs = {setting.name: run(30) for setting in ablation.SETTINGS} | {"no-mid-level": run(5)}
     text = ablation.markdown(runs)
-    assert "| baseline | 40 | 100.0 % | 75.0 % | 75.0 % |" in text
+    # Wilson's interval of 30 of 40, from its formula: (0.75 + z2/80 -+ z sqrt(0.1875/40 + z2/6400)) / (1 + z2/40) with z = 1.96.
+    assert "| baseline | 40 | 100.0 % [91, 100] | 75.0 % [60, 86] | 75.0 % [60, 86] |" in text
     assert "| no-mid-level: InteractSR falls | 75.0 % | 12.5 % |" in text
 
 

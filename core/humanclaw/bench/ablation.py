@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from humanclaw.bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, paired
+from humanclaw.bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, estimate, paired
 from humanclaw.bench.statistics import Difference, compare_rates, holm
 from humanclaw.bench.worker import Job
 from humanclaw.embodiment import Engines
@@ -91,5 +91,5 @@ def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
 
 
 def _rate(metric: Metric, scores: Sequence[Scores]) -> str:
-    met = [pair[0] for s in scores if (pair := metric.parts(s)) is not None]
-    return f"{100 * sum(met) / len(met):.1f} %" if met else "-"
+    found = estimate(metric, scores)
+    return f"{100 * found.value:.1f} % [{100 * found.low:.0f}, {100 * found.high:.0f}]" if found.count else "-"
