@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from importlib.resources import files
+
 from humanclaw.bench import ablation, rescue
 from humanclaw.bench.attribution import CAUSES
 from humanclaw.bench.faults import FAULTS, drawn
@@ -100,3 +103,13 @@ def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_faculty():
 
 def test_the_faculty_put_right_for_comparison_is_another_one():
     assert all(rescue.another(faculty) in set(rescue.FACULTIES) - {faculty} for faculty in rescue.FACULTIES)
+
+
+def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_faculty_and_fault():
+    page = files("humanclaw").joinpath("bench/README.md").read_text("utf-8")
+    rows = [line for line in page.splitlines() if re.match(r"\| \d+ \|", line)]
+    fault = {one.label: f"`{name}`" for name, one in FAULTS.items()}
+    assert rows == [
+        f"| {number} | {cause.label} | {cause.meaning} | {cause.faculty} | {fault.get(cause.label, 'none')} |"
+        for number, cause in enumerate(CAUSES, 1)
+    ]
