@@ -10,10 +10,12 @@ from pathlib import Path
 
 import pytest
 import toy_world
+from click.testing import CliRunner
 
 from humanclaw.bench.executors import Backlog, LocalExecutor
 from humanclaw.bench.runner import run_split
 from humanclaw.bench.worker import Job, Worker
+from humanclaw.cli.bench import bench
 from humanclaw.embodiment import Engines
 from humanclaw.errors import HumanclawError, PluginError, RecordError
 from humanclaw.plugins import Plugins
@@ -125,6 +127,15 @@ def test_a_record_that_the_world_no_longer_agrees_with_is_begun_anew(play, tmp_p
     assert "It is begun anew" in capsys.readouterr().out
 
 
+def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    command = ["run", "--split", "smoke", "--agent", "still", "--no-resume", "--out", str(tmp_path)]
+    refused = CliRunner().invoke(bench, command)
+    assert isinstance(refused.exception, RecordError)
+    assert "holds a run already" in str(refused.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
 def test_other_settings_are_refused_and_named(play):
     play(toy_world.specs(1))
     with pytest.raises(RecordError, match=r"other settings: options pause was null and is now 0\.1"):
@@ -211,6 +222,7 @@ import toy_world
 from humanclaw.bench.executors import LocalExecutor
 from humanclaw.bench.runner import run_split
 from humanclaw.bench.worker import Job, Worker
+from humanclaw.cli.bench import bench
 from humanclaw.embodiment import Engines
 from humanclaw.plugins import Plugins
 

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from humanclaw.bench.export import FORMATS, metrics_of, row, scored
 from humanclaw.bench.metrics import ALL, common, compare
 from humanclaw.bench.runner import run_split
-from humanclaw.bench.splits import DATA, HOUSES, STARTS, candidates, load_split, summary, write_split
+from humanclaw.bench.splits import HOUSES, STARTS, candidates, load_split, summary, write_split
 from humanclaw.bench.splits import make as make_splits
 from humanclaw.bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
 from humanclaw.bench.worker import Job
@@ -50,16 +50,21 @@ def bench() -> None:
     metavar="[ADDRESS]",
     help="The same as --executor ray: on the cluster at this address, or on one that is started here.",
 )
-@click.option("--out", type=RUN, help="Folder of the run; one that is there is continued. The default is in runs/.")
+@click.option("--out", type=RUN, help="Folder of the run. The default is in runs/.")
+@click.option(
+    "--resume/--no-resume", default=True, show_default=True, help="Go on with a run that is there, or leave it alone."
+)
 @plugin_files
 def run_command(
     name: str, deciders: Deciders, engines: Engines, workers: int, executor: str, address: str | None, out: Path | None,
-    files: tuple[Path, ...],
+    resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
     plugins = Plugins.discover(files)
     specs = load_split(name)
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
+    if not resume and (out / "run.json").exists():
+        raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
         deciders.agent, deciders.options, deciders.verifier, engines, deciders.limits,
         tuple(str(file.resolve()) for file in files),
@@ -79,7 +84,7 @@ def run_command(
 
 @bench.command()
 @click.option(
-    "--out", type=RUN, default=DATA, show_default=True, help="Folder for val.jsonl, mini.jsonl and smoke.jsonl."
+    "--out", type=RUN, default=Path("splits"), show_default=True, help="Folder for val, mini and smoke.jsonl."
 )
 @click.option(
     "--starts",
