@@ -45,24 +45,38 @@ def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | 
     return StepRecord(step=0, status=status, **(written | more))
 
 
+def stuck(count: int, **more: object) -> list[StepRecord]:
+    """Walking calls that move the body by 9 cm each."""
+    return [step(start=(0.09 * k, 1, 0), end=(0.09 * k + 0.09, 1, 0), geodesic=4.0, **more) for k in range(count)]
+
+
+def pacing(count: int, width: float, **more: object) -> list[StepRecord]:
+    """Walking calls to and fro between 0 and so many metres."""
+    ends = [(0.0, 1.0, 0.0), (width, 1.0, 0.0)]
+    return [step(start=ends[k % 2], end=ends[(k + 1) % 2], geodesic=4.0, **more) for k in range(count)]
+
+
+def roaming(count: int, **more: object) -> list[StepRecord]:
+    """Walking calls that get about, 40 cm each."""
+    return [step(start=(0.4 * k, 1, 0), end=(0.4 * k + 0.4, 1, 0), **({"geodesic": 4.0} | more)) for k in range(count)]
+
+
 def rollout(
     folder: Path, steps: Sequence[StepRecord], *, name: str = "one", outcome: str = "", interact: bool = True,
     category: str = "couch", motion: tuple[Motion, Motion] | None = None, objects: dict[int, np.ndarray] | None = None,
     max_steps: int = 100, agent: str = "model", **record: Any,
 ) -> RecordedEpisode:  # fmt: skip
     """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
-    spec = EpisodeSpec(
-        id=name, instruction="find a couch", scene="test:rooms", target_category=category,
-        target_ids=(COUCH,) if category else (), interact=interact, max_steps=max_steps,
-    )  # fmt: skip
     fields = {
         "start": StartPose(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
         "movable": (LAMP, VASE, BOOK),
-    }  # fmt: skip
-    begun = EpisodeRecord(spec=spec, agent=agent, **(fields | record))
-    writer = EpisodeWriter(folder / name, begun)
-    for number, one in enumerate(steps):
-        writer.step(one.model_copy(update={"step": number}))
+    } | record  # fmt: skip
+    spec = EpisodeSpec(
+        id=name, instruction="find a couch", scene="test:rooms", target_category=category,
+        target_ids=tuple(fields["targets"]), interact=interact, max_steps=max_steps,
+    )  # fmt: skip
+    begun = EpisodeRecord(spec=spec, agent=agent, **fields)
+    writer = EpisodeWriter(folder / name, begun, [one.model_copy(update={"step": k}) for k, one in enumerate(steps)])
     still = rest_pose(HISTORY + sum(one.motion_frames for one in steps))
     arrays = {f"object_{key}": path for key, path in (objects or {}).items()}
     for kind, frames in zip(("generated", "realised"), motion or (still, still), strict=True):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rollouts import COUCH, TABLE, rollout, step, touch
+from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
 from rooms import two_rooms
 
 from humanclaw.bench.attribution import CAUSES, Funnel, attribute, failed_stage
@@ -22,24 +22,6 @@ SEE, BLIND = "A couch is 2 m ahead.", "A wall."
 ON = {"pelvis_contacts": (COUCH,)}
 MOVED = {"end": (0.4, 1.0, 0.0), "geodesic": 4.0}
 FOUND = step(says=SEE, pixels=500, **MOVED)
-
-
-def stuck(count: int, **more: object) -> list[StepRecord]:
-    """Walking calls that move the body by 9 cm each."""
-    return [step(start=(0.09 * k, 1, 0), end=(0.09 * k + 0.09, 1, 0), geodesic=4.0, **more) for k in range(count)]
-
-
-def pacing(count: int, width: float, **more: object) -> list[StepRecord]:
-    """Walking calls to and fro between 0 and so many metres."""
-    ends = [(0.0, 1.0, 0.0), (width, 1.0, 0.0)]
-    return [step(start=ends[k % 2], end=ends[(k + 1) % 2], geodesic=4.0, **more) for k in range(count)]
-
-
-def roaming(count: int, **more: object) -> list[StepRecord]:
-    """Walking calls that get about, 40 cm each."""
-    return [step(start=(0.4 * k, 1, 0), end=(0.4 * k + 0.4, 1, 0), **({"geodesic": 4.0} | more)) for k in range(count)]
-
-
 AT_SEAT = [FOUND, step(says=SEE, pixels=500, away=0.1, geodesic=0.1)]
 ROLLOUTS: dict[str, list[StepRecord]] = {
     "find: target in view but not seen": [step(says=BLIND, pixels=100, geodesic=1.0), *roaming(3)],

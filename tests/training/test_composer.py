@@ -10,7 +10,8 @@ from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, Motion, rest_pose
 from humanclaw.training.augment import CHANNELS, HARMONICS, Profiles, channel, channels
 from humanclaw.training.chunks import PARAMETERS, outcome
-from humanclaw.training.composer import SKILLS, compose, edited_chunks, sample_commands
+from humanclaw.training.composer import SKILLS, compose
+from humanclaw.training.edited import edited_chunks, sample_commands
 
 DEGREE = np.pi / 180
 ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]

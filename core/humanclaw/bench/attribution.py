@@ -118,8 +118,10 @@ def _jammed(steps: Sequence[StepRecord]) -> bool:
 
 def _confined(steps: Sequence[StepRecord]) -> bool:
     """25 movement or turning commands in a row within a box of 2 m."""
-    windows = (steps[k : k + CONFINED_STEPS] for k in range(len(steps) - CONFINED_STEPS + 1))
-    return any(all(map(_acts, window)) and _extent(window) <= CONFINED_BOX for window in windows)
+    acts = [_acts(step) for step in steps]
+    starts = range(len(steps) - CONFINED_STEPS + 1)
+    windows = (slice(start, start + CONFINED_STEPS) for start in starts)
+    return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
 
 
 def _extent(steps: Sequence[StepRecord]) -> float:

@@ -20,8 +20,8 @@ from tqdm import tqdm
 from humanclaw.errors import HumanclawError
 from humanclaw.pose import FPS, FUTURE
 from humanclaw.training.chunks import PARAMETERS, Chunks, load_pack
-from humanclaw.training.composer import edited_chunks
 from humanclaw.training.curate import build_real, statistics
+from humanclaw.training.edited import edited_chunks
 
 
 def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunks]:
