@@ -20,12 +20,10 @@ from humanclaw.pose import Array, Frame
 
 LOOK_AROUND: Final = 45
 """Degrees that a searching body turns each step."""
-LATE: Final = 12
+LATE: Final = 16
 """Steps that one who dawdles leaves for the way to the target."""
 TURNING_POINT: Final = 3.2
 """Metres after which one who wanders turns back."""
-TOO_FAR_TO_SIT: Final = 23
-"""Centimetres from where one would sit down to where the hips miss the seat."""
 
 
 # -- what every one of them can tell -------------------------------------------------------------------------------------
@@ -86,7 +84,7 @@ class Moment:
     stop: str
     """Name of the skill that ends the episode."""
     begun: float
-    """Distance to the nearest target at the start, metres."""
+    """The way to the nearest target at the start, metres; as the crow flies where it was not measured."""
     notes: dict[str, int]
     trail: list[Array]
     """Where the body has been, (3,) each; a note pad too."""
@@ -102,6 +100,11 @@ class Moment:
     def has_seen(self) -> bool:
         """Whether the target is in view or was."""
         return (self.seen and not self.count("seen")) or "seen" in self.notes
+
+    def walked(self) -> float:
+        """Length of the trail up to here, over the floor, metres."""
+        steps = np.diff([*self.trail, self.senses.here()], axis=0)
+        return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
 
     def count(self, what: str) -> int:
         """How often this was asked before."""
@@ -122,17 +125,28 @@ class Fault:
     """Whether only sitting tasks show it."""
     standing: bool = False
     """Whether the oracle behind it only walks up to the target; the fault does the rest."""
+    elsewhere: bool = False
+    """Whether the oracle behind it first sits down on another seat."""
     ways: tuple[float, float] = (0.0, float("inf"))
     """Length of the way in the episodes that show it, metres."""
+    rooms: int = 1
+    """Rooms on the way in the episodes that show it, at least."""
 
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it. One whose way was not measured is taken to."""
-        least, most = self.ways
-        return (spec.interact or not self.seated) and (not spec.difficulty or least <= spec.difficulty.distance <= most)
+        if self.seated and not spec.interact:
+            return False
+        way, (least, most) = spec.difficulty, self.ways
+        return way is None or (least <= way.distance <= most and way.rooms >= self.rooms)
 
 
 def _blind(at: Moment) -> Decision:
-    return replace(at.decision, visible_state="I am in a room.")
+    """Searches on, with the target in view."""
+    blind = replace(at.decision, visible_state="I am in a room.")
+    if not at.has_seen():
+        return blind
+    around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+    return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
 
 
 def _misjudges(at: Moment) -> Decision:
@@ -148,7 +162,7 @@ def _overlooks_arrival(at: Moment) -> Decision:
     return at.decision
 
 
-def _overlooks_jam(at: Moment) -> Decision:
+def _straight_on(at: Moment) -> Decision:
     if at.stopping:
         return at.decision
     angle = at.senses.bearing()
@@ -158,10 +172,11 @@ def _overlooks_jam(at: Moment) -> Decision:
 
 
 def _wavers(at: Moment) -> Decision:
-    if at.seen or "seen" in at.notes:
-        side = 1 if at.count("seen") % 2 else -1
-        return at.but("turn_in_place", "A little more this way.", yaw_deg=8 * side)
-    return at.decision
+    if not at.has_seen():
+        return at.decision
+    angle, side = at.senses.bearing(), 1 if at.count("wavered") % 2 else -1
+    yaw = 8 * side if abs(angle) < np.radians(28) else _degrees(angle, 75)
+    return at.but("turn_in_place", "A little more this way.", yaw_deg=yaw)
 
 
 def _turns_away(at: Moment) -> Decision:
@@ -210,8 +225,7 @@ def _wanders(at: Moment) -> Decision:
     """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
     if at.has_seen():
         return at.decision
-    steps = np.diff([*at.trail, at.senses.here()], axis=0)
-    if "gone" not in at.notes and np.linalg.norm(steps[:, [0, 2]], axis=1).sum() < TURNING_POINT:
+    if "gone" not in at.notes and at.walked() < TURNING_POINT:
         at.trail.append(at.senses.here())
         return at.decision
     at.count("gone")
@@ -227,14 +241,18 @@ def _dawdles(at: Moment) -> Decision:
 
 
 def _gropes(at: Moment) -> Decision:
-    return at.decision if at.has_seen() else _overlooks_jam(at)
+    return at.decision if at.has_seen() else _straight_on(at)
+
+
+def _overlooks_jam(at: Moment) -> Decision:
+    return _straight_on(at) if at.has_seen() else at.decision
 
 
 def _loses_heart(at: Moment) -> Decision:
     """Half-way, unless the target has come into view: back to the start."""
     if "gone" not in at.notes and at.has_seen():
         return at.decision
-    if "gone" not in at.notes and at.senses.away() > 0.4 * at.begun:
+    if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
         at.trail.append(at.senses.here())
         return at.decision
     at.count("gone")
@@ -254,57 +272,49 @@ def _back_along(at: Moment, trail: list[Array]) -> Decision:
 
 
 def _backs_up(at: Moment) -> Decision:
-    """Goes to the target with its back to it, unless it happens to see it."""
+    """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
     if at.has_seen():
         return at.decision
-    angle = at.senses.bearing()
+    angle, here = at.senses.bearing(), at.senses.here()
+    if at.senses.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
+        return at.but(at.stop, "There is nothing here.")
     if abs(angle) < np.radians(150):
         return at.but("turn_in_place", "I look at the other side.", yaw_deg=-45 if angle > 0 else 45)
-    if at.trail and np.linalg.norm(at.trail[-1] - at.senses.here()) < 0.08:
-        return at.but(at.stop, "There is nothing here.")
-    at.trail.append(at.senses.here())
+    at.trail.append(here)
     return at.but("step_back", "I make room for myself.", z_cm=25)
-
-
-def _sits_short(at: Moment) -> Decision:
-    """Steps away from the seat before it sits down."""
-    if at.decision.calls[0].skill != "sit_in_place" and "sat" not in at.notes:
-        return at.decision
-    times = at.count("sat")
-    if times == 0:
-        return at.but("walk", "I make room for myself.", x_cm=0, z_cm=TOO_FAR_TO_SIT, yaw_deg=0)
-    return at.but("sit_in_place", "I sit down.", h_cm=45) if times == 1 else at.but(at.stop, "I am sitting.")
 
 
 _MID_LEVEL, _BODY = "mid-level reasoning", "body awareness"
 _FAR = (4.0, float("inf"))
 FAULTS: Final[Mapping[str, Fault]] = {
     "blindness": Fault("perception", "find: target in view but not seen", _blind,
-                       "the target is in view and it does not say so"),
+                       "does not notice the target that is in view, and searches on"),
     "backing": Fault(_MID_LEVEL, "find: near but not in view", _backs_up, "goes to the target with its back to it",
-                     ways=(1.0, 3.5)),
+                     ways=(1.5, 3.0)),
     "groping": Fault(_BODY, "find: unaware jammed", _gropes,
-                     "walks straight at a target that it has not seen, whatever stands in between", ways=_FAR),
-    "fidgeting": Fault("action", "find: ineffective actions", _fidgets, "turns to and fro from the start", ways=_FAR),
+                     "walks straight at a target that it has not seen, whatever stands in between", ways=_FAR, rooms=2),
+    "fidgeting": Fault("action", "find: ineffective actions", _fidgets, "turns to and fro from the start", ways=_FAR,
+                       rooms=2),
     "despair": Fault(_MID_LEVEL, "find: midpoint give up", _loses_heart, "goes back before the target is in view",
-                     ways=(6.0, float("inf"))),
+                     ways=(8.0, float("inf")), rooms=3),
     "wandering": Fault(_MID_LEVEL, "find: ineffective exploration", _wanders,
-                       "turns back to the start after a few metres, again and again", ways=(8.0, float("inf"))),
+                       "turns back to the start after a few metres, again and again", ways=(8.0, float("inf")), rooms=3),
     "arrival": Fault(_BODY, "nav: unaware arrived/touch", _overlooks_arrival,
                      "does not notice that it has arrived, and never stops"),
     "distance": Fault("ego-spatial distance", "nav: stop while far", _misjudges,
                       "stops as soon as the target is in view and within 3 m"),
     "lateness": Fault("exploration timing", "nav: find too late", _dawdles,
-                      "turns to and fro until few steps are left", ways=_FAR),
+                      "turns to and fro until few steps are left", ways=(4.0, 8.0), rooms=2),
     "jam": Fault(_BODY, "nav: unaware jammed", _overlooks_jam,
-                 "walks straight at the target, whatever stands in between"),
+                 "walks straight at the target once it sees it, whatever stands in between", ways=_FAR),
     "wavering": Fault("action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
     "imagination": Fault("perception", "nav: target hallucination", _imagines,
-                         "turns back half-way and says that the target is before it"),
-    "forgetting": Fault(_MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way"),
+                         "turns back half-way and says that the target is before it", ways=_FAR),
+    "forgetting": Fault(_MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way", ways=_FAR),
     "rising": Fault(_BODY, "interact: stand after sit", _rises, "gets up again before it stops", seated=True),
     "seat": Fault(_BODY, "interact: sit on air", _sits_on_air, "sits down facing the seat", seated=True, standing=True),
-    "haste": Fault(_BODY, "interact: sit wrong", _sits_short, "sits down too far in front of the seat", seated=True),
+    "confusion": Fault(_BODY, "interact: sit wrong", _never_sits, "sits down on another seat before it goes to the target",
+                       seated=True, standing=True, elsewhere=True),
     "sitting": Fault("decision", "interact: stop but never sit", _never_sits, "stops at the seat", seated=True,
                      standing=True),
 }  # fmt: skip

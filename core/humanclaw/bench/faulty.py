@@ -26,6 +26,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Answer as CheckAnswer
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
 from humanclaw.pose import Array
+from humanclaw.scene import SIT_CATEGORIES
 
 SITTING: Final = ("sit_in_place", "step_back")
 """Skills of the sitting routine, in which the body has its back to the seat."""
@@ -71,6 +72,13 @@ def options(given: Mapping[str, Any]) -> Options:
     return read
 
 
+def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
+    """An oracle that has begun an episode as if its task were this one."""
+    agent = OracleAgent()
+    agent.begin(replace(context, spec=spec))
+    return agent
+
+
 class FaultyAgent:
     """The oracle with one faculty missing, or with a bounded mind, or both."""
 
@@ -82,18 +90,25 @@ class FaultyAgent:
         self.settings = given.model_dump()
 
     def begin(self, context: EpisodeContext) -> None:
-        self._senses = Senses(context)
-        self._begun = self._senses.away()
-        self._stop = ending(context.skills)
-        self._fault = self._chosen(context.spec)
         spec = context.spec
-        if self._fault and self._fault.standing:
-            spec = spec.model_copy(update={"interact": False})
-        self._oracle = OracleAgent()
-        self._oracle.begin(replace(context, spec=spec))
+        self._senses = Senses(context)
+        self._begun = spec.difficulty.distance if spec.difficulty else self._senses.away()
+        self._stop = ending(context.skills)
+        self._fault = self._chosen(spec)
+        standing = self._fault is not None and self._fault.standing
+        self._oracle = oracle(context, spec.model_copy(update={"interact": False}) if standing else spec)
+        self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
         self._notes: dict[str, int] = {}
         self._trail: list[Array] = []
         self._mind = Mind(self.options, self._senses, self._stop)
+
+    def _to_another_seat(self) -> OracleAgent:
+        """Who sits down on the nearest seat that is none of the targets' kind."""
+        context, scene = self._senses.context, self._senses.context.scene
+        assert scene is not None
+        others = set(SIT_CATEGORIES) - {context.spec.target_category}
+        seats = tuple(thing.id for thing in scene.objects if thing.category in others)
+        return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
     def _chosen(self, spec: EpisodeSpec) -> Fault | None:
         """The fault of this episode; none where it would not show or is put right."""
@@ -102,6 +117,11 @@ class FaultyAgent:
         return None if fault is None or not fault.fits(spec) or fault.faculty == self.options.repair else fault
 
     def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        if self._errand:
+            errand = self._errand.decide(observation, history)
+            if errand.calls[0].skill != self._stop:
+                return errand
+            self._errand = None
         decision = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
         if self._fault:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from humanclaw.scene import Scene
 from humanclaw_raster import kernels
 from humanclaw_raster.canopy import CanopyMaker
 from humanclaw_raster.kernels import Hits, Lens, Things
-from humanclaw_raster.packing import pack
+from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.robot import robot
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
@@ -25,6 +25,14 @@ _IN_HEAD: Final = 0.2
 _EGO_HIDDEN: Final = ("head", "neck")
 
 
+class _Stage(NamedTuple):
+    """A scene ready to be drawn, the body in it."""
+
+    model: Model
+    things: Things
+    canopy: CanopyMaker
+
+
 class RasterRenderer:
     """The Renderer in software, on the thread that calls it. The same state and camera give the same bytes.
 
@@ -32,18 +40,19 @@ class RasterRenderer:
     """
 
     def __init__(self) -> None:
-        self._things: Things | None = None
+        self._stage: _Stage | None = None
 
     def load(self, scene: Scene) -> None:
-        """Make a scene ready to be drawn."""
+        """Make a scene ready to be drawn, in the place of the one before."""
+        self.close()  # Before packing: two scenes at once would fragment the heap of a process that moves through many houses.
         links, names = robot(), sorted({thing.asset for thing in scene.objects})
         number = {name: len(links) + k for k, name in enumerate(names)}
-        self._model = pack([*links.values(), *(scene.assets[name].mesh for name in names)])
+        model = pack([*links.values(), *(scene.assets[name].mesh for name in names)])
         self._joints = np.array([JOINT_INDEX[joint] for joint in links])
         self._head = np.array([joint in _EGO_HIDDEN for joint in links])
         self._movers = {thing.id: len(links) + k for k, thing in enumerate(scene.objects) if thing.movable}
         self._rest = {thing.id: np.array([*thing.position, *thing.rotation], float) for thing in scene.objects}
-        self._things = Things(
+        things = Things(
             mesh=np.array([*range(len(links)), *(number[thing.asset] for thing in scene.objects)], np.int32),
             id=np.array([BODY_ID] * len(links) + [thing.id for thing in scene.objects], np.int32),
             shown=np.ones(len(links) + len(scene.objects), np.bool_),
@@ -51,27 +60,27 @@ class RasterRenderer:
             place=np.zeros((len(links) + len(scene.objects), 3)),
         )
         for row, thing in enumerate(scene.objects, start=len(links)):
-            self._put(self._things, row, self._rest[thing.id])
+            self._put(things, row, self._rest[thing.id])
         moving = [*range(len(links)), *self._movers.values()]
-        still = sorted(set(range(len(self._things.mesh))) - set(moving))
-        self._canopy = CanopyMaker(scene, self._model, self._things, still, moving)
+        still = sorted(set(range(len(things.mesh))) - set(moving))
+        self._stage = _Stage(model, things, CanopyMaker(scene, model, things, still, moving))
 
     def render(self, state: WorldState, camera: Camera) -> View:
         """Draw one moment. The head is left out of a picture that is taken from inside it.
 
         Raises HumanclawError before the first load.
         """
-        things = self._things
-        if things is None:
+        if self._stage is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
+        model, things, canopy = self._stage
         for key, row in self._movers.items():
             self._put(things, row, state.objects.get(key, self._rest[key]))
         self._put_body(things, state.body, camera.position)
         lens = _lens(camera)
-        hits = self._hits(things, lens, camera)
-        light = kernels.openness(self._model, things, lens, hits, self._canopy.now(things))
+        hits = _hits(model, things, lens, camera)
+        light = kernels.openness(model, things, lens, hits, canopy.now(things))
         rgb = _sky(camera)
-        kernels.paint(self._model, things, lens, hits, light, rgb)
+        kernels.paint(model, things, lens, hits, light, rgb)
         with np.errstate(divide="ignore"):
             depth = np.float32(1) / hits.nearness
         # The last place of the table is reached with -1, which stands for nothing.
@@ -79,14 +88,7 @@ class RasterRenderer:
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
-        self._things = None
-
-    def _hits(self, things: Things, lens: Lens, camera: Camera) -> Hits:
-        found, depth = kernels.in_view(self._model, things, lens, camera.width, camera.height)
-        shape = (camera.height, camera.width)
-        hits = Hits(np.zeros(shape, np.float32), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
-        kernels.draw(self._model, things, lens, found[np.argsort(depth, kind="stable")], hits)
-        return hits
+        self._stage = None
 
     @staticmethod
     def _put(things: Things, row: int, where: Array) -> None:
@@ -99,6 +101,14 @@ class RasterRenderer:
         things.turn[: len(self._joints)] = orientations[self._joints]
         ego = np.linalg.norm(positions[JOINT_INDEX["head"]] - eye) < _IN_HEAD
         things.shown[: len(self._joints)] = ~(self._head & ego)
+
+
+def _hits(model: Model, things: Things, lens: Lens, camera: Camera) -> Hits:
+    found, depth = kernels.in_view(model, things, lens, camera.width, camera.height)
+    shape = (camera.height, camera.width)
+    hits = Hits(np.zeros(shape, np.float32), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
+    kernels.draw(model, things, lens, found[np.argsort(depth, kind="stable")], hits)
+    return hits
 
 
 def _lens(camera: Camera) -> Lens:

@@ -1,5 +1,7 @@
 """What the eyes are told: colours, distances and ids agree with the world."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -314,6 +316,23 @@ def test_a_renderer_can_load_one_scene_after_another(workshop):
         assert (renderer.render(STANDING, ego_camera(STANDING.body)).ids == 1).any()
     renderer.close()
     assert thing == 2
+
+
+def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(workshop):
+    """Packing a second scene takes no more memory at its height than the first did, whose texture alone has 12 MB."""
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    workshop.mesh(mesh(corners, [[0, 1, 2]], np.zeros((2048, 2048, 3), np.uint8)))
+    renderer, heights = RasterRenderer(), []
+    tracemalloc.start()
+    for _ in range(2):
+        tracemalloc.reset_peak()
+        renderer.load(workshop.scene())
+        heights.append(tracemalloc.get_traced_memory()[1])
+    renderer.close()
+    left = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert heights[1] < heights[0] + 2**20
+    assert left < 2**20
 
 
 def test_a_scene_with_nothing_in_it_is_sky(workshop, camera):
