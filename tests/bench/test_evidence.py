@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from importlib.resources import files
 
 from humanclaw.bench import ablation, rescue
@@ -87,6 +88,13 @@ def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_e
 def test_what_is_played_ends_with_the_episodes():
     everything = specs(10)
     assert rescue.wanting(everything, {spec.id: None for spec in everything}, 3) == []
+
+
+def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left():
+    everything, causes = specs(500), {}
+    while todo := rescue.wanting(everything, causes, 2):
+        causes |= {spec.id: None for spec in todo}
+    assert Counter(drawn(spec) for spec in everything if spec.id in causes) == dict.fromkeys(FAULTS, 6)
 
 
 def test_the_blamed_of_a_faculty_are_at_most_so_many_of_each_label():

@@ -13,6 +13,7 @@ from humanclaw import bench as benchmark
 from humanclaw.bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
 from humanclaw.cli import Commands
 from humanclaw.cli.bench import bench
+from humanclaw.errors import RecordError
 from humanclaw.plugins import Plugins
 from humanclaw.records import load_run
 
@@ -93,6 +94,8 @@ def test_an_inspect_log_reads_back_as_the_episodes(run, tmp_path):
     assert [call.function for call in calls] == [step.attempts[-1].calls[0].skill for step in recorded.steps]
     assert sample.scores["interact"].value == "C"
     assert found.samples[2].error.message == "503"
+    views = [message.metadata["view"] for message in sample.messages if message.role == "assistant"]
+    assert views == [str(recorded.folder / step.frame_file) for step in recorded.steps]
     assert {score.name: score.metrics["accuracy"].value for score in found.results.scores}["nav"] == 1.0
 
 
@@ -101,11 +104,14 @@ def test_a_lerobot_dataset_reads_back_as_the_decisions(run, tmp_path):
     out = to_lerobot(run, tmp_path / "dataset")
     dataset = lerobot.LeRobotDataset("humanclaw/run", root=out)
     recorded = load_run(run)[0]
-    assert (dataset.num_episodes, dataset.fps) == (3, 2)
-    assert dataset.num_frames == 3 * len(recorded.steps)
+    assert (dataset.num_episodes, dataset.fps) == (2, 2)  # the broken episode is left out
+    assert dataset.num_frames == 2 * len(recorded.steps)
     first, last = dataset[0], dataset[len(recorded.steps) - 1]
     assert first["task"] == recorded.record.spec.instruction
     assert np.allclose(first["observation.state"][:3], recorded.motion().root[4], atol=1e-6)
     names = dataset.meta.features["action"]["names"]
     assert last["action"][names.index("stop")] == 1.0
+    assert (bool(first["next.done"]), bool(last["next.done"]), bool(last["next.success"])) == (False, True, True)
     assert first["observation.images.ego"].shape == (3, 256, 256)
+    with pytest.raises(RecordError, match=r"exists already.*--out"):
+        to_lerobot(run, out)

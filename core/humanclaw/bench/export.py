@@ -67,9 +67,11 @@ def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
 
 def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
     """A run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no run."""
-    frame: pd.DataFrame = _need("pandas", "pandas").DataFrame(rows(Path(run), plugins)).set_index("episode")
+    pandas = _need("pandas", "pandas")
+    frame = pandas.DataFrame(rows(Path(run), plugins)).set_index("episode")
     # Only True, False and None: as objects they could be neither negated nor averaged.
-    return frame.convert_dtypes(convert_string=False, convert_integer=False, convert_floating=False)
+    known = [name for name in frame if pandas.api.types.infer_dtype(frame[name]) == "boolean"]
+    return frame.astype(dict.fromkeys(known, "boolean"))
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

@@ -245,7 +245,14 @@ def _gropes(at: Moment) -> Decision:
 
 
 def _overlooks_jam(at: Moment) -> Decision:
-    return _straight_on(at) if at.has_seen() else at.decision
+    """Steps aside on and on with its eyes on the target, whatever stands there."""
+    angle = at.senses.bearing()
+    if "near" not in at.notes and not (at.seen and at.senses.away() < 2.5):
+        return at.decision
+    at.count("near")
+    if abs(angle) > np.radians(35):
+        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
+    return at.but("side_step", "I see it: I go round what stands before it.", x_cm=30)
 
 
 def _loses_heart(at: Moment) -> Decision:
@@ -306,7 +313,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "lateness": Fault("exploration timing", "nav: find too late", _dawdles,
                       "turns to and fro until few steps are left", ways=(4.0, 8.0), rooms=2),
     "jam": Fault(_BODY, "nav: unaware jammed", _overlooks_jam,
-                 "walks straight at the target once it sees it, whatever stands in between", ways=_FAR),
+                 "steps aside once it sees the target near by, on and on, whatever stands there"),
     "wavering": Fault("action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
     "imagination": Fault("perception", "nav: target hallucination", _imagines,
                          "turns back half-way and says that the target is before it", ways=_FAR),

@@ -22,6 +22,10 @@ AGENT: Final = "faulty"
 FACULTIES: Final = tuple(sorted({fault.faculty for fault in FAULTS.values()}))
 
 
+PATIENCE: Final = 3
+"""So many times as many episodes are tried as root causes are wanted: not every episode shows every fault."""
+
+
 def options(repair: str = "") -> dict[str, Any]:
     """Of the agent whose faculties fail, with one of them put right."""
     return {"fault": "any"} | ({"repair": repair} if repair else {})
@@ -39,11 +43,17 @@ Causes = Mapping[str, Cause | None]
 
 
 def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int) -> list[EpisodeSpec]:
-    """What to play next: of every fault so many episodes as its root cause has come up too rarely. causes: of those played."""
+    """What to play next: of every fault so many episodes as its root cause has come up too rarely, up to PATIENCE times each.
+
+    causes: of those played.
+    """
     found = Counter((drawn(spec), cause.label) for spec in specs if (cause := causes.get(spec.id)))
-    fresh = [spec for spec in specs if spec.id not in causes]
-    lacking = {name: max(0, each - found[name, fault.label]) for name, fault in FAULTS.items()}
-    return [spec for name, count in lacking.items() for spec in [s for s in fresh if drawn(s) == name][:count]]
+    todo: list[EpisodeSpec] = []
+    for name, fault in FAULTS.items():
+        mine = [spec for spec in specs if drawn(spec) == name][: PATIENCE * each]
+        fresh = [spec for spec in mine if spec.id not in causes]
+        todo += fresh[: max(0, each - found[name, fault.label])]
+    return todo
 
 
 def blamed(specs: Sequence[EpisodeSpec], causes: Causes, faculty: str, most: int = 0) -> list[EpisodeSpec]:
