@@ -43,10 +43,10 @@ def test_nothing_is_left_of_a_house_when_the_body_has_moved_on(houses, tmp_path,
     (plugins, made), memory = houses, []
     job = Job(agent, engines=Engines("bullet", "raster", "toy"), files=(toy_world.FILE,))
     with Worker(job, tmp_path, plugins=plugins) as worker:
-        for spec in toy_world.specs(24, houses=24, steps=2):
+        for spec in toy_world.specs(14, houses=14, steps=2):
             report = worker.play(spec)
             assert report.outcome in ("stopped", "out_of_steps"), report.error
             assert sum(house() is not None for house in made) == 1
             memory.append(resident())
-    assert len(made) == 24
-    assert memory[-1] - memory[7] < 30  # Of 16 houses; each has 7 MB, and 10 more in the renderer.
+    assert len(made) == 14
+    assert memory[-1] - memory[5] < 30  # Of 8 houses; each has 7 MB, and 10 more in the renderer.

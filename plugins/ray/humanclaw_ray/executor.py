@@ -14,7 +14,7 @@ from typing import Any, Final
 import ray
 from ray.exceptions import RayActorError
 
-from humanclaw.bench.executors import Backlog
+from humanclaw.bench.executors import ONE_THREAD, Backlog
 from humanclaw.bench.worker import FAILED, Job, Report, Worker, pack, unpack
 from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
@@ -76,7 +76,9 @@ class _Crew:
 
     def __init__(self, job: Job, out: Path, backlog: Backlog) -> None:
         self._job, self._out, self._backlog = job, out, backlog
-        self._player: Any = ray.remote(num_cpus=1, max_concurrency=2)(Player)
+        # With the threads of local workers: the number of threads is in the last bits of a matrix product.
+        alike = {"env_vars": ONE_THREAD}
+        self._player: Any = ray.remote(num_cpus=1, max_concurrency=2, runtime_env=alike)(Player)
         self._waiting: dict[Any, tuple[Any, EpisodeSpec | None]] = {}
         """Future to actor and episode; none for an actor that is not there yet: a cluster may have no room for it."""
         self._losses: Counter[str] = Counter()
