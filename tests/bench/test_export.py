@@ -80,6 +80,7 @@ def test_a_run_is_a_data_frame_with_one_call(run):
     frame = benchmark.load(run)
     assert list(frame.index) == ["couch-0", "couch-1", "couch-2"]
     assert frame.loc["couch-0", "success"]
+    assert list(~frame["nav"]) == [not line["nav"] for line in rows(run)]
     assert math.isclose(frame["distance"].iloc[0], rows(run)[0]["distance"])
     assert load(str(run)).shape == frame.shape
 

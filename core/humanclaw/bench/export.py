@@ -146,7 +146,7 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
             "observation.state": pose.astype(np.float32),
             "action": _action(step, actions),
             "next.done": np.array([step is recorded.steps[-1]]),
-            "next.success": np.array([step is recorded.steps[-1] and success]),
+            "next.success": np.array([step is recorded.steps[-1] and bool(success)]),
             "task": recorded.record.spec.instruction,
         }
         last += step.motion_frames
