@@ -25,7 +25,8 @@ from humanclaw_bullet.quaternions import blend, capped, conjugate, from_vector, 
 from humanclaw_bullet.reflexes import CALM, Reflex
 
 LINK_OF: Final = {link.joint: link for link in LINKS}
-_ARMS: Final = frozenset(link.joint for link in LINKS if link.group == "arm_hand")
+_ARMS: Final = tuple(link.joint for link in LINKS if link.group == "arm_hand")
+"""In order: a sum over a set of names differs in its last bit from process to process."""
 CHILDREN: Final = tuple(range(1, len(JOINTS)))
 """Joint indices of the tree's links; Bullet's link index is one less, and its base is joint 0."""
 _COLLAR_MASS: Final = 0.1

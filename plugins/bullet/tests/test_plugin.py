@@ -1,5 +1,6 @@
 """How the plugin is found."""
 
+import os
 import subprocess
 import sys
 
@@ -27,3 +28,17 @@ def test_nothing_is_printed_so_that_protocols_may_use_stdout():
     code = "import humanclaw_bullet.engine as engine; engine.Client().close()"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_the_body_is_the_same_to_the_last_bit_in_every_process():
+    """Python orders a set of names anew in each process, and a sum in another order is another number."""
+    code = """
+from humanclaw_bullet.profile import find_profile
+from humanclaw_bullet.puppet import urdf
+print(urdf(find_profile('default')))
+"""
+    command, bodies = [sys.executable, "-c", code], set()
+    for seed in range(4):
+        seeded = os.environ | {"PYTHONHASHSEED": str(seed)}
+        bodies.add(subprocess.run(command, env=seeded, capture_output=True, text=True, check=True).stdout)
+    assert len(bodies) == 1
