@@ -180,8 +180,10 @@ def _wavers(at: Moment) -> Decision:
 
 
 def _turns_away(at: Moment) -> Decision:
-    """Once half the way is done and the target was in view: back to where it came from."""
-    if "gone" not in at.notes and not (at.seen and at.senses.away() < 0.5 * at.begun):
+    """Once half the way is done and it has said that it sees the target: back to where it came from."""
+    told = "seen" in at.notes
+    at.has_seen()
+    if "gone" not in at.notes and not (told and at.senses.away() < 0.5 * at.begun):
         return at.decision
     turns = at.count("gone")
     away = replace(at.decision, visible_state="I am in a room.")

@@ -52,7 +52,8 @@ def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int) -> list[Epi
     for name, fault in FAULTS.items():
         mine = [spec for spec in specs if drawn(spec) == name][: PATIENCE * each]
         fresh = [spec for spec in mine if spec.id not in causes]
-        todo += fresh[: max(0, each - found[name, fault.label])]
+        lacking = each - found[name, fault.label]
+        todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # Few at a time would be many sittings.
     return todo
 
 
