@@ -168,6 +168,18 @@ def test_the_oracle_says_that_it_is_on_the_stairs_and_how_far_it_has_come() -> N
     assert max(np.diff(left)) < 0.5
 
 
+@pytest.mark.parametrize("z", [0.15, 0.5, 0.85])
+@pytest.mark.parametrize("x", [2.1, 2.2, 3.9])
+def test_the_oracle_knows_a_way_up_from_anywhere_on_the_stairs(x: float, z: float) -> None:
+    walker = Walker(two_storeys(), (31,))
+    walker.x, walker.z, walker.ground = x, z, 0.17 * np.ceil((x - 2.0) / 0.25)
+    agent = OracleAgent()
+    agent.begin(EpisodeContext(episode(walker.scene, "bed", 31), SKILLS, 0, walker.scene, walker.state))
+    decision = agent.decide(Observation(0, "Find a bed.", PICTURE), ())
+    assert decision.calls[0].skill != "stop"
+    assert "no way" not in decision.reasoning
+
+
 def test_the_oracle_names_the_skill_for_stairs_that_it_lacks() -> None:
     walker = Walker(two_storeys(), (31,))
     few = {name: skill for name, skill in SKILLS.items() if name != "climb_upstairs"}

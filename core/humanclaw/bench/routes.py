@@ -477,15 +477,19 @@ def flights(leg: Leg) -> tuple[Flight, ...]:
     steps = _steps(change)
     apart = np.linalg.norm(np.diff(points[steps], axis=0), axis=1) > 0.6
     groups = np.split(steps, np.flatnonzero(apart | (np.diff(np.sign(change[steps])) != 0)) + 1)
-    return tuple(
+    found = (
         _flight(leg.plan, points[[group[0], group[-1] + 1]], float(np.sign(change[group[0]])))
         for group in groups
         if len(group)
     )
+    return tuple(flight for flight in found if flight)
 
 
-def _flight(plan: FloorPlan, ends: Array, sign: float) -> Flight:
-    """The flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1 for down."""
+def _flight(plan: FloorPlan, ends: Array, sign: float) -> Flight | None:
+    """The flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1 for down.
+
+    None if there is no step on its middle line: the path crossed the corner of one at the edge of the stairs.
+    """
     assert plan.slope is not None
     middle = ends.mean(0)
     slope = np.array([plan.at(layer, _samples(ends[0], ends[1])).mean() for layer in plan.slope])
@@ -496,6 +500,8 @@ def _flight(plan: FloorPlan, ends: Array, sign: float) -> Flight:
     ground = plan.at(plan.ground, centre + reach[:, None] * way)
     reach, ground = reach[np.isfinite(ground)], ground[np.isfinite(ground)]
     steps = _steps(np.diff(ground))
+    if not len(steps):
+        return None
     edges = (reach[steps] + reach[steps + 1]) / 2
     return Flight(centre + edges[0] * way, way, edges - edges[0], ground[[*steps, steps[-1] + 1]], ends)
 
