@@ -247,11 +247,10 @@ def _gropes(at: Moment) -> Decision:
 
 
 def _overlooks_jam(at: Moment) -> Decision:
-    """Steps aside on and on with its eyes on the target, whatever stands there."""
-    angle = at.senses.bearing()
-    if "near" not in at.notes and not (at.seen and at.senses.away() < 2.5):
+    """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
+    if not (at.seen and at.senses.away() < 2.5):
         return at.decision
-    at.count("near")
+    angle = at.senses.bearing()
     if abs(angle) > np.radians(35):
         return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
     return at.but("side_step", "I see it: I go round what stands before it.", x_cm=30)
