@@ -314,7 +314,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "lateness": Fault("exploration timing", "nav: find too late", _dawdles,
                       "turns to and fro until few steps are left", ways=(4.0, 8.0), rooms=2),
     "jam": Fault(_BODY, "nav: unaware jammed", _overlooks_jam,
-                 "steps aside once it sees the target near by, on and on, whatever stands there"),
+                 "steps aside with its eyes on the target, on and on, whatever stands there"),
     "wavering": Fault("action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
     "imagination": Fault("perception", "nav: target hallucination", _imagines,
                          "turns back half-way and says that the target is before it", ways=_FAR),
