@@ -106,6 +106,11 @@ class Moment:
         steps = np.diff([*self.trail, self.senses.here()], axis=0)
         return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
 
+    def to_and_fro(self, degrees: int, why: str) -> Decision:
+        """A turn to the right, the next time to the left, and so on."""
+        side = 1 if self.count("turned") % 2 else -1
+        return self.but("turn_in_place", why, yaw_deg=degrees * side)
+
     def count(self, what: str) -> int:
         """How often this was asked before."""
         self.notes[what] = self.notes.get(what, 0) + 1
@@ -156,9 +161,8 @@ def _misjudges(at: Moment) -> Decision:
 
 
 def _overlooks_arrival(at: Moment) -> Decision:
-    if at.stopping or "arrived" in at.notes:
-        side = 1 if at.count("arrived") % 2 else -1
-        return at.but("turn_in_place", "I am not there yet and look where to go on.", yaw_deg=10 * side)
+    if at.stopping or "turned" in at.notes:
+        return at.to_and_fro(10, "I am not there yet and look where to go on.")
     return at.decision
 
 
@@ -174,9 +178,10 @@ def _straight_on(at: Moment) -> Decision:
 def _wavers(at: Moment) -> Decision:
     if not at.has_seen():
         return at.decision
-    angle, side = at.senses.bearing(), 1 if at.count("wavered") % 2 else -1
-    yaw = 8 * side if abs(angle) < np.radians(28) else _degrees(angle, 75)
-    return at.but("turn_in_place", "A little more this way.", yaw_deg=yaw)
+    angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
+    if abs(angle) < np.radians(28):
+        return wavering
+    return at.but("turn_in_place", wavering.reasoning, yaw_deg=_degrees(angle, 75))
 
 
 def _turns_away(at: Moment) -> Decision:
@@ -219,8 +224,7 @@ def _rises(at: Moment) -> Decision:
 
 
 def _fidgets(at: Moment) -> Decision:
-    side = 1 if at.count("fidgeted") % 2 else -1
-    return at.but("turn_in_place", "A little more this way.", yaw_deg=8 * side)
+    return at.to_and_fro(8, "A little more this way.")
 
 
 def _wanders(at: Moment) -> Decision:

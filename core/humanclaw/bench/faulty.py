@@ -200,8 +200,7 @@ class OracleVerifier:
 
     def begin(self, context: EpisodeContext) -> None:
         self._senses = Senses(context)
-        self._oracle = OracleAgent()
-        self._oracle.begin(context)
+        self._oracle = oracle(context, context.spec)
         self._history: list[Past] = []
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:

@@ -107,7 +107,7 @@ def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     level, ground = recorded.record.start.floor + GROUND, set(recorded.record.ground)
     moving = [step for step in recorded.steps if step.motion_frames]
     hit = [
-        {c.group for c in step.contacts if not (c.movable or c.height <= level or _footing(c, ground))}
+        {c.group for c in step.contacts if not (c.movable or c.height <= level or footing(c, ground))}
         for step in moving
     ]
     count = len(moving) or float("nan")
@@ -116,7 +116,8 @@ def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     }
 
 
-def _footing(contact: ContactRecord, ground: Set[int]) -> bool:
+def footing(contact: ContactRecord, ground: Set[int]) -> bool:
+    """Whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
+from humanclaw.bench.metrics import REACHED, footing, in_view
 from humanclaw.bench.routes import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
 from humanclaw.records import CallRecord, ContactRecord, RecordedEpisode, StepRecord, Vec3, load_run
 from humanclaw.scene import Scene, SceneObject
 
-SEEN_PIXELS: Final = 100
-REACHED: Final = 0.2
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 PICTURES: Final = 400
 """Thumbnails in one page at most, so that it stays a few megabytes."""
@@ -279,7 +278,7 @@ def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
     stopped = Stage("stopped", recorded.record.outcome == "stopped", f"after {len(steps)} steps")
     if not spec.target_ids:
         return (stopped,)
-    seen = [s.step for s in steps if sum(s.target_pixels.values()) >= SEEN_PIXELS]
+    seen = [s.step for s in steps if in_view(s)]
     distances = [s.target_distance for s in steps if s.target_distance is not None]
     last = distances[-1] if distances else float("inf")
     found = Stage("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
@@ -376,9 +375,8 @@ def _picture(path: Path, size: int = 240) -> str:
 
 def _touched(recorded: RecordedEpisode, step: StepRecord) -> list[ContactRecord]:
     """Contacts above the floor of the start, without feet on an upper floor or on stairs."""
-    level, ground = recorded.record.start.floor + 0.03, recorded.record.ground
-    high = [contact for contact in step.contacts if contact.height > level]
-    return [c for c in high if not (c.object_id in ground and c.joint.endswith(("_ankle", "_foot")))]
+    level, ground = recorded.record.start.floor + 0.03, set(recorded.record.ground)
+    return [contact for contact in step.contacts if contact.height > level and not footing(contact, ground)]
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:

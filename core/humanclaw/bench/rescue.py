@@ -47,11 +47,15 @@ def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int) -> list[Epi
 
     causes: of those played.
     """
-    found = Counter((drawn(spec), cause.label) for spec in specs if (cause := causes.get(spec.id)))
+    by_fault: dict[str, list[EpisodeSpec]] = {name: [] for name in FAULTS}
+    found: Counter[tuple[str, str]] = Counter()
+    for spec in specs:
+        name, cause = drawn(spec), causes.get(spec.id)
+        by_fault[name].append(spec)
+        found[name, cause.label if cause else ""] += 1
     todo: list[EpisodeSpec] = []
     for name, fault in FAULTS.items():
-        mine = [spec for spec in specs if drawn(spec) == name][: PATIENCE * each]
-        fresh = [spec for spec in mine if spec.id not in causes]
+        fresh = [spec for spec in by_fault[name][: PATIENCE * each] if spec.id not in causes]
         lacking = each - found[name, fault.label]
         todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # Few at a time would be many sittings.
     return todo
