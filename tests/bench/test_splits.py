@@ -6,7 +6,18 @@ from rooms import two_rooms
 
 from humanclaw.bench.difficulty import Ways, measure, overall, tiers
 from humanclaw.bench.routes import Storeys
-from humanclaw.bench.splits import DATA, EPISODES, SPLITS, Quota, candidates, choose, load_split, named, write_split
+from humanclaw.bench.splits import (
+    DATA,
+    EPISODES,
+    HOUSES,
+    SPLITS,
+    Quota,
+    candidates,
+    choose,
+    load_split,
+    named,
+    write_split,
+)
 from humanclaw.episode import Difficulty, EpisodeSpec
 from humanclaw.errors import HumanclawError
 
@@ -150,3 +161,13 @@ def test_the_small_splits_are_part_of_the_large_one():
 def test_the_splits_are_of_the_houses_that_are_installed(house):
     made: EpisodeSpec = next(spec for spec in load_split("val") if spec.scene == house.name)
     assert made.scene_digest == house.digest
+
+
+@shipped
+@pytest.mark.parametrize("number", [0, 3], ids=["one storey", "two storeys"])
+def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, number):
+    scene = plugins.scene(HOUSES[number])
+    drawn = {spec.model_copy(update={"id": "", "seed": 0}) for spec in candidates(scene, number)}
+    ours = [spec for spec in load_split("val") if spec.scene == scene.name]
+    assert len(ours) >= 28
+    assert {spec.model_copy(update={"id": "", "seed": 0}) for spec in ours} <= drawn

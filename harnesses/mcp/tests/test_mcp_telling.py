@@ -43,7 +43,7 @@ async def client(heard):
         if isinstance(message, types.ResourceUpdatedNotification):
             heard.append(str(message.params.uri))
 
-    server = make_server(Handlers(Bodies(Settings(max_steps=5, tell_every=0.05))))
+    server = make_server(Handlers(Bodies(Settings(max_steps=5, tell_every=0.005))))
     async with Client(server, mode="legacy", logging_callback=logged, message_handler=told) as client:
         yield client
 
@@ -64,7 +64,7 @@ async def test_a_call_tells_its_progress_to_those_who_ask(begun):
 
     await begun.call_tool("walk", {"z_cm": 30}, progress_callback=note)
     seconds = [progress for progress, _ in told]
-    assert len(told) >= 3, "a step of the body takes longer than a tenth of a second"
+    assert len(told) >= 3, "a step of the body takes longer than three times 5 ms"
     assert seconds == sorted(set(seconds)), "progress only ever grows"
     assert told[-1][1] == "The body is moving."
 
