@@ -238,7 +238,10 @@ def load_run(folder: Path) -> list[RecordedEpisode]:
     """All episodes under a folder, by name. Raises RecordError if there are none."""
     found = sorted(path.parent for path in folder.rglob("episode.json"))
     if not found:
-        raise RecordError(f"there is no episode record in {folder}.", "Name a folder that `humanclaw run --out` wrote.")
+        raise RecordError(
+            f"there is no episode record in {folder}.",
+            "Name a folder that `humanclaw run` or `humanclaw bench run` wrote.",
+        )
     return [RecordedEpisode(path) for path in found]
 
 

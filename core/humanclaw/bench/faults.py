@@ -81,6 +81,9 @@ class Moment:
     left: int
     """Steps that are left, this one included."""
     seen: bool
+    """Whether the oracle says that the target is in view."""
+    seen_before: bool
+    """Whether it has said so at an earlier step."""
     stop: str
     """Name of the skill that ends the episode."""
     begun: float
@@ -97,9 +100,10 @@ class Moment:
         """The same perception, another call."""
         return replace(self.decision, calls=(Call(skill, params),), reasoning=why)
 
+    @property
     def has_seen(self) -> bool:
         """Whether the target is in view or was."""
-        return (self.seen and not self.count("seen")) or "seen" in self.notes
+        return self.seen or self.seen_before
 
     def walked(self) -> float:
         """Length of the trail up to here, over the floor, metres."""
@@ -148,7 +152,7 @@ class Fault:
 def _blind(at: Moment) -> Decision:
     """Searches on, with the target in view."""
     blind = replace(at.decision, visible_state="I am in a room.")
-    if not at.has_seen():
+    if not at.has_seen:
         return blind
     around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
     return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
@@ -176,7 +180,7 @@ def _straight_on(at: Moment) -> Decision:
 
 
 def _wavers(at: Moment) -> Decision:
-    if not at.has_seen():
+    if not at.has_seen:
         return at.decision
     angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
     if abs(angle) < np.radians(28):
@@ -186,9 +190,7 @@ def _wavers(at: Moment) -> Decision:
 
 def _turns_away(at: Moment) -> Decision:
     """Once half the way is done and it has said that it sees the target: back to where it came from."""
-    told = "seen" in at.notes
-    at.has_seen()
-    if "gone" not in at.notes and not (told and at.senses.away() < 0.5 * at.begun):
+    if "gone" not in at.notes and not (at.seen_before and at.senses.away() < 0.5 * at.begun):
         return at.decision
     turns = at.count("gone")
     away = replace(at.decision, visible_state="I am in a room.")
@@ -229,7 +231,7 @@ def _fidgets(at: Moment) -> Decision:
 
 def _wanders(at: Moment) -> Decision:
     """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
-    if at.has_seen():
+    if at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < TURNING_POINT:
         at.trail.append(at.senses.here())
@@ -243,11 +245,11 @@ def _wanders(at: Moment) -> Decision:
 
 
 def _dawdles(at: Moment) -> Decision:
-    return at.decision if at.left <= LATE or at.has_seen() else _fidgets(at)
+    return at.decision if at.left <= LATE or at.has_seen else _fidgets(at)
 
 
 def _gropes(at: Moment) -> Decision:
-    return at.decision if at.has_seen() else _straight_on(at)
+    return at.decision if at.has_seen else _straight_on(at)
 
 
 def _overlooks_jam(at: Moment) -> Decision:
@@ -262,7 +264,7 @@ def _overlooks_jam(at: Moment) -> Decision:
 
 def _loses_heart(at: Moment) -> Decision:
     """Half-way, unless the target has come into view: back to the start."""
-    if "gone" not in at.notes and at.has_seen():
+    if "gone" not in at.notes and at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
         at.trail.append(at.senses.here())
@@ -285,7 +287,7 @@ def _back_along(at: Moment, trail: list[Array]) -> Decision:
 
 def _backs_up(at: Moment) -> Decision:
     """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
-    if at.has_seen():
+    if at.has_seen:
         return at.decision
     angle, here = at.senses.bearing(), at.senses.here()
     if at.senses.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):

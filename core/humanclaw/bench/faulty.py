@@ -100,6 +100,7 @@ class FaultyAgent:
         self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
         self._notes: dict[str, int] = {}
         self._trail: list[Array] = []
+        self._ever_seen = False
         self._mind = Mind(self.options, self._senses, self._stop)
 
     def _to_another_seat(self) -> OracleAgent:
@@ -126,11 +127,14 @@ class FaultyAgent:
         seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
         if self._fault:
             decision = self._fault.apply(self._moment(decision, seen, observation.step))
+        self._ever_seen |= seen
         return self._mind.think(decision, observation.step, seen, history) if self.options.bounded else decision
 
     def _moment(self, decision: Decision, seen: bool, step: int) -> Moment:
         left = self._senses.context.spec.max_steps - step
-        return Moment(self._senses, decision, left, seen, self._stop, self._begun, self._notes, self._trail)
+        return Moment(
+            self._senses, decision, left, seen, self._ever_seen, self._stop, self._begun, self._notes, self._trail
+        )
 
 
 # -- a bounded mind ----------------------------------------------------------------------------------------------------
