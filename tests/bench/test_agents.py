@@ -65,6 +65,18 @@ def test_the_oracle_does_not_stop_in_passing(pace: float, stops: bool) -> None:
     assert (decision.calls[0].skill == "stop") == stops
 
 
+@pytest.mark.parametrize(("gap", "stops"), [(0.10, True), (0.13, False)])
+def test_the_oracle_goes_on_where_coming_to_rest_could_take_its_limbs_out_of_reach(gap: float, stops: bool) -> None:
+    """They come to rest up to 8.5 cm farther away, and the benchmark asks for 20."""
+    walker = Walker(two_rooms(), (20,))
+    walker.x, walker.z = 6.5, 2.5
+    walker.x += reach(walker, 20) - gap
+    assert reach(walker, 20) == pytest.approx(gap, abs=1e-6)
+    agent = OracleAgent()
+    agent.begin(EpisodeContext(episode(walker.scene, "couch", 20), SKILLS, 0, walker.scene, walker.state))
+    assert (agent.decide(Observation(0, "Find a couch.", PICTURE), ()).calls[0].skill == "stop") == stops
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed: int) -> None:
     board, screen = asset("board", "tv_stand", block(1.4, 0.45, 0.5)), asset("screen", "tv", block(1.0, 0.6, 0.06))
