@@ -20,7 +20,7 @@ from humanclaw.pose import Array, Frame
 
 LOOK_AROUND: Final = 45
 """Degrees that a searching body turns each step."""
-LATE: Final = 16
+LATE: Final = 12
 """Steps that one who dawdles leaves for the way to the target."""
 TURNING_POINT: Final = 3.2
 """Metres after which one who wanders turns back."""
