@@ -74,7 +74,7 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),
         (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
-        (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw run --out"),
+        (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw bench run"),
     ],
 )
 def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message, remedy):
