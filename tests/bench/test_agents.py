@@ -27,6 +27,12 @@ def episode(scene: Scene, category: str, *targets: int, sit: bool = False) -> Ep
     )  # fmt: skip
 
 
+def begun(walker: Walker, category: str, target: int) -> OracleAgent:
+    agent = OracleAgent()
+    agent.begin(EpisodeContext(episode(walker.scene, category, target), SKILLS, 0, walker.scene, walker.state))
+    return agent
+
+
 def reach(walker: Walker, target: int) -> float:
     return float(distance_to_box(walker.state().body.joints()[-1], *walker.scene.aabb(target)).min())
 
@@ -57,8 +63,7 @@ def test_the_oracle_stops_within_twenty_centimetres(category: str, target: int, 
 def test_the_oracle_does_not_stop_in_passing(pace: float, stops: bool) -> None:
     """Beside the corner of the couch, whose long side is at x = 7.05 and ends at z = 3.5; going on, it comes to rest behind it."""
     walker = Walker(two_rooms(), (20,))
-    agent = OracleAgent()
-    agent.begin(EpisodeContext(episode(walker.scene, "couch", 20), SKILLS, 0, walker.scene, walker.state))
+    agent = begun(walker, "couch", 20)
     for walker.x, walker.z in ((6.8, 3.5 - pace), (6.8, 3.5)):
         decision = agent.decide(Observation(0, "Find a couch.", PICTURE), ())
     assert reach(walker, 20) < 0.14
@@ -72,9 +77,8 @@ def test_the_oracle_goes_on_where_coming_to_rest_could_take_its_limbs_out_of_rea
     walker.x, walker.z = 6.5, 2.5
     walker.x += reach(walker, 20) - gap
     assert reach(walker, 20) == pytest.approx(gap, abs=1e-6)
-    agent = OracleAgent()
-    agent.begin(EpisodeContext(episode(walker.scene, "couch", 20), SKILLS, 0, walker.scene, walker.state))
-    assert (agent.decide(Observation(0, "Find a couch.", PICTURE), ()).calls[0].skill == "stop") == stops
+    decision = begun(walker, "couch", 20).decide(Observation(0, "Find a couch.", PICTURE), ())
+    assert (decision.calls[0].skill == "stop") == stops
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -185,9 +189,7 @@ def test_the_oracle_says_that_it_is_on_the_stairs_and_how_far_it_has_come() -> N
 def test_the_oracle_knows_a_way_up_from_anywhere_on_the_stairs(x: float, z: float) -> None:
     walker = Walker(two_storeys(), (31,))
     walker.x, walker.z, walker.ground = x, z, 0.17 * np.ceil((x - 2.0) / 0.25)
-    agent = OracleAgent()
-    agent.begin(EpisodeContext(episode(walker.scene, "bed", 31), SKILLS, 0, walker.scene, walker.state))
-    decision = agent.decide(Observation(0, "Find a bed.", PICTURE), ())
+    decision = begun(walker, "bed", 31).decide(Observation(0, "Find a bed.", PICTURE), ())
     assert decision.calls[0].skill != "stop"
     assert "no way" not in decision.reasoning
 

@@ -100,7 +100,7 @@ class FaultyAgent:
         self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
         self._notes: dict[str, int] = {}
         self._trail: list[Array] = []
-        self._ever_seen = False
+        self._last_seen: int | None = None
         self._mind = Mind(self.options, self._senses, self._stop)
 
     def _to_another_seat(self) -> OracleAgent:
@@ -127,18 +127,19 @@ class FaultyAgent:
         seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
         if self._fault:
             decision = self._fault.apply(self._moment(decision, seen, observation.step))
-        self._ever_seen |= seen
-        return self._mind.think(decision, observation.step, seen, history) if self.options.bounded else decision
+        self._last_seen = observation.step if seen else self._last_seen
+        if not self.options.bounded:
+            return decision
+        return self._mind.think(decision, observation.step, self._last_seen, history)
 
     def _moment(self, decision: Decision, seen: bool, step: int) -> Moment:
         left = self._senses.context.spec.max_steps - step
-        return Moment(
-            self._senses, decision, left, seen, self._ever_seen, self._stop, self._begun, self._notes, self._trail
-        )
+        before = self._last_seen is not None
+        return Moment(self._senses, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail)
 
 
 # -- a bounded mind ----------------------------------------------------------------------------------------------------
-@dataclass
+@dataclass(frozen=True)
 class Mind:
     """Decides as the oracle would, as long as it still knows what the oracle knows.
 
@@ -151,23 +152,20 @@ class Mind:
     options: Options
     senses: Senses
     stop: str
-    last_seen: int = -1_000_000
-    ever_seen: bool = False
 
-    def think(self, decision: Decision, step: int, seen: bool, history: Sequence[Past]) -> Decision:
-        if seen:
-            self.last_seen, self.ever_seen = step, True
+    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[Past]) -> Decision:
+        """last_seen: the step at which the target was last in view, this one included; None if it never was."""
         rng = np.random.default_rng([self.senses.context.seed, step, 78])
         draws = rng.random(3)
         old = self._mistaken_for(draws[:2], history)
         if old is not None:
             return replace(decision, calls=(old,), reasoning="The view is as it was: I do the same again.")
-        if seen and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
+        if last_seen == step and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
             return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
-        if self.ever_seen and step - self.last_seen > self.options.history:
+        if last_seen is not None and step - last_seen > self.options.history:
             around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
             return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
-        if not self.options.mid_level and self._in_routine(decision.calls[0]):
+        if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
             return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
         return decision
 
@@ -182,7 +180,6 @@ class Mind:
     def _in_routine(self, call: Call) -> bool:
         return (
             self.senses.context.spec.interact
-            and self.ever_seen
             and self.senses.away() < AT_HAND
             and (call.skill in SITTING or (call.skill == "turn_in_place" and self.senses.reach() < 2 * REACHED))
         )
