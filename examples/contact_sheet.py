@@ -12,11 +12,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from humanclaw import Plugins
-from humanclaw.bench.agents import in_view
-from humanclaw.bench.routes import Storeys
 from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw.navigation.routes import Storeys
 from humanclaw.pose import Frame, matrix_from_quaternion, rest_pose
 from humanclaw.scene import Placement, Scene
+from humanclaw_scripted.agents import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
 NOBODY = WorldState(Frame(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})

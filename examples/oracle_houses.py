@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 from humanclaw import Body, Plugins
-from humanclaw.bench.geodesics import geodesics
-from humanclaw.bench.tasks import free_episode
 from humanclaw.loop import run_episode
+from humanclaw.navigation.geodesics import geodesics
 from humanclaw.records import RecordedEpisode
+from humanclaw.tasks import free_episode
 
 INSTRUCTION = "find a couch and sit on it"
 PARTS = ("observe", "decide", "generate", "simulate")

@@ -3,13 +3,13 @@
 import pytest
 
 from humanclaw import Call
-from humanclaw.bench.tasks import free_episode
 from humanclaw.cli.options import parse_limits
 from humanclaw.errors import HumanclawError, LimitError
 from humanclaw.interfaces import Decision, Usage, Verdict
 from humanclaw.limits import Meter
 from humanclaw.loop import run_episode
 from humanclaw.records import RecordedEpisode
+from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
 ANSWER = Usage(tokens_in=900, tokens_out=100, cost=0.25)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Call, Plugins
-from humanclaw.bench.tasks import free_episode
 from humanclaw.errors import CheckpointError, ProviderError, RecordError, SceneError
 from humanclaw.interfaces import Answer, Decision, Verdict
 from humanclaw.loop import run_episode
 from humanclaw.records import RecordedEpisode
+from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
 STOP = Call("stop")

@@ -73,7 +73,7 @@ def humanclaw_verifiers(register: RegisterFactory) -> None:
 def humanclaw_executors(register: RegisterFactory) -> None:
     """Register executors, which play the episodes of a run somewhere: factory(workers: int, address: str) -> Executor.
 
-    humanclaw.bench.executors tells what one does; plugins/ray is one for a cluster.
+    humanclaw_bench.executors tells what one does; plugins/ray is one for a cluster.
     """
 
 
@@ -81,8 +81,13 @@ def humanclaw_executors(register: RegisterFactory) -> None:
 def humanclaw_metrics(register: RegisterFactory) -> None:
     """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
 
-    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw.bench.load.
+    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load.
     """
+
+
+@hookspec
+def humanclaw_reports(register: RegisterFactory) -> None:
+    """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") -> Reporter."""
 
 
 @hookspec

@@ -18,6 +18,8 @@ from humanclaw.scene import Placement, Scene
 
 if TYPE_CHECKING:
     from humanclaw.limits import Meter
+    from humanclaw.plugins import Plugins
+    from humanclaw.records import RecordedEpisode
 
 BODY_ID: Final = -1
 """The value of the body's own pixels in an id image; 0 is where nothing was drawn."""
@@ -121,6 +123,13 @@ def ego_camera(body: Motion, size: int = 512) -> Camera:
     forward = turn @ np.array([0.0, np.sin(GAZE_PITCH), np.cos(GAZE_PITCH)])
     up = turn @ np.array([0.0, np.cos(GAZE_PITCH), -np.sin(GAZE_PITCH)])
     return Camera(eye, forward, up, 90.0, size, size)
+
+
+class Reporter(Protocol):
+    """Makes something to look at of a recorded episode."""
+
+    def write(self, run: Path, episode: RecordedEpisode, plugins: Plugins) -> Mapping[str, Path]:
+        """Write into the folder of a run or of the episode; returns each file by what a person calls it."""
 
 
 # -- motion ------------------------------------------------------------------------------------------------------------

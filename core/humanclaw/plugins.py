@@ -33,6 +33,7 @@ KINDS: Final[Mapping[str, str]] = {
     "verifiers": "verifier",
     "executors": "executor",
     "metrics": "metric",
+    "reports": "reporter",
 }
 """What can be registered under a name besides skills: hook suffix to what a person calls one of them."""
 

@@ -23,19 +23,8 @@ Quaternion = tuple[float, float, float, float]
 
 STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "window"})
 """Categories that belong to the building and not to the furniture."""
-TARGET_CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
-SIT_CATEGORIES: Final = ("bed", "couch", "toilet")
 GROUND: Final = ("floor", "stairs")
 """Categories of what feet are meant to stand on."""
-ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "chair": ("chair", "armchair", "seat", "stool"),
-    "couch": ("couch", "sofa", "settee", "loveseat"),
-    "bed": ("bed", "mattress"),
-    "potted_plant": ("potted plant", "plant", "flowerpot"),
-    "tv": ("tv", "television", "tv screen", "monitor"),
-    "toilet": ("toilet", "lavatory", "wc"),
-}
-"""Words by which a sentence names a target category."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import pytest
 from humanclaw.motion.checkpoint import load_adapter, read_header
 from humanclaw.motion.generator import DiTGenerator, shipped_base
 from humanclaw.pose import STANDING_HEIGHT, Frame, Motion, support_height
-from humanclaw.training.chunks import outcome
+from humanclaw_train.chunks import outcome
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {

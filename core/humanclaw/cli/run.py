@@ -8,20 +8,18 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from humanclaw.bench.film import film, poster
-from humanclaw.bench.geodesics import geodesics
-from humanclaw.bench.report import write_report
-from humanclaw.bench.tasks import free_episode
 from humanclaw.cli.options import Deciders, decider_options, plugin_files
 from humanclaw.cli.progress import StepProgress, summary
 from humanclaw.embodiment import Body, Engines
 from humanclaw.episode import name_of
 from humanclaw.errors import RecordError
-from humanclaw.interfaces import Renderer
+from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
+from humanclaw.navigation.geodesics import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode
 from humanclaw.scene import Scene
+from humanclaw.tasks import free_episode
 
 
 @click.command()
@@ -69,22 +67,16 @@ def run(
             meter=deciders.meter(),
         )
     console.print(summary(record, RecordedEpisode(folder).steps))
-    _show(plugins, engines, out, folder, scene, kind, console)
+    _report(plugins, engines, out, folder, kind, console)
     _exit(record)
 
 
-def _show(
-    plugins: Plugins, engines: Engines, out: Path, folder: Path, scene: Scene, kind: str, console: Console
-) -> None:
-    """Film and poster first: the report embeds them."""
-    episode = RecordedEpisode(folder)
-    if kind != "none":
-        renderer: Renderer = plugins.make("renderers", engines.renderer)
-        picture = poster(episode, scene, renderer, folder / "poster.png")
-        moving = film(episode, scene, renderer, folder / f"film.{kind}", kind="gif" if kind == "gif" else "mp4")
-        renderer.close()
-        console.print(f"film: {moving}\npicture: {picture}", soft_wrap=True)
-    console.print(f"report: {write_report(out, None, plugins.scene)}", soft_wrap=True)
+def _report(plugins: Plugins, engines: Engines, out: Path, folder: Path, kind: str, console: Console) -> None:
+    """What the reporters that are installed make of the record."""
+    for offer in plugins.offers("reports"):
+        reporter: Reporter = plugins.make("reports", offer.name, film=kind, renderer=engines.renderer)
+        for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
+            console.print(f"{name}: {path}", soft_wrap=True)
 
 
 def _exit(record: EpisodeRecord) -> None:

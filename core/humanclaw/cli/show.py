@@ -1,4 +1,4 @@
-"""Commands that only look: skills, plugins, tools, report."""
+"""Commands that only look: skills, plugins, tools."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from humanclaw.bench.report import write_report
 from humanclaw.cli.options import plugin_files
 from humanclaw.contract import Skill
-from humanclaw.errors import HumanclawError
 from humanclaw.plugins import PluginInfo, Plugins
 from humanclaw.tools import Format, publish
 
@@ -58,17 +56,6 @@ def tools(form: Format, envelope: bool | None, files: tuple[Path, ...]) -> None:
     ready = [skill for skill in found.skills.values() if skill.trained]
     listed = publish(ready, form, envelope=form != "mcp" if envelope is None else envelope)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
-
-
-@click.command()
-@click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--out", type=click.Path(path_type=Path), help="Where to write; the default is report.html in the run.")
-def report(folder: Path, out: Path | None) -> None:
-    """Write the page that shows a run: filmstrips, maps, calls and tables."""
-    try:
-        click.echo(write_report(folder, out, Plugins.discover().scene))
-    except OSError as error:
-        raise HumanclawError(f"cannot write the report: {error}.", "Name another file with --out.") from error
 
 
 def _skill_row(skill: Skill, plugins: Plugins) -> dict[str, str]:

@@ -11,16 +11,16 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image
 
-from humanclaw.bench.geodesics import geodesics
-from humanclaw.bench.tasks import free_episode
 from humanclaw.embodiment import Body, Engines
 from humanclaw.errors import CallError
 from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Call
 from humanclaw.loop import check_call
+from humanclaw.navigation.geodesics import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.recorder import outcome
 from humanclaw.scene import Scene
+from humanclaw.tasks import free_episode
 from humanclaw_gymnasium.actions import Action, Actions
 
 Picture = NDArray[np.uint8]

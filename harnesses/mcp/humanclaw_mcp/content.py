@@ -34,7 +34,7 @@ from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.pose import Frame
 from humanclaw.records import StepRecord
-from humanclaw.scene import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw.tools import parameter_schema, publish
 from humanclaw_mcp.session import Moment
 from humanclaw_mcp.settings import Settings

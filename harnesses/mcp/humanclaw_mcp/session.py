@@ -20,17 +20,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.bench.geodesics import geodesics
-from humanclaw.bench.tasks import free_episode
 from humanclaw.embodiment import Body, Engines
 from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
 from humanclaw.hookspecs import hookimpl
 from humanclaw.interfaces import Decision, EpisodeContext, Observation, Past, WorldState
 from humanclaw.loop import run_episode
+from humanclaw.navigation.geodesics import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import Outcome, StepRecord
 from humanclaw.scene import Placement
+from humanclaw.tasks import free_episode
 from humanclaw_mcp.settings import Settings
 
 _MOVING: Final = "The body is moving."

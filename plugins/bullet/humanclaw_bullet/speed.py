@@ -13,10 +13,10 @@ import numpy as np
 
 from humanclaw.pose import HISTORY, Array
 from humanclaw.scene import Scene, SceneObject
-from humanclaw.training.realised import anchored
 from humanclaw_bullet.laws import Lab, Tick
 from humanclaw_bullet.profile import Profile
 from humanclaw_bullet.simulator import HalfPhysics
+from humanclaw_train.realised import anchored
 
 T = TypeVar("T")
 FIXED, MOVABLE = 300, 60

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
-from humanclaw.bench.splits import summary, write_split
 from humanclaw.errors import HumanclawError
-from humanclaw.scene import TARGET_CATEGORIES, Scene
+from humanclaw.scene import Scene
+from humanclaw.tasks import TARGET_CATEGORIES
+from humanclaw_bench.splits import summary, write_split
 from humanclaw_habitat.dataset import Dataset
 from humanclaw_habitat.episodes import convert, read_books
 from humanclaw_habitat.reference import TRIANGLES, Reference

@@ -19,14 +19,15 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from humanclaw.bench.difficulty import Ways, measure
-from humanclaw.bench.routes import Storeys
-from humanclaw.bench.splits import instruction
 from humanclaw.episode import Difficulty, EpisodeSpec, StartPose, name_of
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.geometry import distance_to_box
+from humanclaw.navigation.routes import Storeys
 from humanclaw.pose import wrap_angle
-from humanclaw.scene import SIT_CATEGORIES, TARGET_CATEGORIES, Scene
+from humanclaw.scene import Scene
+from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw_bench.difficulty import Ways, measure
+from humanclaw_bench.splits import instruction
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import category_of
 from humanclaw_habitat.frames import heading

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.bench.routes import FloorPlan
+from humanclaw.navigation.routes import FloorPlan
 from humanclaw.scene import Placement, Scene
 
 

@@ -13,15 +13,15 @@ from click.testing import CliRunner, Result
 from toy_dataset import HALF, episode, write_episodes
 
 from humanclaw import Body, Plugins
-from humanclaw.bench.agents import OracleAgent
-from humanclaw.bench.metrics import score
-from humanclaw.bench.splits import load_split
 from humanclaw.cli import build
 from humanclaw.episode import EpisodeSpec
 from humanclaw.loop import run_episode
 from humanclaw.pose import wrap_angle
 from humanclaw.records import RecordedEpisode
 from humanclaw.scene import Placement
+from humanclaw_bench.metrics import score
+from humanclaw_bench.splits import load_split
+from humanclaw_scripted.agents import OracleAgent
 
 GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}
 BACK = [0, 1, 0, 0]

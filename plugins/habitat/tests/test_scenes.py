@@ -13,8 +13,8 @@ import pytest
 from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
 from humanclaw import Plugins
-from humanclaw.bench.routes import FloorPlan
 from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.navigation.routes import FloorPlan
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import Scene
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.bench.routes import RADIUS, FloorPlan, Storeys
+from humanclaw.navigation.routes import RADIUS, FloorPlan, Storeys
 from humanclaw.pose import Array
 from humanclaw.scene import Placement, Room, Scene
 

@@ -9,9 +9,10 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from humanclaw.bench.routes import RADIUS
+from humanclaw.navigation.routes import RADIUS
 from humanclaw.pose import matrix_from_quaternion
-from humanclaw.scene import SIT_CATEGORIES, STRUCTURE, TARGET_CATEGORIES, Scene, SceneObject
+from humanclaw.scene import STRUCTURE, Scene, SceneObject
+from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw_houses.starting import Walkways, inside
 
 REACH: Final = 0.42

@@ -16,7 +16,8 @@ from scipy.spatial import ConvexHull
 from humanclaw.cli import build
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.plugins import Plugins
-from humanclaw.scene import SIT_CATEGORIES, Scene
+from humanclaw.scene import Scene
+from humanclaw.tasks import SIT_CATEGORIES
 from humanclaw_houses.door import open_house
 from humanclaw_houses.importers.categories import category_of, scale_of
 from humanclaw_houses.importers.sweethome import licence_of, properties

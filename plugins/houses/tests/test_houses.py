@@ -14,7 +14,8 @@ import pytest
 import humanclaw_houses
 from humanclaw.errors import SceneError
 from humanclaw.plugins import Plugins
-from humanclaw.scene import SIT_CATEGORIES, STRUCTURE, TARGET_CATEGORIES, Scene, SceneObject
+from humanclaw.scene import STRUCTURE, Scene, SceneObject
+from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw_houses.source import house, storeys_of
 from humanclaw_houses.starting import Walkways
 from humanclaw_houses.validity import interpenetrating, problems

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from humanclaw.hookspecs import RegisterFactory, hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.bench.executors import Executor
+    from humanclaw_bench.executors import Executor
 
 __version__ = "0.1.0"
 

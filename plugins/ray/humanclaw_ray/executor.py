@@ -14,10 +14,10 @@ from typing import Any, Final
 import ray
 from ray.exceptions import RayActorError
 
-from humanclaw.bench.executors import ONE_THREAD, Backlog
-from humanclaw.bench.worker import FAILED, Job, Report, Worker, pack, unpack
 from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
+from humanclaw_bench.executors import ONE_THREAD, Backlog
+from humanclaw_bench.worker import FAILED, Job, Report, Worker, pack, unpack
 
 LIVES: Final = 3
 """So often an episode may lose its actor, and so many actors in a row may die before they have played anything."""
@@ -50,7 +50,7 @@ class Player:
 
 
 class RayExecutor:
-    """As humanclaw.bench.executors.Executor asks."""
+    """As humanclaw_bench.executors.Executor asks."""
 
     def __init__(self, workers: int = 1, address: str = "") -> None:
         """address: of a running cluster; 'local' or nothing starts one on this machine."""

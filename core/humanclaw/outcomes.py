@@ -1,0 +1,45 @@
+"""The facts of a step that success rests on, each defined once: what is seen, reached, sat on, stood on, acknowledged."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Set
+from typing import Final
+
+from humanclaw.records import ContactRecord, RecordedEpisode, StepRecord
+from humanclaw.tasks import ALIASES
+
+SEEN_PIXELS: Final = 100
+"""Pixels of the 512 x 512 view from which on a target counts as seen."""
+REACHED: Final = 0.2
+"""Metres from the body to a target's bounding box within which it counts as reached."""
+FLOOR_THRESHOLD: Final = 0.0205
+"""Contacts lower than this over the floor of the start are steps on the ground, metres."""
+_SENTENCE: Final = re.compile(r"[.!?](?=\s|$)|[;\n]")
+_NEGATION: Final = re.compile(
+    r"\b(?:no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|absent|missing|invisible|unseen)\b"
+    r"|n['\u2019]t\b|\bout of (?:view|sight)\b"
+)
+
+
+def acknowledges(text: str, category: str) -> bool:
+    """Whether a sentence names the target or an alias of its category (or says 'target') and holds no negation."""
+    names = (*ALIASES.get(category, (category.replace("_", " "),)), "target")
+    named = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})(?:e?s)?\b")
+    sentences = _SENTENCE.split(text.lower().replace("_", " "))
+    return any(named.search(sentence) and not _NEGATION.search(sentence) for sentence in sentences)
+
+
+def in_view(step: StepRecord) -> bool:
+    """Whether the targets together cover enough of the view that the step was decided from."""
+    return sum(step.target_pixels.values()) >= SEEN_PIXELS
+
+
+def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Whether the pelvis touches a target in the last frame of a step."""
+    return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
+
+
+def footing(contact: ContactRecord, ground: Set[int]) -> bool:
+    """Whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
+    return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))

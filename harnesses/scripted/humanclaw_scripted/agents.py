@@ -1,0 +1,585 @@
+"""Decision makers that need no model: an oracle that follows routes, a random one, and one that stops at once.
+
+They answer as a model does, with Decisions that hold one Call; nothing they do bypasses the loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
+from humanclaw.contract import Skill
+from humanclaw.errors import HumanclawError
+from humanclaw.geometry import distance_to_nearest
+from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
+from humanclaw.navigation.routes import Flight, FloorPlan, Leg, Routes, Stand, Storeys, flights, length, room_at
+from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
+from humanclaw.scene import Scene
+
+NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
+ON_STAIRS: Final = ("climb_upstairs", "walk_downstairs")
+REACHED: Final = (0.11, 0.19)
+"""Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
+inside the benchmark's 0.2: limbs that come to rest end up to 0.085 m farther away than COASTING foretells (621 stops)."""
+TURN_FIRST: Final = float(np.radians(28))
+"""Heading error above which it turns on the spot before it walks, radians."""
+COASTING: Final = 0.5
+"""Share of the last step that a body in motion goes on for when it stops: 0.3 m after 0.6 m."""
+STRIDE: Final = 0.6
+"""Its longest step, metres in 0.5 s: an easy walk."""
+LOOK_AHEAD: Final = 0.7
+"""How far along the route it aims, metres."""
+AT_SEAT: Final = 0.09
+"""Distance from the pelvis to the edge of a seat at which the calves touch it, metres."""
+HIPS_OVER_SEAT: Final = (0.1, 0.06, 0.02)
+"""How far over the seat it asks the pelvis to be, at the first sit and at the next: the lower, the surer the hips touch it."""
+LEVEL_THIGHS: Final = (0.54, 0.5, 0.46)
+"""The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would hover."""
+TOUCHING: Final = 0.005
+"""Gap between hips and seat that counts as contact, metres."""
+
+
+BEFORE_STEPS: Final = 0.24
+"""From the pelvis to the first edge of a flight, where one stands before the first step, metres."""
+ONTO_FLOOR: Final = 0.16
+"""How far beyond the last edge of a flight the pelvis is to come, metres."""
+
+
+# -- without eyes ------------------------------------------------------------------------------------------------------
+class StillAgent:
+    """Stops at once: the floor of every metric."""
+
+    name = "still"
+    privileged = False
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._stop = ending(context.skills)
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
+
+
+class RandomAgent:
+    """A skill drawn uniformly from those that can run, with parameters drawn uniformly from their bounds."""
+
+    name = "random"
+    privileged = False
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
+        self._seed = context.seed
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
+        rng = np.random.default_rng([self._seed, observation.step])
+        name = str(rng.choice(sorted(self._skills)))
+        params = {key: _draw(part, rng) for key, part in _properties(self._skills[name]).items()}
+        return Decision((Call(name, params),), reasoning="A random draw.", mid_level_change="keep")
+
+
+def _draw(part: Mapping[str, Any], rng: np.random.Generator) -> Any:
+    """A value that a parameter's schema allows."""
+    if "enum" in part:
+        return part["enum"][int(rng.integers(len(part["enum"])))]
+    if part.get("type") == "boolean":
+        return bool(rng.integers(2))
+    low, high = part.get("minimum", 0), part.get("maximum", 10)
+    return int(rng.integers(low, high + 1)) if part.get("type") == "integer" else float(rng.uniform(low, high))
+
+
+def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
+    return skill.schema.get("properties", {})  # type: ignore[no-any-return]
+
+
+def ending(skills: Mapping[str, Skill]) -> str:
+    """Name of the skill that ends an episode."""
+    found = [name for name, skill in skills.items() if skill.ends_episode]
+    if not found:
+        raise HumanclawError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
+    return found[0]
+
+
+def _require(skills: Mapping[str, Skill], names: Sequence[str]) -> None:
+    for name in names:
+        if name not in skills:
+            raise HumanclawError(f"the oracle needs the skill {name}.", "Install the first-party skills.")
+        if not skills[name].trained:
+            raise HumanclawError(
+                f"the oracle needs the skill {name}, whose adapter is not trained.",
+                f"Train it with `humanclaw train adapter {name}`.",
+            )
+
+
+# -- the oracle --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Pose:
+    """Where the pelvis is and where it faces."""
+
+    root: Array
+    yaw: float
+
+    @classmethod
+    def of(cls, state: WorldState) -> Pose:
+        return cls(state.body.root[-1], float(state.body.yaw()[-1]))
+
+    @property
+    def point(self) -> Array:
+        return self.root[[0, 2]]
+
+    def local(self, point: Array) -> tuple[float, float]:
+        """A (2,) point as (left, forward) of the body, metres."""
+        here = Frame(float(self.root[0]), float(self.root[2]), self.yaw)
+        left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
+        return float(left), float(forward)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of the way that is walked on the level."""
+
+    plan: FloorPlan
+    path: Array
+    """(N, 2) polyline."""
+
+
+@dataclass
+class Memory:
+    """What the oracle carries from step to step."""
+
+    storeys: Storeys
+    way: list[Stretch | Flight] = field(default_factory=list)
+    """What is still to be walked and climbed, the present part first; empty while there is no plan."""
+    stand: Stand | None = None
+    before: Pose | None = None
+    blocked: int = 0
+    """Steps in a row that were asked to move the body and did not."""
+    sits: int = 0
+    """Sits in a row up to now."""
+    arrived: bool = False
+    """Whether the standing place was reached; from there on the last stretch is walked by eye."""
+    sideways: bool = False
+    """Whether it has found that its feet are too far from the target face to face."""
+    seen: bool = False
+    """Whether a target has been in view."""
+    given_up: set[tuple[float, float]] = field(default_factory=set)
+    jams: int = 0
+    goal: str = ""
+
+
+class OracleAgent:
+    """Walks to the nearest target along a route that it reads off the scene, and sits down on it if it should.
+
+    Privileged: it sees the scene and the true state. It looks at them afresh before every call, and plans again when blocked.
+    """
+
+    name = "oracle"
+    privileged = True
+
+    def begin(self, context: EpisodeContext) -> None:
+        if context.scene is None or context.state is None:
+            raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
+        self._context, self._scene, self._state = context, context.scene, context.state
+        self._stop = ending(context.skills)
+        _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
+        self._memory = Memory(Storeys.of(self._scene, context.state().objects))
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        state = self._state()
+        pose = Pose.of(state)
+        self._notice(pose, history)
+        view = self._look(state)
+        call, reason = self._act(state, pose)
+        self._memory.before = pose
+        change = "revise" if self._memory.goal != self._goal() else "keep"
+        self._memory.goal = self._goal()
+        return Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
+
+    # what it wants
+    @property
+    def _spec(self) -> Any:
+        return self._context.spec
+
+    def _act(self, state: WorldState, pose: Pose) -> tuple[Call, str]:
+        if not self._spec.target_ids:
+            return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
+        if self._spec.interact and self._memory.sits:
+            return self._after_sitting(state)
+        if not self._spec.interact and self._distance(state, pose) <= REACHED[self._memory.blocked > 0]:
+            return Call(self._stop), "I am within reach of the target, so the task is complete."
+        if self._memory.blocked >= 2:
+            return self._break_free(pose)
+        if not self._memory.way and not self._choose(pose):
+            return Call(self._stop), "There is no way to any of the targets for a body, so I stop."
+        part = self._memory.way[0]
+        if isinstance(part, Flight):
+            return self._climb(pose, part)
+        if len(self._memory.way) > 1:
+            return self._to_stairs(state, pose, part)
+        return self._seat(pose) if self._spec.interact else self._reach(pose)
+
+    def _choose(self, pose: Pose) -> bool:
+        """Pick the target and the standing place with the cheapest route; False if there is none."""
+        memory = self._memory
+        routes = Routes.of(memory.storeys, pose.root)
+        sit = self._spec.interact
+        stands = [s for key in self._spec.target_ids for s in memory.storeys.approach(self._scene, key, sit=sit)]
+        stands = [s for s in stands if (s.x, s.z) not in memory.given_up]
+        prices = routes.to(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
+        if not len(stands) or not np.isfinite(prices).any():
+            return False
+        memory.stand = stands[int(np.argmin(prices))]
+        memory.way = parts(routes.route(memory.stand.place))
+        memory.arrived = memory.sideways = False
+        if any(isinstance(part, Flight) for part in memory.way):
+            _require(self._context.skills, ON_STAIRS)
+        return bool(memory.way)
+
+    # on stairs
+    def _to_stairs(self, state: WorldState, pose: Pose, part: Stretch) -> tuple[Call, str]:
+        """Walk to where the next flight begins."""
+        if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
+            return self._follow(pose, part)
+        self._memory.way.pop(0)
+        return self._act(state, pose)
+
+    def _climb(self, pose: Pose, flight: Flight) -> tuple[Call, str]:
+        """One step up or down, from where the body really is: contact shortens some steps."""
+        along, left = _on_flight(pose, flight)
+        k = int(np.argmin(np.abs(flight.levels - (pose.root[1] - STANDING_HEIGHT))))
+        if k == len(flight.edges):
+            self._memory.way.pop(0)
+            return self._act(self._state(), pose)
+        word = "up" if flight.levels[-1] > flight.levels[0] else "down"
+        error = float(wrap_angle(flight.yaw - pose.yaw))
+        if abs(error) > np.radians(8 if k == 0 else 12):
+            return self._turn(error), f"I square up to the stairs that lead {word}."
+        if abs(left) > (0.12 if k == 0 else 0.2):
+            return self._side(-left), "I keep to the middle of the stairs."
+        gap = float(flight.edges[k]) - along
+        if k == 0 and gap > BEFORE_STEPS + 0.06:
+            return self._walk(
+                0.0, gap - BEFORE_STEPS, error
+            ), f"I walk up to the first step of the stairs that lead {word}."
+        tread = (flight.edges[k + 1] - flight.edges[k]) / 2 if k + 1 < len(flight.edges) else ONTO_FLOOR
+        height = abs(float(flight.levels[k + 1] - flight.levels[k]))
+        skill = ON_STAIRS[0] if word == "up" else ON_STAIRS[1]
+        call = self._call(skill, h_cm=100 * height, d_cm=100 * (gap + float(tread)))
+        return call, f"I take step {k + 1} of {len(flight.edges)} {word} the stairs."
+
+    # on the way
+    def _reach(self, pose: Pose) -> tuple[Call, str]:
+        """Go to the standing place, then close in on the target until it is within reach."""
+        stand = self._memory.stand
+        assert stand is not None
+        if not self._arrived(pose, stand, 0.2):
+            return self._follow(pose, self._last)
+        low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
+        edge = np.clip(pose.point, low, high)
+        self._memory.sideways |= self._memory.blocked > 0
+        if self._memory.sideways:
+            return self._sideways(pose, edge)
+        left, forward = pose.local(edge)
+        error = float(np.arctan2(left, forward))
+        if abs(error) > np.radians(20) and np.hypot(left, forward) > 0.05:
+            return self._turn(error), "I am beside the target and turn to face it."
+        gap = float(np.hypot(left, forward))
+        return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
+
+    def _sideways(self, pose: Pose, edge: Array) -> tuple[Call, str]:
+        """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the chest."""
+        left, forward = pose.local(edge)
+        bearing = float(np.arctan2(left, forward))
+        side = 1.0 if bearing >= 0 else -1.0
+        error = float(wrap_angle(bearing - side * np.pi / 2))
+        if abs(error) > np.radians(20):
+            return self._turn(error), f"My feet cannot get closer to the {self._noun}: I turn my side to it."
+        return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
+
+    def _seat(self, pose: Pose) -> tuple[Call, str]:
+        """Go to the place in front of the seat, turn round, step back to its edge, sit down."""
+        stand = self._memory.stand
+        assert stand is not None
+        assert stand.seat_height is not None
+        if not self._arrived(pose, stand, 0.15):
+            return self._follow(pose, self._last)
+        error = float(wrap_angle(stand.yaw - pose.yaw))
+        if not self._memory.seen:
+            self._memory.seen = abs(float(wrap_angle(error + np.pi))) < np.radians(45)
+            return self._turn(
+                float(wrap_angle(error + np.pi))
+            ), f"I should look at the {self._noun} before I turn my back to it."
+        if abs(error) > np.radians(12):
+            return self._turn(error), f"I stand in front of the {self._noun} and turn my back to it."
+        left, ahead = pose.local(stand.point)
+        gap = stand.gap - ahead
+        if gap > 0.9 or gap < -0.3 or abs(left) > 0.6:
+            self._memory.way = []
+            return self._act(self._state(), pose)
+        if abs(left) > 0.12:
+            return self._side(left), f"I line up with the {self._noun} behind me."
+        if gap > AT_SEAT + 0.05 and not (self._memory.blocked and gap < 0.25):
+            return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
+        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
+
+    def _after_sitting(self, state: WorldState) -> tuple[Call, str]:
+        memory = self._memory
+        if any(self._on_seat(state, key) for key in self._spec.target_ids):
+            return Call(self._stop), f"I am sitting on the {self._noun}: the task is complete."
+        if memory.sits < len(HIPS_OVER_SEAT) and memory.stand is not None and memory.stand.seat_height is not None:
+            return self._sit(memory.stand.seat_height), f"My hips are not on the {self._noun} yet: I sit lower."
+        if memory.stand is not None:
+            memory.given_up.add((memory.stand.x, memory.stand.z))
+        memory.way = []
+        return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
+
+    def _on_seat(self, state: WorldState, target: int) -> bool:
+        """Whether the hips are over a target and down on its seat."""
+        low, high = self._scene.aabb(target)
+        thing = self._scene.by_id[target]
+        seat = self._scene.assets[thing.asset].seat_height
+        point = state.body.root[-1]
+        inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
+        return bool(seat is not None and inside and _hip_bottom(state) <= thing.position[1] + seat + TOUCHING)
+
+    def _arrived(self, pose: Pose, stand: Stand, tolerance: float) -> bool:
+        if np.linalg.norm(pose.point - stand.point) < tolerance:
+            self._memory.arrived = True
+        return self._memory.arrived
+
+    @property
+    def _last(self) -> Stretch:
+        """The part of the way that ends at the standing place."""
+        part = self._memory.way[-1]
+        assert isinstance(part, Stretch)
+        return part
+
+    def _follow(self, pose: Pose, part: Stretch) -> tuple[Call, str]:
+        """One step along a stretch of the route."""
+        aim, rest = _aim(part.plan, part.path, pose.point)
+        left, forward = pose.local(aim)
+        error = float(np.arctan2(left, forward))
+        if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
+            return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
+        if rest < 0.35 and forward < 0.1:
+            return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
+        step = min(STRIDE, float(np.hypot(left, forward)), max(0.15, rest))
+        reason = f"The way to the {self._noun} is {rest:.1f} m further: I walk on."
+        return self._walk(0.3 * left, step * float(np.cos(error)), 0.7 * error), reason
+
+    def _shuffle(self, left: float, forward: float) -> Call:
+        if abs(left) > abs(forward):
+            return self._side(left)
+        return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
+
+    # when it does not go on
+    def _notice(self, pose: Pose, history: Sequence[Past]) -> None:
+        """Compare the last step with what it was to do."""
+        memory = self._memory
+        last = history[-1].executed if history else None
+        skills = [past.executed.skill if past.executed else "" for past in reversed(history)]
+        memory.sits = next((k for k, skill in enumerate(skills) if skill != "sit_in_place"), len(skills))
+        if last is None or memory.before is None:
+            return
+        params = last.params
+        wanted = float(np.hypot(params.get("x_cm", 0), params.get("z_cm", params.get("d_cm", 0)))) / 100
+        if wanted >= 0.08:
+            moved = float(np.linalg.norm(pose.point - memory.before.point))
+            memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
+
+    def _break_free(self, pose: Pose) -> tuple[Call, str]:
+        """Remember the obstacle, step towards the open side, and plan anew from there."""
+        memory = self._memory
+        ahead = np.array([np.sin(pose.yaw), np.cos(pose.yaw)])
+        beside = np.array([ahead[1], -ahead[0]])
+        if memory.stand is not None and memory.arrived:
+            memory.given_up.add((memory.stand.x, memory.stand.z))
+        elif memory.way and isinstance(memory.way[0], Flight):
+            memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
+            return self._back(0.15), "The stairs do not carry me on: I step back and try again."
+        elif memory.way:
+            there = pose.root + 0.35 * np.array([ahead[0], 0.0, ahead[1]])
+            memory.storeys = memory.storeys.with_obstacle(there, 0.12)
+        memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
+        ways = {"back": -ahead, "left": beside, "right": -beside}
+        plan = self._plan(pose)
+        room = {name: float(plan.at(plan.clearance, pose.point + 0.3 * way)) for name, way in ways.items()}
+        # The same way out twice running did not help: after every second jam it takes the next best.
+        best = sorted(room, key=lambda name: -room[name])[memory.jams % 4 // 2]
+        reason = (
+            f"Something is in my way: I step {'back' if best == 'back' else 'to the ' + best} and look for another way."
+        )
+        return (self._back(0.3) if best == "back" else self._side(0.3 if best == "left" else -0.3)), reason
+
+    # calls
+    def _call(self, skill: str, **params: float) -> Call:
+        """Parameters in centimetres and degrees, rounded and held within the skill's own bounds."""
+        parts = _properties(self._context.skills[skill])
+        low = {key: part.get("minimum", -1000) for key, part in parts.items()}
+        high = {key: part.get("maximum", 1000) for key, part in parts.items()}
+        return Call(skill, {key: int(np.clip(round(params[key]), low[key], high[key])) for key in parts})
+
+    def _walk(self, left: float, forward: float, turn: float) -> Call:
+        return self._call("walk", x_cm=100 * left, z_cm=100 * forward, yaw_deg=np.degrees(turn))
+
+    def _turn(self, angle: float) -> Call:
+        return self._call("turn_in_place", yaw_deg=np.degrees(angle))
+
+    def _side(self, left: float) -> Call:
+        return self._call("side_step", x_cm=100 * left)
+
+    def _back(self, distance: float) -> Call:
+        return self._call("step_back", z_cm=100 * min(distance, 0.4))
+
+    def _sit(self, seat_height: float) -> Call:
+        tries = self._memory.sits
+        return self._call("sit_in_place", h_cm=100 * min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
+
+    def _plan(self, pose: Pose) -> FloorPlan:
+        """The plan of the floor or the stairs that the body is on."""
+        return self._memory.storeys.plans[int(self._memory.storeys.level(pose.root))]
+
+    # words
+    @property
+    def _noun(self) -> str:
+        return str(self._spec.target_category).replace("_", " ") or "target"
+
+    def _distance(self, state: WorldState, pose: Pose) -> float:
+        """To the nearest target, now and once the body has come to rest, whichever is more: it may be walking past."""
+        before = self._memory.before or pose
+        way = COASTING * (pose.root - before.root) * [1, 0, 1]
+        joints, boxes = state.body.joints()[-1], [self._scene.aabb(key) for key in self._spec.target_ids]
+        return max(distance_to_nearest(joints, boxes), distance_to_nearest(joints + way, boxes))
+
+    def _goal(self) -> str:
+        if not self._spec.target_ids:
+            return "Stop."
+        if self._memory.stand is None or not self._memory.arrived:
+            return f"Walk to the {self._noun}."
+        return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
+
+    def _progress(self, pose: Pose) -> str:
+        if self._memory.sits:
+            return f"I have reached the {self._noun} and sat down."
+        if self._memory.arrived:
+            return f"I have reached the {self._noun}."
+        if not self._memory.way:
+            return "I am looking for a way."
+        return f"I am on the way, {self._left(pose):.1f} m from the place to stand."
+
+    def _left(self, pose: Pose) -> float:
+        """What is left of the way, metres over the floor."""
+        first, *rest = self._memory.way
+        if isinstance(first, Flight):
+            here = max(0.0, float(first.edges[-1]) - _on_flight(pose, first)[0])
+        else:
+            here = _aim(first.plan, first.path, pose.point)[1]
+        return here + sum(float(p.edges[-1]) if isinstance(p, Flight) else length(p.path) for p in rest)
+
+    def _look(self, state: WorldState) -> str:
+        """Where one is, and whether a target is in view and where."""
+        pose = Pose.of(state)
+        plan = self._plan(pose)
+        room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
+        on = "on" if room == "stairs" else "in"
+        here = f"I am {on} the {room.replace('_', ' ')}." if room else "I am between two rooms."
+        seen = [found for key in self._spec.target_ids if (found := in_view(plan, self._scene, state, key))]
+        if not seen:
+            return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
+        angle, distance = min(seen, key=lambda found: found[1])
+        self._memory.seen = True
+        side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {_side_of(angle)}"
+        return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
+
+
+def parts(legs: Sequence[Leg]) -> list[Stretch | Flight]:
+    """A route as stretches on the level and flights of stairs, in turn; it begins and ends with a stretch."""
+    way: list[Stretch | Flight] = []
+    for leg in legs:
+        path, first = leg.samples, leg.points[:1]
+        for flight in flights(leg):
+            enters, leaves = (int(np.argmin(np.linalg.norm(path - end, axis=1))) for end in flight.ends)
+            before = [p for p in path[:enters] if (p - flight.foot) @ flight.way < -BEFORE_STEPS]
+            way += [Stretch(leg.plan, np.array([*first, *before, flight.point(-BEFORE_STEPS)])), flight]
+            path, first = path[leaves:], flight.point(float(flight.edges[-1]) + ONTO_FLOOR)[None]
+        way.append(Stretch(leg.plan, np.concatenate([first, path] if len(way) else [leg.points])))
+    return _joined(way)
+
+
+def _joined(way: list[Stretch | Flight]) -> list[Stretch | Flight]:
+    """Neighbouring stretches as one, on the plan of the storey that they share with the foot of the stairs."""
+    result: list[Stretch | Flight] = []
+    for part in way:
+        last = result[-1] if result else None
+        if isinstance(part, Stretch) and isinstance(last, Stretch):
+            plan = last.plan if last.plan.slope is None else part.plan
+            result[-1] = Stretch(plan, np.concatenate([last.path, part.path]))
+        else:
+            result.append(part)
+    return result
+
+
+def _on_flight(pose: Pose, flight: Flight) -> tuple[float, float]:
+    """How far along a flight and how far left of its middle line the body is, metres."""
+    along, across = pose.point - flight.foot, np.array([flight.way[1], -flight.way[0]])
+    return float(along @ flight.way), float(along @ across)
+
+
+def _hip_bottom(state: WorldState) -> float:
+    """Height of the lowest point of the pelvis link, metres."""
+    (shape,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
+    turn = matrix_from_vector(state.body.rotations[-1, 0])
+    ends = state.body.root[-1] + np.array([shape.a, shape.b]) @ turn.T
+    return float(ends[:, 1].min() - shape.radius)
+
+
+def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
+    """Bearing (radians, left positive) and distance (metres) of a target in the ego view; None if it is out of sight.
+
+    It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
+    """
+    camera = ego_camera(state.body)
+    low, high = scene.aabb(target)
+    grid = np.stack(np.meshgrid([0.05, 0.5, 0.95], [0.05, 0.5, 0.95], [0.05, 0.5, 0.95]), -1).reshape(-1, 3)
+    points = low + grid * (high - low)
+    right = np.cross(camera.forward, camera.up)
+    offset = points - camera.position
+    depth = offset @ camera.forward
+    reach = np.tan(np.radians(camera.fov) / 2) * np.maximum(depth, 1e-6)
+    inside = (depth > 0.1) & (np.abs(offset @ right) < reach) & (np.abs(offset @ camera.up) < reach)
+    shown = points[inside][plan.sees(camera.position, points[inside])]
+    if len(shown) < 3:
+        return None
+    centre = np.mean(shown, axis=0) - camera.position
+    bearing = np.arctan2(-centre @ right, centre @ camera.forward)
+    return float(bearing), float(np.linalg.norm(centre[[0, 2]]))
+
+
+def _aim(plan: FloorPlan, path: Array, point: Array) -> tuple[Array, float]:
+    """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the route."""
+    marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
+    here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))
+    rest = float(along[-1] - along[here])
+    ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
+    for k in reversed(ahead):
+        # What is nearer than a step is no aim, unless the route ends there: one would mark time.
+        if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], 0.2):
+            return marks[k], rest
+    return marks[ahead[len(ahead) // 2]], rest
+
+
+def _legs(path: Array) -> list[tuple[Array, Array]]:
+    return list(pairwise(path)) or [(path[0], path[0])]
+
+
+def _side_of(left: float) -> str:
+    return "left" if left > 0 else "right"
+
+
+def _cm(metres: float) -> int:
+    return round(100 * metres)

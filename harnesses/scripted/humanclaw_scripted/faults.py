@@ -1,0 +1,346 @@
+"""Faculties that can be missing: what an episode looks like without each of them. Root causes are checked against these.
+
+A fault alters the oracle's decisions and nothing else, so that whatever goes wrong is due to that one faculty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw.geometry import distance_to_nearest
+from humanclaw.interfaces import Call, Decision, EpisodeContext, WorldState
+from humanclaw.outcomes import REACHED
+from humanclaw.pose import Array, Frame
+
+LOOK_AROUND: Final = 45
+"""Degrees that a searching body turns each step."""
+LATE: Final = 12
+"""Steps that one who dawdles leaves for the way to the target."""
+TURNING_POINT: Final = 3.2
+"""Metres after which one who wanders turns back."""
+
+
+# -- what every one of them can tell -------------------------------------------------------------------------------------
+@dataclass
+class Senses:
+    """The true state of an episode, for those who are allowed to know it."""
+
+    context: EpisodeContext
+
+    def __post_init__(self) -> None:
+        if self.context.scene is None or self.context.state is None:
+            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
+        self._scene, self._state = self.context.scene, self.context.state
+
+    def state(self) -> WorldState:
+        return self._state()
+
+    def boxes(self) -> list[tuple[Any, Any]]:
+        return [self._scene.aabb(key) for key in self.context.spec.target_ids]
+
+    def reach(self) -> float:
+        """From the nearest body point to the nearest target's bounding box, metres."""
+        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
+
+    def away(self) -> float:
+        """From the pelvis to the nearest target over the floor, metres."""
+        here = self._state().body.root[-1, [0, 2]]
+        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
+
+    def here(self) -> Array:
+        """(3,) where the pelvis is."""
+        return np.asarray(self._state().body.root[-1])
+
+    def bearing(self) -> float:
+        """Of the nearest target's middle, radians, left positive; 0 without a target."""
+        middles = [(low + high) / 2 for low, high in self.boxes()]
+        flat = [float(np.hypot(*(middle - self.here())[[0, 2]])) for middle in middles]
+        return self.bearing_of(middles[int(np.argmin(flat))]) if middles else 0.0
+
+    def bearing_of(self, point: Array) -> float:
+        """Of a (3,) point, radians, left positive."""
+        body = self._state().body
+        frame = Frame(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
+        left, _, forward = frame.point_to_local(point)
+        return float(np.arctan2(left, forward))
+
+
+# -- faults -------------------------------------------------------------------------------------------------------------
+@dataclass
+class Moment:
+    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the episode."""
+
+    senses: Senses
+    decision: Decision
+    left: int
+    """Steps that are left, this one included."""
+    seen: bool
+    """Whether the oracle says that the target is in view."""
+    seen_before: bool
+    """Whether it has said so at an earlier step."""
+    stop: str
+    """Name of the skill that ends the episode."""
+    begun: float
+    """The way to the nearest target at the start, metres; as the crow flies where it was not measured."""
+    notes: dict[str, int]
+    trail: list[Array]
+    """Where the body has been, (3,) each; a note pad too."""
+
+    @property
+    def stopping(self) -> bool:
+        return self.decision.calls[0].skill == self.stop
+
+    def but(self, skill: str, why: str, **params: int) -> Decision:
+        """The same perception, another call."""
+        return replace(self.decision, calls=(Call(skill, params),), reasoning=why)
+
+    @property
+    def has_seen(self) -> bool:
+        """Whether the target is in view or was."""
+        return self.seen or self.seen_before
+
+    def walked(self) -> float:
+        """Length of the trail up to here, over the floor, metres."""
+        steps = np.diff([*self.trail, self.senses.here()], axis=0)
+        return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
+
+    def to_and_fro(self, degrees: int, why: str) -> Decision:
+        """A turn to the right, the next time to the left, and so on."""
+        side = 1 if self.count("turned") % 2 else -1
+        return self.but("turn_in_place", why, yaw_deg=degrees * side)
+
+    def count(self, what: str) -> int:
+        """How often this was asked before."""
+        self.notes[what] = self.notes.get(what, 0) + 1
+        return self.notes[what] - 1
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A faculty that is missing, the decision that this leads to, and the episodes that show it."""
+
+    faculty: str
+    label: str
+    """The root cause that it is meant to lead to."""
+    apply: Callable[[Moment], Decision]
+    meaning: str
+    seated: bool = False
+    """Whether only sitting tasks show it."""
+    standing: bool = False
+    """Whether the oracle behind it only walks up to the target; the fault does the rest."""
+    elsewhere: bool = False
+    """Whether the oracle behind it first sits down on another seat."""
+    ways: tuple[float, float] = (0.0, float("inf"))
+    """Length of the way in the episodes that show it, metres."""
+    rooms: int = 1
+    """Rooms on the way in the episodes that show it, at least."""
+
+    def fits(self, spec: EpisodeSpec) -> bool:
+        """Whether an episode can show it. One whose way was not measured is taken to."""
+        if self.seated and not spec.interact:
+            return False
+        way, (least, most) = spec.difficulty, self.ways
+        return way is None or (least <= way.distance <= most and way.rooms >= self.rooms)
+
+
+def _blind(at: Moment) -> Decision:
+    """Searches on, with the target in view."""
+    blind = replace(at.decision, visible_state="I am in a room.")
+    if not at.has_seen:
+        return blind
+    around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+    return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
+
+
+def _misjudges(at: Moment) -> Decision:
+    if at.seen and 3 * REACHED < at.senses.away() < 3.0:
+        return at.but(at.stop, "It looks close enough to touch, so I stop.")
+    return at.decision
+
+
+def _overlooks_arrival(at: Moment) -> Decision:
+    if at.stopping or "turned" in at.notes:
+        return at.to_and_fro(10, "I am not there yet and look where to go on.")
+    return at.decision
+
+
+def _straight_on(at: Moment) -> Decision:
+    if at.stopping:
+        return at.decision
+    angle = at.senses.bearing()
+    if abs(angle) > np.radians(28):
+        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
+    return at.but("walk", "It lies straight ahead: I walk on.", x_cm=0, z_cm=50, yaw_deg=_degrees(angle, 20))
+
+
+def _wavers(at: Moment) -> Decision:
+    if not at.has_seen:
+        return at.decision
+    angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
+    if abs(angle) < np.radians(28):
+        return wavering
+    return at.but("turn_in_place", wavering.reasoning, yaw_deg=_degrees(angle, 75))
+
+
+def _turns_away(at: Moment) -> Decision:
+    """Once half the way is done and it has said that it sees the target: back to where it came from."""
+    if "gone" not in at.notes and not (at.seen_before and at.senses.away() < 0.5 * at.begun):
+        return at.decision
+    turns = at.count("gone")
+    away = replace(at.decision, visible_state="I am in a room.")
+    call = Call("turn_in_place", {"yaw_deg": 60}) if turns < 3 else Call("walk", {"x_cm": 0, "z_cm": 30, "yaw_deg": 0})
+    return replace(away, calls=(call,), reasoning="There may be a better one elsewhere.")
+
+
+def _imagines(at: Moment) -> Decision:
+    gone = _turns_away(at)
+    if "gone" not in at.notes:
+        return gone
+    noun = at.senses.context.spec.target_category.replace("_", " ")
+    return replace(gone, visible_state=f"A {noun} is right in front of me.")
+
+
+def _never_sits(at: Moment) -> Decision:
+    return at.decision
+
+
+def _sits_on_air(at: Moment) -> Decision:
+    """Faces the seat and sits where it stands."""
+    if at.stopping and not at.count("sat"):
+        return at.but("sit_in_place", "I am at the seat: I sit down.", h_cm=50)
+    return at.decision
+
+
+def _rises(at: Moment) -> Decision:
+    if at.stopping and not at.count("risen"):
+        return at.but("walk", "I straighten up.", x_cm=0, z_cm=5, yaw_deg=0)
+    if "risen" in at.notes:
+        return at.but(at.stop, "The task is complete.")
+    return at.decision
+
+
+def _fidgets(at: Moment) -> Decision:
+    return at.to_and_fro(8, "A little more this way.")
+
+
+def _wanders(at: Moment) -> Decision:
+    """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
+    if at.has_seen:
+        return at.decision
+    if "gone" not in at.notes and at.walked() < TURNING_POINT:
+        at.trail.append(at.senses.here())
+        return at.decision
+    at.count("gone")
+    back = _back_along(at, at.trail)
+    if back.calls[0].skill == at.stop:
+        del at.notes["gone"]
+        return at.decision
+    return back
+
+
+def _dawdles(at: Moment) -> Decision:
+    return at.decision if at.left <= LATE or at.has_seen else _fidgets(at)
+
+
+def _gropes(at: Moment) -> Decision:
+    return at.decision if at.has_seen else _straight_on(at)
+
+
+def _overlooks_jam(at: Moment) -> Decision:
+    """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
+    if not (at.seen and at.senses.away() < 2.5):
+        return at.decision
+    angle = at.senses.bearing()
+    if abs(angle) > np.radians(35):
+        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
+    return at.but("side_step", "I see it: I go round what stands before it.", x_cm=30)
+
+
+def _loses_heart(at: Moment) -> Decision:
+    """Half-way, unless the target has come into view: back to the start."""
+    if "gone" not in at.notes and at.has_seen:
+        return at.decision
+    if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
+        at.trail.append(at.senses.here())
+        return at.decision
+    at.count("gone")
+    return _back_along(at, at.trail)
+
+
+def _back_along(at: Moment, trail: list[Array]) -> Decision:
+    """The way one has come, a step; at its beginning one stops."""
+    while trail and np.hypot(*(trail[-1] - at.senses.here())[[0, 2]]) < 0.35:
+        trail.pop()
+    if not trail:
+        return at.but(at.stop, "I cannot find it.")
+    angle = at.senses.bearing_of(trail[-1])
+    if abs(angle) > np.radians(28):
+        return at.but("turn_in_place", "This leads nowhere: I go back.", yaw_deg=_degrees(angle, 75))
+    return at.but("walk", "I go back.", x_cm=0, z_cm=45, yaw_deg=_degrees(angle, 20))
+
+
+def _backs_up(at: Moment) -> Decision:
+    """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
+    if at.has_seen:
+        return at.decision
+    angle, here = at.senses.bearing(), at.senses.here()
+    if at.senses.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
+        return at.but(at.stop, "There is nothing here.")
+    if abs(angle) < np.radians(150):
+        return at.but("turn_in_place", "I look at the other side.", yaw_deg=-45 if angle > 0 else 45)
+    at.trail.append(here)
+    return at.but("step_back", "I make room for myself.", z_cm=25)
+
+
+_MID_LEVEL, _BODY = "mid-level reasoning", "body awareness"
+_FAR = (4.0, float("inf"))
+FAULTS: Final[Mapping[str, Fault]] = {
+    "blindness": Fault("perception", "find: target in view but not seen", _blind,
+                       "does not notice the target that is in view, and searches on"),
+    "backing": Fault(_MID_LEVEL, "find: near but not in view", _backs_up, "goes to the target with its back to it",
+                     ways=(1.5, 3.0)),
+    "groping": Fault(_BODY, "find: unaware jammed", _gropes,
+                     "walks straight at a target that it has not seen, whatever stands in between", ways=_FAR, rooms=2),
+    "fidgeting": Fault("action", "find: ineffective actions", _fidgets, "turns to and fro from the start", ways=_FAR,
+                       rooms=2),
+    "despair": Fault(_MID_LEVEL, "find: midpoint give up", _loses_heart, "goes back before the target is in view",
+                     ways=(8.0, float("inf")), rooms=3),
+    "wandering": Fault(_MID_LEVEL, "find: ineffective exploration", _wanders,
+                       "turns back to the start after a few metres, again and again", ways=(8.0, float("inf")), rooms=3),
+    "arrival": Fault(_BODY, "nav: unaware arrived/touch", _overlooks_arrival,
+                     "does not notice that it has arrived, and never stops"),
+    "distance": Fault("ego-spatial distance", "nav: stop while far", _misjudges,
+                      "stops as soon as the target is in view and within 3 m"),
+    "lateness": Fault("exploration timing", "nav: find too late", _dawdles,
+                      "turns to and fro until few steps are left", ways=(4.0, 8.0), rooms=2),
+    "jam": Fault(_BODY, "nav: unaware jammed", _overlooks_jam,
+                 "steps aside with its eyes on the target, on and on, whatever stands there"),
+    "wavering": Fault("action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
+    "imagination": Fault("perception", "nav: target hallucination", _imagines,
+                         "turns back half-way and says that the target is before it", ways=_FAR),
+    "forgetting": Fault(_MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way", ways=_FAR),
+    "rising": Fault(_BODY, "interact: stand after sit", _rises, "gets up again before it stops", seated=True),
+    "seat": Fault(_BODY, "interact: sit on air", _sits_on_air, "sits down facing the seat", seated=True, standing=True),
+    "confusion": Fault(_BODY, "interact: sit wrong", _never_sits, "sits down on another seat before it goes to the target",
+                       seated=True, standing=True, elsewhere=True),
+    "sitting": Fault("decision", "interact: stop but never sit", _never_sits, "stops at the seat", seated=True,
+                     standing=True),
+}  # fmt: skip
+"""By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too far", which is
+the task's fault."""
+
+
+def _degrees(angle: float, most: int) -> int:
+    return int(np.clip(round(np.degrees(angle)), -most, most))
+
+
+def drawn(spec: EpisodeSpec) -> str:
+    """The fault of an episode where any will do: by its seed, among those that it can show."""
+    fitting = [name for name, fault in FAULTS.items() if fault.fits(spec)]
+    return fitting[int(np.random.default_rng([spec.seed, 77]).integers(len(fitting)))]

@@ -1,0 +1,214 @@
+"""Decision makers that fail in known ways, and a verifier that knows better: what ablations and root causes are checked with.
+
+Each is the oracle with something put in the way of it, so that whatever goes wrong is due to that alone. None of it speaks for
+any model: it shows that the harness and the benchmark respond to a fault as they should.
+
+Two kinds. A `fault` takes one faculty away, for every episode or for one drawn at random (`any`): root causes are to find it.
+A `Bounded` mind keeps the faculties, but its memory, its attention and its sense of distance have limits, which the settings of
+the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3 are to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from humanclaw.contract import Skill
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw.interfaces import Answer as CheckAnswer
+from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
+from humanclaw.outcomes import REACHED, acknowledges
+from humanclaw.pose import Array
+from humanclaw.tasks import SIT_CATEGORIES
+from humanclaw_scripted.agents import OracleAgent, ending
+from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses, drawn
+
+SITTING: Final = ("sit_in_place", "step_back")
+"""Skills of the sitting routine, in which the body has its back to the seat."""
+AT_HAND: Final = 1.5
+"""Metres from the target within which the sitting routine takes place."""
+
+
+class Options(BaseModel):
+    """Of `--agent faulty`. history, images and mid_level mean what they mean for a model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    profile: str = "default"
+    fault: str = "none"
+    """A name of FAULTS, `any` for one drawn for each episode, `none`."""
+    repair: str = ""
+    """A faculty whose faults are put right: the check of a root cause."""
+    history: int = Field(10, ge=0)
+    images: int = Field(1, ge=1)
+    mid_level: bool = True
+    bounded: bool = False
+    """Whether memory, attention and the sense of distance have limits."""
+    misjudged: float = Field(0.2, ge=0, le=1)
+    """How often, within 4 m of a target in view, a bounded mind takes it to be within reach."""
+    confusion: float = Field(0.1, ge=0)
+    """How strongly each further picture competes with the current one for a bounded mind's attention."""
+    miss: float = Field(0.0, ge=0, le=1)
+    """Of the verifier `oracle`: how often it lets pass what it should reject."""
+
+
+def options(given: Mapping[str, Any]) -> Options:
+    """Checked options. Raises HumanclawError that says which is wrong."""
+    try:
+        read = Options(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "options"
+        raise HumanclawError(
+            f"--option {where}: {first['msg']}.", f"The options are {', '.join(Options.model_fields)}."
+        ) from None
+    if read.fault not in {*FAULTS, "any", "none"}:
+        raise HumanclawError(f"there is no fault {read.fault!r}.", f"Choose from: {', '.join(FAULTS)}, any, none.")
+    return read
+
+
+def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
+    """An oracle that has begun an episode as if its task were this one."""
+    agent = OracleAgent()
+    agent.begin(replace(context, spec=spec))
+    return agent
+
+
+class FaultyAgent:
+    """The oracle with one faculty missing, or with a bounded mind, or both."""
+
+    name = "faulty"
+    privileged = True
+
+    def __init__(self, given: Options) -> None:
+        self.options = given
+        self.settings = given.model_dump()
+
+    def begin(self, context: EpisodeContext) -> None:
+        spec = context.spec
+        self._senses = Senses(context)
+        self._begun = spec.difficulty.distance if spec.difficulty else self._senses.away()
+        self._stop = ending(context.skills)
+        self._fault = self._chosen(spec)
+        standing = self._fault is not None and self._fault.standing
+        self._oracle = oracle(context, spec.model_copy(update={"interact": False}) if standing else spec)
+        self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
+        self._notes: dict[str, int] = {}
+        self._trail: list[Array] = []
+        self._last_seen: int | None = None
+        self._mind = Mind(self.options, self._senses, self._stop)
+
+    def _to_another_seat(self) -> OracleAgent:
+        """Who sits down on the nearest seat that is none of the targets' kind."""
+        context, scene = self._senses.context, self._senses.context.scene
+        assert scene is not None
+        others = set(SIT_CATEGORIES) - {context.spec.target_category}
+        seats = tuple(thing.id for thing in scene.objects if thing.category in others)
+        return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
+
+    def _chosen(self, spec: EpisodeSpec) -> Fault | None:
+        """The fault of this episode; none where it would not show or is put right."""
+        name = drawn(spec) if self.options.fault == "any" else self.options.fault
+        fault = FAULTS.get(name)
+        return None if fault is None or not fault.fits(spec) or fault.faculty == self.options.repair else fault
+
+    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+        if self._errand:
+            errand = self._errand.decide(observation, history)
+            if errand.calls[0].skill != self._stop:
+                return errand
+            self._errand = None
+        decision = self._oracle.decide(observation, history)
+        seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
+        if self._fault:
+            decision = self._fault.apply(self._moment(decision, seen, observation.step))
+        self._last_seen = observation.step if seen else self._last_seen
+        if not self.options.bounded:
+            return decision
+        return self._mind.think(decision, observation.step, self._last_seen, history)
+
+    def _moment(self, decision: Decision, seen: bool, step: int) -> Moment:
+        left = self._senses.context.spec.max_steps - step
+        before = self._last_seen is not None
+        return Moment(self._senses, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail)
+
+
+# -- a bounded mind ----------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Mind:
+    """Decides as the oracle would, as long as it still knows what the oracle knows.
+
+    Memory: where a target is that is out of view it knows for as many steps as the history reaches back; after that it looks
+    around. Commitment: to turn one's back on a seat and sit down is a plan of several steps, which only a mid-level goal holds
+    together; without one it is content to stand before the seat. Attention: among n pictures it may take an old one for the
+    current one, and repeat what it did then. Distance: a target that is in view within 4 m may seem to be within reach.
+    """
+
+    options: Options
+    senses: Senses
+    stop: str
+
+    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[Past]) -> Decision:
+        """last_seen: the step at which the target was last in view, this one included; None if it never was."""
+        rng = np.random.default_rng([self.senses.context.seed, step, 78])
+        draws = rng.random(3)
+        old = self._mistaken_for(draws[:2], history)
+        if old is not None:
+            return replace(decision, calls=(old,), reasoning="The view is as it was: I do the same again.")
+        if last_seen == step and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
+            return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
+        if last_seen is not None and step - last_seen > self.options.history:
+            around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+            return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
+        if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
+            return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
+        return decision
+
+    def _mistaken_for(self, draws: Any, history: Sequence[Past]) -> Call | None:
+        """The call of an older view that was taken for the current one."""
+        others = min(self.options.images - 1, len(history))
+        competing = self.options.confusion * others
+        if not others or draws[0] >= competing / (1 + competing):
+            return None
+        return history[-1 - int(draws[1] * others)].executed
+
+    def _in_routine(self, call: Call) -> bool:
+        return (
+            self.senses.context.spec.interact
+            and self.senses.away() < AT_HAND
+            and (call.skill in SITTING or (call.skill == "turn_in_place" and self.senses.reach() < 2 * REACHED))
+        )
+
+
+# -- a verifier --------------------------------------------------------------------------------------------------------
+class OracleVerifier:
+    """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's call there.
+
+    Its option `miss` says how often it lets such a call pass all the same.
+    """
+
+    name = "oracle"
+    privileged = True
+
+    def __init__(self, given: Mapping[str, Any]) -> None:
+        self._miss = float(given.get("miss", 0.0))
+        self.settings = {"miss": self._miss}
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._senses = Senses(context)
+        self._oracle = oracle(context, context.spec)
+        self._history: list[Past] = []
+
+    def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
+        advice = self._oracle.decide(observation, self._history)
+        lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
+        accepted = not skill.ends_episode or self._senses.reach() <= REACHED or lets_pass
+        done = call if accepted else advice.calls[0]
+        self._history.append(Past(observation.step, advice, done, "", observation.rgb))
+        answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")
+        return Verdict(accepted, None if accepted else done, (answer,))

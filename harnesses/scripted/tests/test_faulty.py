@@ -1,0 +1,211 @@
+"""Deciders that fail in known ways, on a body that moves as told: what each does wrong, and that a repair puts it right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rooms import asset, block, thing, two_rooms
+from walker import PICTURE, SKILLS, Walker, play
+
+from humanclaw.episode import Difficulty, EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw.geometry import distance_to_box
+from humanclaw.interfaces import Call, EpisodeContext, Observation
+from humanclaw.outcomes import acknowledges
+from humanclaw_scripted.faults import FAULTS
+from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier, options
+
+COUCH = 20
+
+
+def spec(sit: bool, seed: int = 0) -> EpisodeSpec:
+    return EpisodeSpec(
+        id="test", instruction="Find a couch.", scene=two_rooms().name, target_category="couch", target_ids=(COUCH,),
+        interact=sit, max_steps=60, seed=seed,
+    )  # fmt: skip
+
+
+def live(sit: bool = True, seed: int = 0, **given: object) -> tuple[Walker, list]:
+    walker = Walker(two_rooms(), (COUCH,), seed)
+    return walker, play(FaultyAgent(options(given)), walker, spec(sit, seed))
+
+
+def reach(walker: Walker) -> float:
+    return float(distance_to_box(walker.state().body.joints()[-1], *walker.scene.aabb(COUCH)).min())
+
+
+def test_without_a_fault_it_is_the_oracle():
+    walker, log = live()
+    assert walker.sat
+    assert log[-1][1].skill == "stop"
+
+
+def test_who_cannot_judge_distances_stops_far_away():
+    walker, log = live(sit=False, fault="distance")
+    assert log[-1][1].skill == "stop"
+    assert 0.2 < reach(walker) < 3.2
+
+
+def test_who_does_not_notice_the_arrival_never_stops():
+    walker, log = live(sit=False, fault="arrival")
+    assert len(log) == 60
+    assert reach(walker) < 0.4
+
+
+def test_who_does_not_notice_a_jam_steps_aside_with_its_eyes_on_the_target_and_never_arrives():
+    walker, log = live(sit=False, fault="jam", seed=2)
+    aside = [decision for decision, call in log if call.skill == "side_step"]
+    assert len(aside) >= 5
+    assert all(acknowledges(decision.visible_state, "couch") for decision in aside)
+    assert len(log) == 60
+    assert reach(walker) > 1.0
+
+
+def test_the_blind_never_say_that_they_see_the_target_and_search_on():
+    walker, log = live(fault="blindness")
+    assert not any(acknowledges(decision.visible_state, "couch") for decision, _ in log)
+    assert skills(log)[-8:] == ["turn_in_place"] * 8
+    assert reach(walker) > 1.0
+
+
+def test_who_imagines_the_target_says_that_it_is_there():
+    _, log = live(sit=False, fault="imagination")
+    assert acknowledges(log[-1][0].visible_state, "couch")
+    assert log[-1][1].skill != "stop"
+
+
+@pytest.mark.parametrize(("fault", "sits"), [("sitting", 0), ("seat", 1)])
+def test_who_cannot_sit_comes_to_the_seat_and_does_not_sit_on_it(fault, sits):
+    walker, log = live(fault=fault)
+    assert log[-1][1].skill == "stop"
+    assert sum(call.skill == "sit_in_place" for _, call in log) == sits
+    assert reach(walker) < 0.6
+
+
+def test_who_rises_has_sat_and_stands_at_the_end():
+    walker, log = live(fault="rising")
+    assert "sit_in_place" in [call.skill for _, call in log]
+    assert not walker.sat
+
+
+def skills(log: list) -> list[str]:
+    return [call.skill for _, call in log]
+
+
+def test_who_fidgets_never_leaves_the_spot():
+    walker, log = live(sit=False, fault="fidgeting")
+    assert set(skills(log)) == {"turn_in_place"}
+    assert np.ptp(np.array(walker.track), axis=0).max() < 0.3
+
+
+def test_who_dawdles_sets_out_when_sixteen_steps_are_left():
+    _, log = live(sit=False, fault="lateness")
+    assert set(skills(log[:44])) == {"turn_in_place"}
+    assert "walk" in skills(log[44:])
+
+
+def test_who_loses_heart_stops_where_it_started():
+    """A folding screen hides the couch until one is round it."""
+    screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
+    walker = Walker(two_rooms(0.9, (screen, thing(30, screen, 6.0, 2.6))), (COUCH,))
+    log = play(FaultyAgent(options({"fault": "despair"})), walker, spec(False))
+    track = np.array(walker.track)
+    assert log[-1][1].skill == "stop"
+    assert np.linalg.norm(track - track[0], axis=1).max() > 3.0
+    assert np.linalg.norm(track[-1] - track[0]) < 0.6
+
+
+def test_who_wanders_turns_back_again_and_again():
+    """Up to 3.2 m of way and a step more: 60 steps are enough to come back twice."""
+    walker, log = live(sit=False, fault="wandering")
+    away = np.linalg.norm(np.array(walker.track) - walker.track[0], axis=1)
+    returns = np.flatnonzero((away[1:] < 0.5) & (away[:-1] >= 0.5))
+    assert len(log) == 60
+    assert 2.0 < away.max() < 3.9
+    assert len(returns) >= 2
+
+
+def test_who_backs_up_steps_back_and_never_walks():
+    _, log = live(sit=False, fault="backing")
+    assert set(skills(log)) <= {"turn_in_place", "step_back", "stop"}
+    assert "step_back" in skills(log)
+
+
+def test_who_gropes_walks_against_the_wall_as_long_as_it_has_not_seen_the_target():
+    walker, log = live(sit=False, fault="groping")
+    assert skills(log)[-8:] == ["walk"] * 8
+    assert np.ptp(np.array(walker.track[-100:]), axis=0).max() < 0.1
+
+
+def test_who_is_confused_sits_down_on_the_bed_and_then_stops_at_the_couch():
+    """The seat of the bed is 50 cm high, that of the couch 42: the hips are to be 10 cm over it, and nowhere over 54."""
+    walker, log = live(fault="confusion")
+    (sat,) = [call for _, call in log if call.skill == "sit_in_place"]
+    assert sat.params["h_cm"] == 54
+    assert log[-1][1].skill == "stop"
+    assert reach(walker) <= 0.2
+
+
+@pytest.mark.parametrize("fault", sorted(FAULTS))
+def test_putting_the_missing_faculty_back_makes_it_the_oracle_again(fault):
+    walker, log = live(fault=fault, repair=FAULTS[fault].faculty)
+    assert walker.sat
+    assert log[-1][1].skill == "stop"
+
+
+def test_any_draws_a_fault_by_the_seed_of_the_episode():
+    drawn = []
+    for seed in range(30):
+        agent = FaultyAgent(options({"fault": "any"}))
+        walker = Walker(two_rooms(), (COUCH,), 0)
+        agent.begin(EpisodeContext(spec(True, seed), SKILLS, seed, walker.scene, walker.state))
+        drawn.append(agent._fault.meaning)
+    assert len(set(drawn)) >= 8
+    again = FaultyAgent(options({"fault": "any"}))
+    again.begin(EpisodeContext(spec(True, 3), SKILLS, 3, walker.scene, walker.state))
+    assert again._fault.meaning == drawn[3]
+
+
+def test_a_fault_shows_only_in_episodes_that_fit_it():
+    near, far = (
+        spec(True).model_copy(update={"difficulty": Difficulty(distance=d, turns=0, rooms=3, obstacles=0)})
+        for d in (3, 9)
+    )
+    assert not FAULTS["wandering"].fits(near)
+    assert FAULTS["wandering"].fits(far)
+    assert not FAULTS["seat"].fits(spec(False))
+
+
+def test_a_bounded_mind_without_memory_cannot_turn_its_back_on_the_seat():
+    """Ten seeds: with a history of ten steps most sit down, with none nobody does."""
+    sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
+    assert sat[0] == 0
+    assert sat[10] >= 8
+
+
+def test_a_bounded_mind_without_a_mid_level_goal_arrives_and_does_not_sit():
+    lives = [live(bounded=True, misjudged=0, mid_level=False, seed=seed) for seed in range(10)]
+    assert not any(walker.sat for walker, _ in lives)
+    assert sum(reach(walker) < 0.6 and log[-1][1].skill == "stop" for walker, log in lives) >= 8
+
+
+def test_many_pictures_confuse_a_bounded_mind():
+    steps = {n: [len(live(False, s, bounded=True, misjudged=0, images=n)[1]) for s in range(20)] for n in (1, 10)}
+    assert np.mean(steps[10]) > 1.3 * np.mean(steps[1])
+
+
+def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
+    walker = Walker(two_rooms(), (COUCH,), 0)
+    verifier = OracleVerifier({})
+    verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
+    view = Observation(0, "Find a couch.", PICTURE)
+    verdict = verifier.verify(view, Call("stop"), SKILLS["stop"], "")
+    assert not verdict.accepted
+    assert verdict.replacement.skill != "stop"
+    assert verifier.verify(view, Call("walk", {"z_cm": 30}), SKILLS["walk"], "").accepted
+
+
+@pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"history": -1}, {"memory": 3}])
+def test_options_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(HumanclawError, match=r"options are|Choose from"):
+        options(wrong)

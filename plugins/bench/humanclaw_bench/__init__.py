@@ -1,0 +1,45 @@
+"""HumanCLAW-Bench: episodes, runs, metrics, root causes and tables (paper, section 4)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    import click
+    import pandas as pd
+
+    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw_bench.executors import Executor
+
+__version__ = "0.1.0"
+
+
+def load(run: str | Path) -> pd.DataFrame:
+    """Load a run as a pandas DataFrame, one row an episode: scores, costs and root cause. Needs pandas."""
+    from humanclaw_bench import export
+
+    return export.load(run)
+
+
+@hookimpl
+def humanclaw_executors(register: RegisterFactory) -> None:
+    register("local", _local, "processes of this machine")
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_bench.cli import bench
+    from humanclaw_bench.evidence import ablate, rescue_command
+
+    bench.add_command(ablate)
+    bench.add_command(rescue_command)
+    cli.add_command(bench)
+
+
+def _local(workers: int = 1, address: str = "") -> Executor:
+    from humanclaw_bench.executors import local
+
+    return local(workers, address)

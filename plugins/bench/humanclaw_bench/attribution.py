@@ -1,0 +1,231 @@
+"""Why an episode failed: one of the 18 root causes of the paper's appendix B, by its rules in their order, first match.
+
+Everything is read off the record. Two of the paper's quantities are made exact: "within 0.2 m" is the distance of NavSR, that
+of the nearest body point (the pelvis of a body that stands at a low bed never is so near), and the last frame is the last
+view that a decision was made from, together with what the agent said of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from humanclaw.geometry import distance_to_nearest
+from humanclaw.outcomes import REACHED, in_view
+from humanclaw.pose import Array
+from humanclaw.records import EpisodeRecord, RecordedEpisode, StepRecord
+from humanclaw_bench.metrics import Scores, claims, is_sit, sat_down, score
+
+Stage = Literal["find", "nav", "interact"]
+STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
+
+NEAR: Final = 1.5
+TOO_FAR: Final = 20.0
+JAMMED_STEPS: Final = 8
+JAMMED_MOVE: Final = 0.1
+CONFINED_STEPS: Final = 25
+CONFINED_BOX: Final = 2.0
+GIVEN_UP: Final = (0.5, 0.6)
+"""Shares of the first distance: came nearer than the one, and ended farther away than the other."""
+TOO_LATE: Final = 0.7
+"""Share of the steps after which a first sight leaves too few to get there."""
+_MOVES: Final = ("x_cm", "z_cm", "d_cm")
+_TURNS: Final = ("yaw_deg",)
+
+
+# -- what the rules ask ------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Facts:
+    """What the rules need to know of an episode."""
+
+    seen: bool
+    """Some view had enough of the target in it."""
+    late: bool
+    """The first such view came too late."""
+    way: tuple[float, ...]
+    """Way left to the nearest target at the start and after each step, metres."""
+    arrived: bool
+    stopped: bool
+    jammed: bool
+    confined: bool
+    seen_last: bool
+    claimed_last: bool
+    sits: bool
+    sat: bool
+    """Some sit ended on the target."""
+    touched: bool
+    """The pelvis touched anything at any time."""
+
+    @classmethod
+    def of(cls, recorded: RecordedEpisode) -> Facts:
+        record, steps = recorded.record, recorded.steps
+        first = next((step.step for step in steps if in_view(step)), None)
+        return cls(
+            seen=first is not None,
+            late=first is not None and first >= round(TOO_LATE * record.spec.max_steps),
+            way=_way(record, steps),
+            arrived=any(s.target_distance is not None and s.target_distance <= REACHED for s in steps),
+            stopped=record.outcome == "stopped",
+            jammed=_jammed(steps),
+            confined=_confined(steps),
+            seen_last=bool(steps) and in_view(steps[-1]),
+            claimed_last=bool(steps) and claims(steps[-1], record.spec.target_category),
+            sits=any(map(is_sit, steps)),
+            sat=sat_down(recorded),
+            touched=any(s.pelvis_contacts or any(c.joint == "pelvis" for c in s.contacts) for s in steps),
+        )
+
+
+def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...]:
+    """Geodesic where it was recorded, else the straight line over the floor, which is never longer."""
+    floor = record.start.floor
+    begin = (
+        record.geodesic if record.geodesic is not None else _straight(record, (record.start.x, floor, record.start.z))
+    )
+    rest = (step.geodesic if step.geodesic is not None else _straight(record, step.end) for step in steps)
+    return (begin, *rest)
+
+
+def _straight(record: EpisodeRecord, point: Sequence[float]) -> float:
+    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in record.targets.values()]
+    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
+
+
+def _asks(step: StepRecord, names: Sequence[str]) -> float:
+    """How much of these parameters the executed call asks for, in their unit; 0 for a step without a call."""
+    params: Mapping[str, Any] = step.call.params if step.call else {}
+    values = [params.get(name, 0) for name in names]
+    return float(np.linalg.norm([value for value in values if isinstance(value, int | float)]))
+
+
+def _walks(step: StepRecord) -> bool:
+    """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a jam."""
+    return _asks(step, _MOVES) >= 100 * JAMMED_MOVE
+
+
+def _acts(step: StepRecord) -> bool:
+    return _asks(step, (*_MOVES, *_TURNS)) > 0
+
+
+def _jammed(steps: Sequence[StepRecord]) -> bool:
+    """Eight locomotion commands in a row, each of which moved the body by less than 0.1 m."""
+    stuck = [_walks(s) and float(np.linalg.norm(np.subtract(s.end, s.start))) < JAMMED_MOVE for s in steps]
+    return max((len(list(run)) for is_stuck, run in groupby(stuck) if is_stuck), default=0) >= JAMMED_STEPS
+
+
+def _confined(steps: Sequence[StepRecord]) -> bool:
+    """25 movement or turning commands in a row within a box of 2 m."""
+    acts = [_acts(step) for step in steps]
+    starts = range(len(steps) - CONFINED_STEPS + 1)
+    windows = (slice(start, start + CONFINED_STEPS) for start in starts)
+    return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
+
+
+def _extent(steps: Sequence[StepRecord]) -> float:
+    """The longer side of the box over the floor that holds the pelvis, metres."""
+    places: Array = np.array([point for step in steps for point in (step.start, step.end)])[:, [0, 2]]
+    return float(np.ptp(places, axis=0).max())
+
+
+# -- the rules ---------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Cause:
+    """A root cause: its stage, the faculty that failed, and the rule."""
+
+    stage: Stage
+    name: str
+    faculty: str
+    rule: Callable[[Facts], bool]
+    meaning: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.stage}: {self.name}"
+
+
+def _gave_up(facts: Facts) -> bool:
+    nearer, farther = GIVEN_UP
+    return min(facts.way) < nearer * facts.way[0] and facts.way[-1] > farther * facts.way[0]
+
+
+CAUSES: Final = (
+    Cause("find", "target in view but not seen", "perception", lambda f: f.seen,
+          "the target was in view and the agent never said so"),
+    Cause("find", "near but not in view", "mid-level reasoning", lambda f: min(f.way) < NEAR,
+          "the body came within 1.5 m and never looked at the target"),
+    Cause("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m"),
+    Cause("find", "unaware jammed", "body awareness", lambda f: f.jammed,
+          "eight walking calls in a row moved the body by less than 10 cm each"),
+    Cause("find", "ineffective actions", "action", lambda f: f.confined,
+          "25 moving or turning calls in a row stayed within a box of 2 m"),
+    Cause("find", "midpoint give up", "mid-level reasoning", _gave_up,
+          "the way was more than halved, and then the body went back"),
+    Cause("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view"),
+    Cause("nav", "unaware arrived/touch", "body awareness", lambda f: f.arrived and not f.stopped,
+          "the body was within 0.2 m and the agent never stopped"),
+    Cause("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
+          "the agent stopped and was never within 0.2 m"),
+    Cause("nav", "find too late", "exploration timing", lambda f: f.late,
+          "the target first came into view in the last 30 % of the steps"),
+    Cause("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
+          "the target was in view at the end and the body was stuck for eight walking calls in a row"),
+    Cause("nav", "ineffective actions", "action", lambda f: f.seen_last,
+          "the target was in view at the end and the body, though free, did not get there"),
+    Cause("nav", "target hallucination", "perception", lambda f: f.claimed_last,
+          "the target was out of view at the end and the agent said it saw it"),
+    Cause("nav", "lost target", "mid-level reasoning", lambda f: True,
+          "the agent turned away from the target and did not find it again"),
+    Cause("interact", "stand after sit", "body awareness", lambda f: f.sat,
+          "a sit reached the seat, and the body was off it at the end"),
+    Cause("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
+          "the agent sat down, and the hips never touched anything"),
+    Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
+          "the agent sat down on something else, or beside the seat"),
+    Cause("interact", "stop but never sit", "decision", lambda f: True, "the agent stopped at the seat and never sat down"),
+)  # fmt: skip
+"""All root causes, in the order in which their rules are tried within each stage."""
+
+
+def failed_stage(scores: Scores) -> Stage | None:
+    """The first stage that was not met; None for a success, an instruction that is not scored and an unfinished episode."""
+    if not scores.finished or scores.success is None or scores.success:
+        return None
+    if not scores.find:
+        return "find"
+    return "interact" if scores.nav else "nav"
+
+
+def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause | None:
+    """The root cause of a failed episode; None where there is no failure. scores: those of the record, if known already."""
+    stage = failed_stage(scores or score(recorded))
+    if stage is None:
+        return None
+    facts = Facts.of(recorded)
+    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(facts))
+
+
+# -- the funnel --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Funnel:
+    """How many episodes remain after each stage; one stage counts only for those that met the stages before it."""
+
+    episodes: int
+    in_view: int
+    found: int
+    reached: int
+    reached_to_sit: int
+    """Those of reached whose task goes on to sitting."""
+    sat: int
+
+    @classmethod
+    def of(cls, scores: Sequence[Scores]) -> Funnel:
+        asked = [s for s in scores if s.finished and s.success is not None]
+        found = [s for s in asked if s.find]
+        reached = [s for s in found if s.nav]
+        to_sit = [s for s in reached if s.interact is not None]
+        sat = sum(bool(s.interact) for s in to_sit)
+        return cls(len(asked), sum(bool(s.geo_find) for s in asked), len(found), len(reached), len(to_sit), sat)

@@ -1,0 +1,196 @@
+"""`humanclaw bench`: make and run splits; tables, comparisons and scores of runs, from their records alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import click
+from rich.console import Console, RenderableType
+from rich.text import Text
+from tqdm import tqdm
+
+from humanclaw.cli.options import Deciders, decider_options, plugin_files
+from humanclaw.embodiment import Engines
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import PluginError, RecordError
+from humanclaw.plugins import Plugins
+from humanclaw.records import load_run
+from humanclaw_bench.export import FORMATS, metrics_of, row, scored
+from humanclaw_bench.metrics import ALL, common, compare
+from humanclaw_bench.progress import RunProgress
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.splits import HOUSES, STARTS, candidates, load_split, summary, write_split
+from humanclaw_bench.splits import make as make_splits
+from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
+from humanclaw_bench.worker import Job
+
+RUN = click.Path(path_type=Path)
+NAMES = ("main", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
+
+
+@click.group()
+def bench() -> None:
+    """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
+
+
+@bench.command("run")
+@click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file of episodes.")
+@decider_options
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@click.option("--executor", default="", help="Who plays the episodes, by name; the default is local.")
+@click.option(
+    "--ray",
+    "address",
+    is_flag=False,
+    flag_value="local",
+    metavar="[ADDRESS]",
+    help="The same as --executor ray: on the cluster at this address, or on one that is started here.",
+)
+@click.option("--out", type=RUN, help="Folder of the run. The default is in runs/.")
+@click.option(
+    "--resume/--no-resume", default=True, show_default=True, help="Go on with a run that is there, or leave it alone."
+)
+@plugin_files
+def run_command(
+    name: str, deciders: Deciders, engines: Engines, workers: int, executor: str, address: str | None, out: Path | None,
+    resume: bool, files: tuple[Path, ...],
+) -> None:  # fmt: skip
+    """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
+    plugins = Plugins.discover(files)
+    specs = load_split(name)
+    out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
+    if not resume and (out / "run.json").exists():
+        raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
+    job = Job(
+        deciders.agent, deciders.options, deciders.verifier, engines, deciders.limits,
+        tuple(str(file.resolve()) for file in files),
+    )  # fmt: skip
+    wanted = executor or ("ray" if address else "local")
+    if wanted == "ray" and "ray" not in {offer.name for offer in plugins.offers("executors")}:
+        raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
+    player = plugins.make("executors", wanted, workers, address or "")
+    with RunProgress(console(), out) as progress:
+        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(tally)
+    if tally.done:
+        _print(terminal(main_table(_results([out]), paper=False), console().width))
+    if tally.failed or tally.stopped:
+        raise SystemExit(130 if tally.stopped else 1)
+
+
+@bench.command()
+@click.option(
+    "--out", type=RUN, default=Path("splits"), show_default=True, help="Folder for val, mini and smoke.jsonl."
+)
+@click.option(
+    "--starts",
+    type=click.IntRange(1),
+    default=STARTS,
+    show_default=True,
+    help="Starts to draw in each house for each category and range of distances.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
+def make(out: Path, starts: int, seed: int, workers: int) -> None:
+    """Make the splits from seeds: 1,218 episodes in 41 houses, and two samples of them."""
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        jobs = [pool.submit(_candidates, number, starts, seed) for number in range(len(HOUSES))]
+        found = [job.result() for job in tqdm(jobs, desc="houses", unit="house")]
+    for name, specs in make_splits([spec for house in found for spec in house]).items():
+        write_split(out / f"{name}.jsonl", specs)
+        _print(Text(f"{out / name}.jsonl", style="bold"))
+        for key, value in summary(specs).items():
+            click.echo(f"  {key:<13} {value}")
+
+
+def _candidates(number: int, starts: int, seed: int) -> list[EpisodeSpec]:
+    return list(candidates(Plugins.discover().scene(HOUSES[number]), number, starts=starts, seed=seed))
+
+
+@bench.command()
+@click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
+@click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
+@click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
+@click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+@plugin_files
+def table(
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, files: tuple[Path, ...]
+) -> None:
+    """Print the paper's tables for one or more runs, a row for each agent."""
+    sheets = all_tables(_results(runs, files), paper=paper, seed=seed)
+    for name in only or [name for name in NAMES if sheets[name].rows and sheets[name].columns]:
+        if form == "terminal":
+            _print(terminal(sheets[name], console().width))
+        else:
+            click.echo(WRITERS[form](sheets[name]))
+
+
+@bench.command("compare")
+@click.argument("a", type=RUN)
+@click.argument("b", type=RUN)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap and the random swaps.")
+def compare_command(a: Path, b: Path, seed: int) -> None:
+    """Compare two runs over the episodes that both finished, and say which differences are noise."""
+    one, two = _one(a), _one(b)
+    differences = compare(one.scores, two.scores, seed=seed)
+    _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
+    left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
+    if left_out:
+        many = "episodes have" if left_out > 1 else "episode has"
+        click.echo(f"{left_out} finished {many} no counterpart in the other run: left out.")
+
+
+@bench.command()
+@click.argument("run", type=RUN)
+@click.option("--out", type=RUN, help="Where to write; the default is scores.jsonl in the run.")
+@plugin_files
+def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
+    """Score a run again from its records: a line an episode with every number and the root cause."""
+    out = out or run / "scores.jsonl"
+    found = scored(load_run(run), metrics_of(Plugins.discover(files)), run.name)
+    try:
+        out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
+    _print(terminal(main_table(named({run.name: found}), paper=False), console().width))
+    click.echo(f"scores: {out}")
+
+
+@bench.command("export")
+@click.argument("run", type=RUN)
+@click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
+@click.option("--out", type=RUN, help="Where to write; the default is in the run.")
+def export_command(run: Path, form: str, out: Path | None) -> None:
+    """Write a run for other tools: a table, an inspect_ai log, a LeRobotDataset."""
+    write, name = FORMATS[form]
+    click.echo(write(run, out or run / name))
+
+
+def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
+    if len({run.resolve() for run in runs}) < len(runs):
+        raise RecordError("a run is named twice.", "Name each folder once.")
+    extra = metrics_of(Plugins.discover(files))
+    return named({str(run): scored(load_run(run), extra, run.name) for run in runs})
+
+
+def _one(run: Path) -> Result:
+    results = _results([run])
+    if len(results) > 1:
+        names = ", ".join(result.name for result in results)
+        raise RecordError(f"{run} holds runs of several agents ({names}).", "Name the folder of one of them.")
+    return results[0]
+
+
+def console() -> Console:
+    """A pipe has no width: tables are as wide there as they need."""
+    console = Console()
+    return console if console.is_terminal else Console(width=240)
+
+
+def _print(what: RenderableType) -> None:
+    console().print(what, soft_wrap=False)

@@ -1,0 +1,81 @@
+"""`humanclaw bench ablate` and `bench rescue`: does the benchmark respond to known faults as it should? No model is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+
+import click
+
+from humanclaw.embodiment import Engines
+from humanclaw.episode import EpisodeSpec
+from humanclaw.plugins import Plugins
+from humanclaw.records import load_run
+from humanclaw_bench import ablation, rescue
+from humanclaw_bench.attribution import Cause
+from humanclaw_bench.cli import console
+from humanclaw_bench.export import scored
+from humanclaw_bench.metrics import Scores
+from humanclaw_bench.progress import RunProgress
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.splits import load_split
+from humanclaw_bench.worker import Job
+
+_SPLIT = click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file.")
+_WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+
+
+@click.command()
+@_SPLIT
+@_WORKERS
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/ablation"), show_default=True)
+def ablate(name: str, workers: int, out: Path) -> None:
+    """The paper's ablation with a scripted bounded mind: five settings, and whether the four directions come out."""
+    specs, scores = load_split(name), {}
+    for setting in ablation.SETTINGS:
+        click.echo(setting.name)
+        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Engines()), out / setting.name, workers)]
+    click.echo(ablation.markdown(scores))
+
+
+@click.command("rescue")
+@click.option("--split", "name", default="val", show_default=True, help="val, mini, smoke, or a file.")
+@click.option("--each", type=click.IntRange(1), default=20, show_default=True, help="Failures of each root cause.")
+@click.option(
+    "--others", type=click.IntRange(1), default=5, show_default=True, help="Of those, with another faculty put right."
+)
+@_WORKERS
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/rescue"), show_default=True)
+def rescue_command(name: str, each: int, others: int, workers: int, out: Path) -> None:
+    """Whether root causes name what is wrong: failures of known origin, and what rescues them."""
+    specs = load_split(name)
+    causes: dict[str, Cause | None] = {}
+    for sitting in count(1):
+        if not (todo := rescue.wanting(specs, causes, each)):
+            break
+        played = _played(todo, Job(rescue.AGENT, rescue.options()), out / f"faulty-{sitting}", workers)
+        causes |= {one.episode: cause for one, cause in played}
+    right: dict[str, Scores] = {}
+    other: dict[str, Scores] = {}
+    for faculty in rescue.FACULTIES:
+        for repair, most, found in ((faculty, 0, right), (rescue.another(faculty), others, other)):
+            job = Job(rescue.AGENT, rescue.options(repair))
+            folder = out / f"{faculty}--{repair}".replace(" ", "-")
+            mine = rescue.blamed(specs, causes, faculty, most)
+            found |= {one.episode: one for one, _ in _played(mine, job, folder, workers)}
+    click.echo(rescue.markdown(rescue.rescued(causes, right, other)))
+
+
+def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:
+    """Run what is left of a split, and score it."""
+    if not specs:
+        return []
+    plugins = Plugins.discover()
+    with RunProgress(console(), out) as progress:
+        player = plugins.make("executors", "local", workers, "")
+        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(tally)
+    if tally.stopped:
+        raise SystemExit(130)
+    return scored(load_run(out), name=out.name)

@@ -1,0 +1,227 @@
+"""Who plays the episodes of a run: processes of this machine, or whatever a plugin offers (hook humanclaw_executors)."""
+
+from __future__ import annotations
+
+import faulthandler
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw_bench.worker import FAILED, Job, Report, Worker
+
+ONE_THREAD: Final = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+"""Workers share the cores between them; a second thread in one only takes time from another."""
+
+
+DEATHS_IN_A_ROW: Final = 3
+"""So many workers dead without an episode played between them do not die of their episodes."""
+
+
+class Backlog:
+    """The episodes that nobody has taken yet, by house, so that a worker need not build a house twice."""
+
+    def __init__(self, specs: Iterable[EpisodeSpec]) -> None:
+        self._houses: dict[str, deque[EpisodeSpec]] = {}
+        self._entered: set[str] = set()
+        for spec in specs:
+            self.give_back(spec)
+
+    def __len__(self) -> int:
+        return sum(map(len, self._houses.values()))
+
+    def give_back(self, spec: EpisodeSpec) -> None:
+        self._houses.setdefault(spec.scene, deque()).append(spec)
+
+    def take(self, house: str = "") -> EpisodeSpec | None:
+        """An episode in this house if there is one, else in a house where nobody is, else in the one with most left."""
+        left = {name: waiting for name, waiting in self._houses.items() if waiting}
+        if not left:
+            return None
+        if house not in left:
+            fresh = [name for name in left if name not in self._entered]
+            house = fresh[0] if fresh else max(left, key=lambda name: len(left[name]))
+        self._entered.add(house)
+        return left[house].popleft()
+
+
+class Executor(Protocol):
+    """Plays episodes somewhere. A plugin registers a factory(workers: int, address: str) -> Executor.
+
+    A humanclaw_bench.worker.Worker does the playing, so that records are the same wherever it runs.
+    """
+
+    def reports(self, job: Job, backlog: Backlog, out: Path) -> Generator[Report, None, None]:
+        """Play what is in the backlog and report each episode once, in the order in which they end.
+
+        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, everything
+        that still runs is ended at once.
+        """
+
+    def stop(self) -> None:
+        """Take no further episode, and break off those under way after their step. Called from a signal handler."""
+
+
+@dataclass
+class _Hand:
+    """A worker process, seen from outside."""
+
+    name: str
+    process: SpawnProcess
+    channel: Connection
+    log: Path
+    ready: bool = False
+    task: EpisodeSpec | None = None
+    house: str = ""
+    began: float = 0.0
+
+    @property
+    def expected(self) -> bool:
+        """Whether it is going to say something."""
+        return not self.ready or self.task is not None
+
+
+class LocalExecutor:
+    """Processes of this machine. One that dies takes no other with it; its output is in logs/."""
+
+    def __init__(self, workers: int = 1, address: str = "") -> None:
+        self._workers = workers
+        self._context: SpawnContext = multiprocessing.get_context("spawn")
+        # Bare shared memory: a lock could be held by a worker that was killed, or by what a signal interrupted.
+        self._stopping: Any = self._context.RawValue("b", 0)
+
+    def stop(self) -> None:
+        self._stopping.value = 1
+
+    def reports(self, job: Job, backlog: Backlog, out: Path) -> Generator[Report, None, None]:
+        hands = [self._hire(job, out, f"worker-{number}") for number in range(min(self._workers, len(backlog)))]
+        deaths = 0
+        try:
+            while waiting := {hand.channel: hand for hand in hands if hand.expected}:
+                for hand in [waiting[channel] for channel in wait(list(waiting)) if isinstance(channel, Connection)]:
+                    try:
+                        report = hand.channel.recv()
+                        deaths = deaths if report is None else 0
+                        hand.ready, hand.task = True, None
+                    except (EOFError, ConnectionError):
+                        deaths += 1
+                        report = _obituary(hand, deaths)
+                        hands.remove(hand)
+                        if len(backlog) and not self._stopping.value:
+                            hands.append(self._hire(job, out, hand.name))
+                    if report:
+                        yield report
+                    self._assign(hand, backlog)
+            _dismiss(hands)
+        finally:
+            for hand in hands:
+                hand.process.kill()
+                hand.process.join()
+
+    def _hire(self, job: Job, out: Path, name: str) -> _Hand:
+        mine, theirs = self._context.Pipe()
+        log = out / "logs" / f"{name}.log"
+        log.parent.mkdir(parents=True, exist_ok=True)
+        process = self._context.Process(target=_serve, args=(theirs, job, out, self._stopping, name, log), name=name)
+        with _for_children(ONE_THREAD):
+            process.start()
+        theirs.close()
+        return _Hand(name, process, mine, log)
+
+    def _assign(self, hand: _Hand, backlog: Backlog) -> None:
+        alive = hand.ready and hand.process.is_alive()
+        hand.task = backlog.take(hand.house) if alive and not self._stopping.value else None
+        if hand.task:
+            hand.house, hand.began = hand.task.scene, time.perf_counter()
+            hand.channel.send(hand.task)
+
+
+def _obituary(hand: _Hand, deaths: int) -> Report | None:
+    """Of what a worker died, and in which episode if in any. Raises HumanclawError if one after another does."""
+    hand.process.join()
+    fate = f"{hand.name} died with {_reason(hand.process.exitcode)}; see {hand.log}"
+    if deaths >= DEATHS_IN_A_ROW:
+        raise HumanclawError(f"{deaths} workers died one after another. The last: {fate}.", "Mend what it says there.")
+    if hand.task is None:
+        return None
+    return Report(hand.task.id, FAILED, seconds=time.perf_counter() - hand.began, error=fate, worker=hand.name)
+
+
+def _reason(code: int | None) -> str:
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    name = signal.Signals(-code).name
+    return f"{name} (out of memory?)" if name == "SIGKILL" else name
+
+
+def _dismiss(hands: Iterable[_Hand]) -> None:
+    for hand in hands:
+        if hand.process.is_alive():
+            hand.channel.send(None)
+    for hand in hands:
+        hand.process.join(timeout=10)
+
+
+@contextmanager
+def _for_children(variables: Mapping[str, str]) -> Iterator[None]:
+    """Environment and signal mask for processes that start meanwhile: Ctrl-C is the parent's affair alone."""
+    before = {key: os.environ.get(key) for key in variables}
+    os.environ.update(variables)
+    main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
+    try:
+        yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, handler)
+        for key, value in before.items():
+            os.environ.pop(key) if value is None else os.environ.__setitem__(key, value)
+
+
+# -- inside a worker ---------------------------------------------------------------------------------------------------
+def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, log: Path) -> None:
+    """The life of a worker process: play what comes through the channel until None comes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    _write_to(log)
+    with Worker(job, out, lambda: bool(stopping.value), name) as worker:
+        channel.send(None)
+        for spec in iter(channel.recv, None):
+            channel.send(worker.play(spec))
+
+
+def _die_with_parent() -> None:
+    """Nobody may write into a run whose parent was killed: the run may be taken up again at once."""
+    parent: Any = multiprocessing.parent_process()
+    parent.join()
+    os._exit(1)
+
+
+def _write_to(log: Path) -> None:
+    """Send everything that this process prints, a library's complaints and a crash's traceback included, to a file."""
+    stream = log.open("a", encoding="utf-8", buffering=1)
+    for standard in (1, 2):
+        os.dup2(stream.fileno(), standard)
+    sys.stdout = sys.stderr = stream
+    faulthandler.enable(stream)
+
+
+def local(workers: int = 1, address: str = "") -> Executor:
+    """Processes of this machine. Raises HumanclawError if there is to be no worker."""
+    if workers < 1:
+        raise HumanclawError(f"a run needs at least one worker; got {workers}.", "Give --workers 1 or more.")
+    return LocalExecutor(workers)

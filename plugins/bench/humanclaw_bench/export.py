@@ -1,0 +1,263 @@
+"""Runs for other people's tools: a table of episodes, pandas, LeRobotDataset and inspect_ai logs.
+
+What each needs beyond humanclaw is imported when it is asked for, and told if it is missing.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from PIL import Image
+from tqdm import tqdm
+
+from humanclaw.errors import HumanclawError, RecordError
+from humanclaw.files import write_atomically
+from humanclaw.plugins import Plugins
+from humanclaw.pose import HISTORY
+from humanclaw.records import RecordedEpisode, StepRecord, load_run
+from humanclaw_bench.attribution import Cause, attribute
+from humanclaw_bench.metrics import FINISHED, Extra, Scores, score
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Scored = tuple[Scores, Cause | None]
+DECISIONS_A_SECOND: Final = 2
+
+
+def metrics_of(plugins: Plugins) -> Extra:
+    """The metrics that plugins brought, by name."""
+    return {offer.name: offer.value for offer in plugins.offers("metrics")}
+
+
+def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
+    """Every episode with its scores and, if it failed, its root cause. Many of them show progress."""
+    found: list[Scored] = []
+    for recorded in tqdm(episodes, desc=f"scoring {name}", disable=len(episodes) < 50, leave=False):
+        scores = score(recorded, extra)
+        found.append((scores, attribute(recorded, scores)))
+    return found
+
+
+def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
+    """An episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a body group."""
+    values = asdict(scores)
+    collisions, extra = values.pop("collisions"), values.pop("extra")
+    values |= {f"collisions_{group}": share for group, share in collisions.items()}
+    values |= {"success": scores.success} | extra
+    values |= {"stage": cause.stage, "cause": cause.name, "faculty": cause.faculty} if cause else {}
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
+    }
+
+
+def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
+    """A run as one row an episode. Raises RecordError if there is none."""
+    extra = metrics_of(plugins or Plugins.discover())
+    return [row(*pair) for pair in scored(load_run(run), extra, run.name)]
+
+
+def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
+    """A run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no run."""
+    pandas = _need("pandas", "pandas")
+    frame = pandas.DataFrame(rows(Path(run), plugins)).set_index("episode")
+    # Only True, False and None: as objects they could be neither negated nor averaged.
+    known = [name for name in frame if pandas.api.types.infer_dtype(frame[name]) == "boolean"]
+    return frame.astype(dict.fromkeys(known, "boolean"))
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+def to_csv(run: Path, out: Path) -> Path:
+    """One line an episode; empty where a number is not known."""
+    table = rows(run)
+    names = list(dict.fromkeys(name for line in table for name in line))
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    write_atomically(out, stream.getvalue().encode())
+    return out
+
+
+def to_lerobot(run: Path, out: Path) -> Path:
+    """A LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the instruction.
+
+    observation.state: root position (m) and 24 joint rotations (axis-angle, rad) before the decision. action: a one-hot of the
+    skill, then every parameter of every skill in the schema's units, 0 for skills that were not called; all 0 where no usable
+    call came. next.done marks an episode's last frame, next.success those of them that reached what was asked. Episodes
+    without a decision and those that a provider broke are left out. Raises RecordError if out exists or nothing is left.
+    """
+    writer = _need("lerobot.datasets.lerobot_dataset", "lerobot").LeRobotDataset
+    episodes = [episode for episode in load_run(run) if episode.steps and episode.record.outcome in FINISHED]
+    if not episodes:
+        raise RecordError(
+            f"no episode in {run} has come to an end.", "Go on with the run: `humanclaw bench run --out`."
+        )
+    if out.exists():
+        raise RecordError(f"{out} exists already.", "Remove it, or name another folder with --out.")
+    actions = _action_names(episodes)
+    dataset = writer.create(
+        repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
+        features=_features(episodes, actions), use_videos=False,
+    )  # fmt: skip
+    for recorded in tqdm(episodes, desc="exporting", disable=len(episodes) < 50, leave=False):
+        for frame in _frames(recorded, actions):
+            dataset.add_frame(frame)
+        dataset.save_episode()
+    dataset.finalize()
+    return out
+
+
+def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
+    """'walk', ..., then 'walk.x_cm', ...: all that was called in any of the episodes."""
+    calls = [step.call for episode in episodes for step in episode.steps if step.call]
+    skills = sorted({skill for episode in episodes for skill in episode.record.skills} | {call.skill for call in calls})
+    params = sorted({f"{call.skill}.{key}" for call in calls for key in call.params})
+    return (*skills, *params)
+
+
+def _features(episodes: Sequence[RecordedEpisode], actions: Sequence[str]) -> dict[str, Any]:
+    picture = _picture(episodes[0], episodes[0].steps[0])
+    state = [f"root_{axis}" for axis in "xyz"] + [f"rotation_{k}" for k in range(72)]
+    return {
+        "observation.images.ego": {"dtype": "image", "shape": picture.shape, "names": ["height", "width", "channels"]},
+        "observation.state": {"dtype": "float32", "shape": (len(state),), "names": state},
+        "action": {"dtype": "float32", "shape": (len(actions),), "names": list(actions)},
+        "next.done": {"dtype": "bool", "shape": (1,), "names": None},
+        "next.success": {"dtype": "bool", "shape": (1,), "names": None},
+    }
+
+
+def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[str, Any]]:
+    motion, success = recorded.motion(), score(recorded).success
+    last = HISTORY - 1
+    for step in recorded.steps:
+        pose = np.concatenate([motion.root[last], motion.rotations[last].ravel()])
+        yield {
+            "observation.images.ego": _picture(recorded, step),
+            "observation.state": pose.astype(np.float32),
+            "action": _action(step, actions),
+            "next.done": np.array([step is recorded.steps[-1]]),
+            "next.success": np.array([step is recorded.steps[-1] and bool(success)]),
+            "task": recorded.record.spec.instruction,
+        }
+        last += step.motion_frames
+
+
+def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:
+    with Image.open(recorded.folder / step.frame_file) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def _action(step: StepRecord, names: Sequence[str]) -> Any:
+    values = {step.call.skill: 1.0} if step.call else {}
+    if step.call:
+        values |= {f"{step.call.skill}.{key}": float(value) for key, value in step.call.params.items()}
+    return np.array([values.get(name, 0.0) for name in names], np.float32)
+
+
+def to_inspect(run: Path, out: Path) -> Path:
+    """An inspect_ai log: a sample an episode, a tool call a decision, the success rates as scores.
+
+    The views stay in the run: each answer's metadata names the one it was made from. out: *.eval or *.json.
+    Raises RecordError if it is neither or if the run is of several agents.
+    """
+    log = _need("inspect_ai.log", "inspect-ai")
+    if out.suffix not in (".eval", ".json"):
+        raise RecordError(f"an inspect_ai log is called *.eval or *.json, not {out.name}.", "Name another with --out.")
+    episodes = load_run(run)
+    first = episodes[0].record
+    if len({(episode.record.agent, episode.record.verifier) for episode in episodes}) > 1:
+        raise RecordError(f"{run} holds runs of several agents.", "Name the folder of one of them.")
+    pairs = scored(episodes)
+    spec = log.EvalSpec(
+        created=first.created, task="humanclaw", model=first.agent, config=log.EvalConfig(),
+        dataset=log.EvalDataset(name=run.name, samples=len(episodes), sample_ids=[e.record.spec.id for e in episodes]),
+        task_args=dict(first.options), packages=dict(first.versions),
+        metadata={"verifier": first.verifier, "weights": first.weights},
+    )  # fmt: skip
+    samples = [_sample(log, recorded, *pair) for recorded, pair in zip(episodes, pairs, strict=True)]
+    finished = [scores for scores, _ in pairs if scores.finished]
+    results = log.EvalResults(
+        total_samples=len(samples), completed_samples=len(finished),
+        scores=[rate for name in ("find", "nav", "interact") for rate in _rate(log, name, finished)],
+    )  # fmt: skip
+    log.write_eval_log(log.EvalLog(status="success", eval=spec, samples=samples, results=results), str(out))
+    return out
+
+
+def _sample(log: Any, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Any:
+    single = importlib.import_module("inspect_ai.scorer").Score
+    spec, told = recorded.record.spec, {"find": scores.find, "nav": scores.nav, "interact": scores.interact}
+    return log.EvalSample(
+        id=spec.id, epoch=1, input=spec.instruction, target=spec.target_category, messages=_messages(recorded),
+        scores={name: single(value="C" if met else "I") for name, met in told.items() if met is not None},
+        metadata={key: value for key, value in row(scores, cause).items() if value is not None},
+        model_usage=_usage(recorded), error=None if scores.finished else _error(log, recorded),
+    )  # fmt: skip
+
+
+def _usage(recorded: RecordedEpisode) -> dict[str, Any]:
+    used = recorded.record.usage
+    usage = importlib.import_module("inspect_ai.model").ModelUsage(
+        input_tokens=used.tokens_in, output_tokens=used.tokens_out, total_tokens=used.tokens_in + used.tokens_out
+    )
+    return {recorded.record.agent: usage}
+
+
+def _error(log: Any, recorded: RecordedEpisode) -> Any:
+    why = recorded.record.error or recorded.record.outcome
+    return log.EvalError(message=why, traceback="", traceback_ansi="")
+
+
+def _messages(recorded: RecordedEpisode) -> list[Any]:
+    """The conversation: the instruction, then a step's answer and what came of it."""
+    model = importlib.import_module("inspect_ai.model")
+    messages = [model.ChatMessageUser(content=recorded.record.spec.instruction)]
+    for step in recorded.steps:
+        said, calls = step.attempts[-1], _calls(step)
+        view = {"view": str(recorded.folder / step.frame_file)}
+        text = said.reasoning or said.raw
+        messages.append(model.ChatMessageAssistant(content=text, tool_calls=calls, metadata=view))
+        results = [model.ChatMessageTool(content=step.feedback, tool_call_id=call.id) for call in calls]
+        messages += results or [model.ChatMessageUser(content=step.feedback)]
+    return messages
+
+
+def _calls(step: StepRecord) -> list[Any]:
+    call_type = importlib.import_module("inspect_ai.tool").ToolCall
+    return [
+        call_type(id=f"step-{step.step}-{number}", function=call.skill, arguments=dict(call.params))
+        for number, call in enumerate(step.attempts[-1].calls)
+    ]
+
+
+def _rate(log: Any, name: str, finished: Sequence[Scores]) -> Iterator[Any]:
+    """The share of the episodes that were asked for it; nothing if none was."""
+    known = [value for scores in finished if (value := getattr(scores, name)) is not None]
+    if known:
+        rate = log.EvalMetric(name="accuracy", value=sum(known) / len(known))
+        yield log.EvalScore(name=name, scorer=name, metrics={"accuracy": rate})
+
+
+def _need(module: str, package: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise HumanclawError(f"this needs {package}: {error}.", f"Run `pip install {package}`.") from error
+
+
+FORMATS: Final[Mapping[str, tuple[Callable[[Path, Path], Path], str]]] = {
+    "csv": (to_csv, "episodes.csv"),
+    "inspect": (to_inspect, "inspect.eval"),
+    "lerobot": (to_lerobot, "lerobot"),
+}
+"""What writes each format, and the name of what it writes in the run."""

@@ -1,0 +1,419 @@
+"""What an episode was worth, from its record alone (paper, section 4.2; the tables of section 5).
+
+Rates speak of episodes that ended by themselves. One that the provider broke (infra_error) or that was cut short is counted
+apart and is in no number: it says nothing about the agent.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import Final, Literal
+from zipfile import BadZipFile
+
+import numpy as np
+
+from humanclaw.body import BODY_GROUPS, N_JOINTS
+from humanclaw.errors import RecordError
+from humanclaw.outcomes import FLOOR_THRESHOLD, REACHED, acknowledges, footing, in_view, on_target
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Frame, Motion, forward_kinematics, matrix_from_vector
+from humanclaw.records import Outcome, RecordedEpisode, StepRecord
+from humanclaw_bench.difficulty import overall
+from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
+
+NEARBY: Final = 1.0
+"""The looser threshold of NavSR@1m, metres."""
+STRIDE: Final = 8
+"""Frames between the points of the jerk's third difference: 0.27 s, the time scale of decisions."""
+RIGID_JOINTS: Final = 22
+"""Joints that the jerk is measured on: all but the hands."""
+FINISHED: Final = ("stopped", "out_of_steps")
+
+
+# -- what the agent says ---------------------------------------------------------------------------------------------------
+def claims(step: StepRecord, category: str) -> bool:
+    """Whether the answer that a step rests on acknowledges the target."""
+    return bool(step.attempts) and acknowledges(step.attempts[-1].visible_state, category)
+
+
+# -- where the body was ----------------------------------------------------------------------------------------------------
+def end_distance(recorded: RecordedEpisode) -> float:
+    """From the nearest body point to the nearest target's bounding box at the end, metres; infinite if unknown.
+
+    A step without a usable call leaves the body where it is, so the last distance that was recorded holds.
+    """
+    known = [step.target_distance for step in recorded.steps if step.target_distance is not None]
+    return known[-1] if known else float("inf")
+
+
+def is_sit(step: StepRecord) -> bool:
+    """Whether a step executed a sitting skill: sit, or one whose name begins with sit_, as sit_in_place does."""
+    return step.call is not None and step.call.skill.split("_")[0] == "sit"
+
+
+def sat_down(recorded: RecordedEpisode) -> bool:
+    """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
+    return any(is_sit(step) and on_target(recorded, step) for step in recorded.steps)
+
+
+def stayed_seated(recorded: RecordedEpisode) -> bool:
+    """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
+    before = [step for step in recorded.steps if step.status == "executed"]
+    stopped = recorded.record.outcome == "stopped"
+    return stopped and any(map(is_sit, before)) and on_target(recorded, before[-1])
+
+
+# -- what the body ran into ------------------------------------------------------------------------------------------------
+def collisions(recorded: RecordedEpisode) -> dict[str, float]:
+    """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body group.
+
+    A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
+    NaN without motion.
+    """
+    level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
+    moving = [step for step in recorded.steps if step.motion_frames]
+    hit = [
+        {c.group for c in step.contacts if not (c.movable or c.height <= level or footing(c, ground))}
+        for step in moving
+    ]
+    count = len(moving) or float("nan")
+    return {"any": sum(map(bool, hit)) / count} | {
+        group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
+    }
+
+
+def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
+    """Movable objects that the body touched, or that one of those touched later on, and so forth.
+
+    moved: object paths of the record. Returns object id to the first frame, as motion() counts them.
+    """
+    movable = set(recorded.record.movable) | set(moved)
+    hits: dict[int, set[int]] = defaultdict(set)
+    pairs: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for first, step in _starts(recorded.steps):
+        for contact in step.contacts:
+            if contact.movable:
+                movable.add(contact.object_id)
+                for frame in contact.frames:
+                    hits[first + frame].add(contact.object_id)
+        for frame, a, b in step.touches:
+            pairs[first + frame].append((a, b))
+    since: dict[int, int] = {}
+    for frame in sorted(hits.keys() | pairs.keys()):
+        since = dict.fromkeys(_reached(hits[frame] | since.keys(), pairs[frame], movable), frame) | since
+    return since
+
+
+def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
+    """Each step with the index of its first frame."""
+    frame = HISTORY
+    for step in steps:
+        yield frame, step
+        frame += step.motion_frames
+
+
+def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[int]) -> set[int]:
+    """Everything movable that is linked to a source by contacts of one frame. What is fixed passes nothing on."""
+    links = [set(pair) for pair in pairs if set(pair) <= movable]
+    reached, grown = set(sources), True
+    while grown:
+        more = set().union(*(link for link in links if link & reached)) - reached
+        reached, grown = reached | more, bool(more)
+    return reached
+
+
+def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
+    """Length of the paths of disturbed objects from the frame on in which each was disturbed, metres, all together."""
+    pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
+    return float(sum(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces))
+
+
+# -- how the body moved ------------------------------------------------------------------------------------------------
+def choreography(recorded: RecordedEpisode) -> Motion:
+    """The generated motion of all steps as one: each chunk taken up where the one before it was left.
+
+    In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a jerk
+    of the motion that was asked for, so the offset that anchoring introduced is taken back.
+    """
+    made, real = recorded.motion("generated"), recorded.motion("realised")
+    whole: Motion | None = None
+    for first, last in _chunks(recorded.steps):
+        piece = made[first:last]
+        if whole is not None:
+            piece = _hips(whole).to_world(_hips(real[:first]).to_local(piece))
+        whole = piece if whole is None else whole.then(piece)
+    return whole or made[:0]
+
+
+def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
+    for first, step in _starts(steps):
+        last = first + step.motion_frames
+        yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
+
+
+def _hips(motion: Motion) -> Frame:
+    """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    return Frame.of(motion, floor=float(motion.root[-1, 1]))
+
+
+def jerk(motion: Motion) -> float:
+    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames.
+
+    Root translation and rotation carry the rest skeleton's joints, so gait plays no part; then a moving average of 3 frames
+    and the third difference of points 8 frames apart.
+    """
+    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:RIGID_JOINTS]
+    points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
+    smooth = (points[:-2] + points[1:-1] + points[2:]) / 3
+    if len(smooth) <= 3 * STRIDE:
+        return float("nan")
+    a, b, c, d = (smooth[k * STRIDE : len(smooth) - (3 - k) * STRIDE] for k in range(4))
+    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (STRIDE / FPS) ** 3)
+
+
+# -- an episode --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Scores:
+    """One episode in numbers. None stands where the task does not ask for it, NaN where the record does not tell."""
+
+    episode: str
+    agent: str
+    verifier: str
+    scene: str
+    scene_digest: str
+    category: str
+    outcome: Outcome
+    find: bool | None
+    geo_find: bool | None
+    nav: bool | None
+    geo_nav: bool | None
+    nav_1m: bool | None
+    interact: bool | None
+    geo_interact: bool | None
+    distance: float
+    """At the end, from the body to the nearest target, metres."""
+    collisions: Mapping[str, float]
+    disturbed: int
+    disturbed_path: float
+    """Of all disturbed objects together, metres."""
+    jerk: float
+    """m/s^3."""
+    steps: int
+    invalid: int
+    """Steps in which no usable call came."""
+    tokens_in: int
+    tokens_out: int
+    cost: float
+    """US dollars."""
+    tier: str = ""
+    """easy, medium or hard; empty where the episode's difficulty is not known."""
+    extra: Mapping[str, float] = field(default_factory=dict)
+    """What plugins measure (hook humanclaw_metrics), by name."""
+
+    @property
+    def finished(self) -> bool:
+        return self.outcome in FINISHED
+
+    @property
+    def success(self) -> bool | None:
+        """Whether the last stage that the task asks for was met; None for an instruction that is not scored."""
+        return self.nav if self.interact is None else self.interact
+
+
+Extra = Mapping[str, Callable[[RecordedEpisode], float]]
+"""Metrics of plugins by name: a number of an episode, NaN where it does not apply."""
+
+
+def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
+    """Score one episode from its record. Raises RecordError if its motion cannot be read."""
+    record, steps = recorded.record, recorded.steps
+    spec = record.spec
+    moved, smoothness = _from_motion(recorded)
+    since = disturbed(recorded, moved)
+    usages = [attempt.usage for step in steps for attempt in step.attempts]
+    usages += [step.verdict.usage for step in steps if step.verdict]
+    return Scores(
+        episode=spec.id,
+        agent=record.agent,
+        verifier=record.verifier,
+        scene=spec.scene,
+        scene_digest=record.scene_digest,
+        category=spec.target_category,
+        outcome=record.outcome,
+        **_successes(recorded),
+        distance=end_distance(recorded),
+        collisions=collisions(recorded),
+        disturbed=len(since),
+        disturbed_path=disturbed_path(since, moved),
+        jerk=smoothness,
+        steps=len(steps),
+        invalid=sum(step.status == "invalid" for step in steps),
+        tokens_in=sum(usage.tokens_in for usage in usages),
+        tokens_out=sum(usage.tokens_out for usage in usages),
+        cost=sum(usage.cost for usage in usages),
+        tier=overall(spec.difficulty) if spec.difficulty else "",
+        extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
+    )
+
+
+def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
+    spec, steps = recorded.record.spec, recorded.steps
+    if not spec.target_category:
+        return dict.fromkeys(("find", "geo_find", "nav", "geo_nav", "nav_1m", "interact", "geo_interact"))
+    distance, stopped = end_distance(recorded), recorded.record.outcome == "stopped"
+    return {
+        "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
+        "geo_find": any(map(in_view, steps)),
+        "nav": stopped and distance <= REACHED,
+        "geo_nav": distance <= REACHED,
+        "nav_1m": stopped and distance <= NEARBY,
+        "interact": stayed_seated(recorded) if spec.interact else None,
+        "geo_interact": sat_down(recorded) if spec.interact else None,
+    }
+
+
+def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
+    """Object paths and jerk; nothing and NaN for an episode that ended before its motion was written."""
+    if not (recorded.folder / "motion.npz").exists():
+        return {}, float("nan")
+    try:
+        return recorded.objects(), jerk(choreography(recorded))
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
+        raise RecordError(
+            f"{recorded.folder / 'motion.npz'} cannot be read: {error}.", "Run the episode again, or remove its folder."
+        ) from error
+
+
+# -- many episodes -----------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Metric:
+    """A column of the tables: the sum of the numerators over the sum of the denominators, one pair an episode."""
+
+    name: str
+    better: Literal["higher", "lower", ""]
+    parts: Callable[[Scores], tuple[float, float] | None]
+    """None: the episode does not bear on this metric."""
+    rate: bool = False
+    """Successes of trials, an episode each."""
+    percent: bool = False
+    digits: int = 1
+
+
+def _rate(name: str, field: str) -> Metric:
+    def parts(scores: Scores) -> tuple[float, float] | None:
+        met = getattr(scores, field)
+        return None if met is None else (float(met), 1.0)
+
+    return Metric(name, "higher", parts, rate=True, percent=True)
+
+
+def _mean(
+    name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["lower", ""] = "lower",
+    percent: bool = False,
+) -> Metric:  # fmt: skip
+    def parts(scores: Scores) -> tuple[float, float] | None:
+        number = value(scores)
+        return (number, 1.0) if np.isfinite(number) else None
+
+    return Metric(name, better, parts, percent=percent, digits=digits)
+
+
+def _collision(name: str, group: str) -> Metric:
+    return _mean(name, lambda s: s.collisions[group], percent=True)
+
+
+FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("InteractSR", "interact")
+COLLISIONS: Final = _collision("Coll.", "any")
+MAIN: Final = (
+    FIND, NAV, INTERACT, COLLISIONS,
+    _mean("#Dtb", lambda s: s.disturbed, 2),
+    Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
+    _mean("Jerk", lambda s: s.jerk),
+    _mean("steps", lambda s: s.steps, better=""),
+    _mean("in tok/step", lambda s: s.tokens_in / s.steps if s.steps else np.nan, 0),
+    _mean("out tok/step", lambda s: s.tokens_out / s.steps if s.steps else np.nan, 0),
+    _mean("cost ($)", lambda s: s.cost, 3),
+)  # fmt: skip
+"""Columns of the paper's main table, and what an episode cost."""
+VARIANTS: Final = (
+    FIND, _rate("GeoFindSR", "geo_find"), NAV, _rate("GeoNavSR", "geo_nav"), _rate("NavSR@1m", "nav_1m"),
+    INTERACT, _rate("GeoInteractSR", "geo_interact"),
+)  # fmt: skip
+BODY: Final = (
+    COLLISIONS, _collision("Arm/Hand", "arm_hand"), _collision("Torso", "torso"), _collision("Leg/Foot", "leg_foot"),
+    _collision("Head", "head"),
+)  # fmt: skip
+ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
+
+
+def extra_metric(name: str) -> Metric:
+    """A plugin's metric, averaged over episodes."""
+    return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
+
+
+def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
+    """A metric over the finished episodes among these, with its interval."""
+    parts = [pair for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    if metric.rate:
+        return wilson(int(sum(met for met, _ in parts)), len(parts))
+    return ratio([above for above, _ in parts], [below for _, below in parts], seed=seed)
+
+
+def compare(
+    a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] = ALL, *, seed: int = 0
+) -> dict[str, Difference]:
+    """Run B against run A over the episodes that both finished, by metric name.
+
+    p is raised for the number of metrics (Holm), within the three success rates and within the rest: those are what a run is
+    for, and a score of side results must not drown them.
+
+    Raises RecordError if they share no episode, if one holds an episode twice, or if an episode's scene differs.
+    """
+    pairs = common(a, b)
+    found: dict[str, Difference] = {}
+    for metric in metrics:
+        both = paired(metric, pairs)
+        if metric.rate and both:
+            found[metric.name] = compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
+        elif both:
+            found[metric.name] = compare_ratios([x for x, _ in both], [y for _, y in both], seed=seed)
+    headline = {metric.name: found[metric.name] for metric in (FIND, NAV, INTERACT) if metric.name in found}
+    rest = {name: difference for name, difference in found.items() if name not in headline}
+    raised = [zip(family, holm(tuple(family.values())), strict=True) for family in (headline, rest)]
+    return dict(chain(*raised))
+
+
+def paired(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> list[tuple[tuple[float, float], ...]]:
+    """The parts of a metric in both runs, for the episodes that bear on it in both."""
+    return [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+
+
+def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
+    """The episodes that both runs finished, in pairs. Raises RecordError as compare does."""
+    first, second = _by_episode(a), _by_episode(b)
+    pairs = [(first[key], second[key]) for key in first if key in second]
+    if not pairs:
+        raise RecordError("the two runs share no finished episode.", "Compare runs of the same split.")
+    for one, two in pairs:
+        if (one.scene_digest, one.category) != (two.scene_digest, two.category):
+            raise RecordError(
+                f"episode {one.episode} is not the same in both runs: {one.category} in {one.scene} "
+                f"({one.scene_digest[:12]}), {two.category} in {two.scene} ({two.scene_digest[:12]}).",
+                "Compare runs of the same split and the same version of its scenes.",
+            )
+    return pairs
+
+
+def _by_episode(scores: Sequence[Scores]) -> dict[str, Scores]:
+    found: dict[str, Scores] = {}
+    for one in scores:
+        if one.finished and one.episode in found:
+            raise RecordError(
+                f"a run holds episode {one.episode} twice, so it is not clear which one to pair.",
+                "Name a folder with one agent's run of each episode.",
+            )
+        if one.finished:
+            found[one.episode] = one
+    return found

@@ -1,0 +1,75 @@
+"""What a person at the terminal sees of a run under way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+from humanclaw_bench.runner import Tally
+from humanclaw_bench.worker import Report
+
+
+class RunProgress:
+    """A line an episode, and below it a bar with rate, time and money left."""
+
+    def __init__(self, console: Console, out: Path) -> None:
+        self._console, self._out = console, out
+        self._bar = Progress(
+            SpinnerColumn(), BarColumn(30), MofNCompleteColumn(), TextColumn("{task.description}"), console=console,
+            disable=not console.is_terminal,
+        )  # fmt: skip
+        self._task = self._bar.add_task("starting", total=None)
+
+    def watch(self, tally: Tally, report: Report | None) -> None:
+        """Told by run_split of each episode that ended."""
+        self._bar.update(self._task, completed=tally.done, total=tally.total, description=_rate(tally))
+        if report is None:
+            before = f", {tally.done} of them have ended before" if tally.done else ""
+            self._print(f"{self._out}: {tally.total} episodes{before}. Ctrl-C stops after the steps under way.")
+            return
+        why = f"  {report.error}" if report.error else ""
+        line = f"{tally.done:>5}/{tally.total}  {report.episode:<30} {report.outcome:<13} {report.steps:>3} steps "
+        left = "" if self._console.is_terminal else f"  {_rate(tally)}"
+        self._print(f"{line} {report.seconds:6.1f} s{left}{why}")
+
+    def end(self, tally: Tally) -> None:
+        """Say how the run ended."""
+        self._bar.stop()
+        state = "stopped" if tally.stopped else "ended"
+        failed = f", {tally.failed} broken by infrastructure" if tally.failed else ""
+        self._print(f"{state}: {tally.done} of {tally.total} episodes{failed}; {_clock(tally.seconds)}{_spent(tally)}.")
+        if tally.done < tally.total:
+            self._print("The same command goes on from here.")
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+
+def _rate(tally: Tally) -> str:
+    """Such as: 8.1 episodes/min, 0:11:02 left, $0.41 spent, about $3.90 to go."""
+    if not tally.played:
+        return "starting"
+    rate = f"{60 * tally.played / tally.seconds:.1f} episodes/min, {_clock(tally.seconds_left)} left"
+    return rate + (f"{_spent(tally)}, about ${tally.cost_left:.2f} to go" if tally.cost else "")
+
+
+def _spent(tally: Tally) -> str:
+    return f", ${tally.cost:.2f} spent" if tally.cost else ""
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"

@@ -1,0 +1,245 @@
+"""Running a split: what was run and how is in run.json, every episode in a folder of its own, and nothing is run twice.
+
+A run may be ended at any moment, by whatever means, and taken up again: finished episodes are kept, others continue from their
+last recorded step.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import humanclaw
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError, RecordError
+from humanclaw.files import write_atomically
+from humanclaw.plugins import KINDS, Plugins
+from humanclaw.records import EpisodeRecord, Outcome
+from humanclaw_bench.executors import Backlog, Executor
+from humanclaw_bench.metrics import FINISHED
+from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
+
+FORMAT: Final = 1
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How far a run is."""
+
+    total: int
+    done: int
+    """Finished episodes, those of earlier sittings included."""
+    failed: int = 0
+    """Broken by infrastructure in this sitting: to be run again."""
+    played: int = 0
+    """Episodes that ended in this sitting."""
+    steps: int = 0
+    """Of those."""
+    seconds: float = 0.0
+    """Since this sitting began."""
+    cost: float = 0.0
+    """US dollars that this sitting has spent."""
+    tokens: int = 0
+    stopped: bool = False
+
+    @property
+    def left(self) -> int:
+        return self.total - self.done - self.failed
+
+    @property
+    def seconds_left(self) -> float:
+        """At the rate of this sitting; NaN before its first episode."""
+        return self.left * self.seconds / self.played if self.played else float("nan")
+
+    @property
+    def cost_left(self) -> float:
+        """US dollars, at the price of this sitting's episodes; NaN before the first."""
+        return self.left * self.cost / self.played if self.played else float("nan")
+
+
+Watcher = Callable[[Tally, Report | None], None]
+"""Told of every episode that ended, and once at the beginning."""
+
+
+def run_split(
+    specs: Sequence[EpisodeSpec],
+    job: Job,
+    executor: Executor,
+    out: Path,
+    *,
+    plugins: Plugins,
+    watch: Watcher = lambda tally, report: None,
+) -> Tally:
+    """Run what has not ended yet in out. The job's limits of a run hold for this sitting, all workers together.
+
+    Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what stands in
+    the way of every episode, KeyboardInterrupt on the second SIGINT.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with _alone(out):
+        _agree(out / "run.json", manifest(specs, job, plugins))
+        todo = [spec for spec in specs if not has_ended(out / spec.id)]
+        began, tally = time.perf_counter(), Tally(len(specs), len(specs) - len(todo))
+        watch(tally, None)
+        with _stops(executor) as stopped, closing(executor.reports(job, Backlog(todo), out)) as reports:
+            for report in reports:
+                _keep(out, report)
+                tally = _counted(tally, report, time.perf_counter() - began)
+                watch(tally, report)
+                if report.fatal:
+                    raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
+                if report.limit == "run" or _spent(tally, job.limits):
+                    executor.stop()
+                    stopped.set()
+    return _with(tally, stopped=stopped.is_set())
+
+
+def has_ended(folder: Path) -> bool:
+    """Whether an episode has been run to its end: its own, or that of a limit that it would meet again."""
+    path = folder / "episode.json"
+    if not path.exists():
+        return False
+    record = EpisodeRecord.model_validate_json(path.read_bytes())
+    return _ended(record.outcome, record.limit)
+
+
+def _ended(outcome: Outcome, limit: str) -> bool:
+    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
+
+
+def _spent(tally: Tally, limits: Mapping[str, float]) -> bool:
+    used = {"run.usd": tally.cost, "run.tokens": tally.tokens, "run.seconds": tally.seconds}
+    return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
+
+
+def _counted(tally: Tally, report: Report, seconds: float) -> Tally:
+    done, failed = _ended(report.outcome, report.limit), report.outcome == FAILED
+    return _with(
+        tally, done=tally.done + done, failed=tally.failed + failed, played=tally.played + done,
+        steps=tally.steps + report.steps, seconds=seconds, cost=tally.cost + report.cost,
+        tokens=tally.tokens + report.tokens,
+    )  # fmt: skip
+
+
+def _with(tally: Tally, **changes: Any) -> Tally:
+    return Tally(**(asdict(tally) | changes))
+
+
+def _keep(out: Path, report: Report) -> None:
+    """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the journal."""
+    folder = out / report.episode
+    unpack(folder, report.files)
+    if report.outcome == FAILED and (folder / "episode.json").exists():
+        mark(folder, FAILED, report.error)
+    line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
+    with (out / "journal.jsonl").open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps({"time": round(time.time(), 1)} | line) + "\n")
+
+
+# -- what a run is made of ---------------------------------------------------------------------------------------------
+def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
+    """All that must be the same for two sittings to be one run. Raises HumanclawError if the job names what is not there."""
+    plugins.make("decision_makers", job.agent, job.options)
+    if job.verifier:
+        plugins.make("verifiers", job.verifier, job.options)
+    base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
+    files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
+    adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
+    episodes = "\n".join(spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
+    return {
+        "format": FORMAT,
+        "episodes": len(specs),
+        "split": _digest(episodes.encode()),
+        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits")},
+        "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
+        "versions": _versions(specs, job, plugins),
+        "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
+        "weights": {"base": base} | adapters,
+    }
+
+
+def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
+    """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
+    engines = job.engines
+    used = {
+        f"{KINDS['simulators']} {engines.simulator}",
+        f"{KINDS['renderers']} {engines.renderer}",
+        f"{KINDS['motion_generators']} {engines.generator}",
+        f"{KINDS['decision_makers']} {job.agent}",
+        f"{KINDS['verifiers']} {job.verifier}",
+        *(f"{KINDS['scenes']} {spec.scene.partition(':')[0]}" for spec in specs),
+        *(f"skill {name}" for name in plugins.skills),
+    }
+    found = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
+    return {"humanclaw": humanclaw.__version__} | found
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _agree(path: Path, wanted: dict[str, Any]) -> None:
+    """Write run.json, or hold an earlier one to what is wanted now."""
+    wanted = json.loads(json.dumps(wanted))
+    if not path.exists():
+        write_atomically(path, json.dumps(wanted, indent=1).encode())
+        return
+    found = json.loads(path.read_bytes())
+    differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
+    if differing:
+        told = "; ".join(_difference(key, found.get(key), wanted.get(key)) for key in differing)
+        raise RecordError(f"{path.parent} holds a run with other settings: {told}.", "Name another folder with --out.")
+
+
+def _difference(key: str, found: Any, wanted: Any) -> str:
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        inner = sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+        return ", ".join(_difference(f"{key} {name}", found.get(name), wanted.get(name)) for name in inner)
+    return f"{key} was {_short(found)} and is now {_short(wanted)}"
+
+
+def _short(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text[:12] if len(text) == 64 else text
+
+
+# -- alone, and ready to stop ------------------------------------------------------------------------------------------
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Hold the folder's lock. The system frees it when this process ends, however that happens."""
+    with (out / ".lock").open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RecordError(f"another run is writing to {out}.", "Wait for it, or name another folder.") from None
+        yield
+
+
+@contextmanager
+def _stops(executor: Executor) -> Iterator[threading.Event]:
+    """The first SIGINT stops the run after the steps under way; the second ends it at once."""
+    stopped = threading.Event()
+
+    def handle(number: int, frame: object) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
+        stopped.set()
+        executor.stop()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield stopped
+        return
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield stopped
+    finally:
+        signal.signal(signal.SIGINT, before)

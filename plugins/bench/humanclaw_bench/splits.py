@@ -1,0 +1,264 @@
+"""The fixed splits of the benchmark, and how they are made from seeds (paper, section 4.1).
+
+From each house many candidate episodes are drawn, each with a way that leads to its target; a linear program then chooses among
+them so that categories, houses, distances and difficulty come as they do in the paper.
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from scipy.ndimage import distance_transform_edt
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_array
+
+from humanclaw.episode import EpisodeSpec, StartPose, name_of
+from humanclaw.errors import HumanclawError
+from humanclaw.files import write_atomically
+from humanclaw.navigation.routes import CELL, FloorPlan, Storeys
+from humanclaw.pose import Array
+from humanclaw.scene import Scene
+from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw_bench.difficulty import THRESHOLDS, TIERS, Ways, measure, overall, tiers
+
+SPLITS: Final = ("val", "mini", "smoke")
+DATA: Final = Path(str(importlib.resources.files("humanclaw"))) / "bench" / "data"
+"""Where the splits lie that come with the package."""
+HOUSES: Final = tuple(f"house:{number}" for number in range(41))
+EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
+"""Episodes of each category in the paper's validation split."""
+TIER_SHARES: Final = dict(zip(TIERS, (0.23, 0.46, 0.31), strict=True))
+DISTANCE_EDGES: Final = (3.5, 4.4, 8.0, 12.8)
+DISTANCE_SHARES: Final = (0.40, 0.10, 0.24, 0.17, 0.09)
+"""Share of the episodes between each two of these edges, metres: the paper's 40/34/25, its median of 4.4 m, and nine tenths under
+12.8 m."""
+STARTS: Final = 8
+"""Starts drawn in each house for each category and range of distances."""
+ROOM: Final = 0.5
+"""Distance from everything that a body needs to stand still in, metres."""
+TOLERANCE: Final = 0.01
+"""What a share may be off at no cost; without it the search for the last episode would never end."""
+NEAREST: Final = 1.0
+"""Metres to go at least: nearer, there is nothing to find."""
+
+
+# -- reading -----------------------------------------------------------------------------------------------------------
+def load_split(name: str) -> tuple[EpisodeSpec, ...]:
+    """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is malformed."""
+    path = DATA / f"{name}.jsonl" if name in SPLITS else Path(name)
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except OSError as error:
+        known = f"Name one of {', '.join(SPLITS)}, or a file that `humanclaw bench make` wrote."
+        raise HumanclawError(f"there is no split {name}: {error.strerror}.", known) from error
+    return tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
+
+
+def _spec(line: str, where: str) -> EpisodeSpec:
+    try:
+        return EpisodeSpec.model_validate_json(line)
+    except ValidationError as error:
+        raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the split again.") from error
+
+
+def write_split(path: Path, specs: Sequence[EpisodeSpec]) -> None:
+    """One episode a line."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
+    write_atomically(path, "".join(lines).encode())
+
+
+# -- candidates --------------------------------------------------------------------------------------------------------
+def candidates(scene: Scene, number: int, *, starts: int = STARTS, seed: int = 0) -> Iterator[EpisodeSpec]:
+    """Episodes that can be set in a house: for each category, so many starts at each range of distances.
+
+    Each is solvable by construction: a body of the usual width can walk from the start to a place beside a target, and to one
+    from which a target can be sat on if that is the task. number: the house's own, for the seed.
+    """
+    rng = np.random.default_rng([seed, number])
+    storeys = Storeys.of(scene)
+    room = np.stack([_roomy(plan) for plan in storeys.plans])
+    for category in TARGET_CATEGORIES:
+        ways, usable = Ways.of(storeys, _goals(storeys, scene, category)), room
+        if category in SIT_CATEGORIES:
+            usable = room & np.isfinite(Ways.of(storeys, _seats(storeys, scene, category)).costs)
+        for place in _places(ways, usable, starts, rng):
+            yield _candidate(scene, ways, category, place, round(float(rng.uniform(-np.pi, np.pi)), 3))
+
+
+def _roomy(plan: FloorPlan) -> NDArray[np.bool_]:
+    """Where one can stand still on a floor; nobody starts on stairs."""
+    if plan.slope is not None:
+        return np.zeros(plan.blocked.shape, bool)
+    return np.asarray(plan.fits(ROOM) & (distance_transform_edt(~plan.movable) * CELL >= ROOM))
+
+
+def _goals(storeys: Storeys, scene: Scene, category: str) -> Array:
+    """(N, 3) places beside the targets of a category."""
+    return np.concatenate([np.empty((0, 3)), *(storeys.near(scene, thing.id) for thing in scene.of_category(category))])
+
+
+def _seats(storeys: Storeys, scene: Scene, category: str) -> Array:
+    """(N, 3) places from which a target of a category can be sat on."""
+    stands = [s for thing in scene.of_category(category) for s in storeys.approach(scene, thing.id, sit=True)]
+    return np.array([stand.place for stand in stands]).reshape(-1, 3)
+
+
+def _places(ways: Ways, usable: NDArray[np.bool_], count: int, rng: np.random.Generator) -> Iterator[Array]:
+    """(3,) starts on the floor, up to so many in each range of distances."""
+    edges = (NEAREST, *DISTANCE_EDGES, np.inf)
+    for low, high in pairwise(edges):
+        cells = np.argwhere(usable & (ways.costs > low) & (ways.costs <= high) & np.isfinite(ways.costs))
+        for level, x, z in rng.permutation(cells)[:count]:
+            plan = ways.storeys.plans[level]
+            east, north = plan.point(np.array([x, z])).round(3)
+            yield np.array([east, plan.floor, north])
+
+
+def _candidate(scene: Scene, ways: Ways, category: str, place: Array, yaw: float) -> EpisodeSpec:
+    """The episode from a place to the nearest target."""
+    x, floor, z = place.tolist()
+    return EpisodeSpec(
+        id=category,
+        instruction=instruction(category),
+        scene=scene.name,
+        scene_digest=scene.digest,
+        start=StartPose(x=x, z=z, yaw=yaw, floor=floor),
+        target_category=category,
+        target_ids=tuple(thing.id for thing in scene.of_category(category)),
+        interact=category in SIT_CATEGORIES,
+        difficulty=measure(scene, ways.way(place), float(ways.storeys.at(ways.costs, place))),
+    )
+
+
+def instruction(category: str) -> str:
+    """What the agent is asked to do, in the words of the paper."""
+    noun = ALIASES[category][0]
+    if category in SIT_CATEGORIES:
+        return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
+    return f"find a {noun} and navigate to it with zero distance."
+
+
+# -- choosing ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Quota:
+    """How many episodes to choose: exactly so many of each category, and in each house between so many and so many."""
+
+    categories: Mapping[str, int]
+    houses: tuple[int, int]
+    both: tuple[int, int]
+    """Of each category in each house."""
+
+    @property
+    def total(self) -> int:
+        return sum(self.categories.values())
+
+
+def choose(found: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...]:
+    """Those of the candidates that meet the quota and come nearest to the paper's distances and tiers.
+
+    An integer program over the cells of candidates that are alike in house, category, distance and tier; of a cell the first
+    are taken. Raises HumanclawError if the quota cannot be met.
+    """
+    cells: dict[tuple[str, str, int, str], list[EpisodeSpec]] = defaultdict(list)
+    for spec in found:
+        cells[_cell(spec)].append(spec)
+    counts = _solve(list(cells), [len(alike) for alike in cells.values()], quota)
+    chosen = [spec for alike, count in zip(cells.values(), counts, strict=True) for spec in alike[:count]]
+    order = {id(spec): number for number, spec in enumerate(found)}
+    return tuple(sorted(chosen, key=lambda spec: order[id(spec)]))
+
+
+def _cell(spec: EpisodeSpec) -> tuple[str, str, int, str]:
+    assert spec.difficulty is not None
+    return spec.scene, spec.target_category, _bin(spec.difficulty.distance), overall(spec.difficulty)
+
+
+def _bin(distance: float) -> int:
+    return int(np.searchsorted(DISTANCE_EDGES, distance, side="left"))
+
+
+def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quota: Quota) -> list[int]:
+    """How many to take of each cell. Variables: one a cell, then the shortfall and the excess of each wanted share."""
+    houses, n = sorted({house for house, *_ in cells}), len(cells)
+    hard = [([cell[0] == house for cell in cells], *quota.houses) for house in houses]
+    hard += [([cell[1] == name for cell in cells], count, count) for name, count in quota.categories.items()]
+    hard += [
+        ([cell[:2] == (house, name) for cell in cells], *quota.both) for house in houses for name in quota.categories
+    ]
+    soft = [([cell[2] == k for cell in cells], share) for k, share in enumerate(DISTANCE_SHARES)]
+    soft += [([cell[3] == tier for cell in cells], share) for tier, share in TIER_SHARES.items()]
+    slack = np.concatenate([np.eye(len(soft)), -np.eye(len(soft))], 1)
+    rows = np.array([row for row, *_ in hard] + [row for row, _ in soft], float)
+    table = np.concatenate([rows, np.concatenate([np.zeros((len(hard), 2 * len(soft))), slack])], 1)
+    wanted = [share * quota.total for _, share in soft]
+    slack_free = TOLERANCE * quota.total + 0.5
+    limits = LinearConstraint(
+        csr_array(table),
+        [low for _, low, _ in hard] + [count - slack_free for count in wanted],
+        [high for *_, high in hard] + [count + slack_free for count in wanted],
+    )
+    result = milp(
+        np.concatenate([np.zeros(n), np.ones(2 * len(soft))]),
+        constraints=limits,
+        integrality=np.concatenate([np.ones(n), np.zeros(2 * len(soft))]),
+        bounds=Bounds(0, np.concatenate([most, np.full(2 * len(soft), np.inf)])),
+        options={"mip_rel_gap": 0.1, "node_limit": 500},
+    )
+    if result.x is None:
+        raise HumanclawError(f"these houses have no such {quota.total} episodes: {result.message}", "Draw more starts.")
+    return [round(value) for value in result.x[:n]]
+
+
+# -- the splits --------------------------------------------------------------------------------------------------------
+VAL: Final = Quota(EPISODES, (28, 30), (2, 9))
+MINI: Final = Quota({"chair": 19, "couch": 19, "bed": 18, "potted_plant": 17, "tv": 15, "toilet": 12}, (1, 4), (0, 1))
+SMOKE: Final = Quota({"chair": 1, "couch": 1, "bed": 1, "tv": 1, "toilet": 1}, (0, 1), (0, 1))
+
+
+def make(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+    """All splits from the candidates of all houses; mini is part of val, and smoke of mini."""
+    val = named(choose(found, VAL))
+    mini = choose(val, MINI)
+    return {"val": val, "mini": mini, "smoke": choose([spec for spec in mini if not _long(spec)], SMOKE)}
+
+
+def _long(spec: EpisodeSpec) -> bool:
+    return spec.difficulty is None or spec.difficulty.distance > 8.0
+
+
+def named(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
+    """Each with a name of its own, such as house-3-couch-2, and a seed of its own."""
+    counts: Counter[tuple[str, str]] = Counter()
+    result = []
+    for seed, spec in enumerate(specs):
+        key = (spec.scene, spec.target_category)
+        name = f"{name_of(spec.scene)}-{spec.target_category}-{counts[key]}"
+        counts[key] += 1
+        result.append(spec.model_copy(update={"id": name, "seed": seed}))
+    return tuple(result)
+
+
+def summary(specs: Sequence[EpisodeSpec]) -> dict[str, str]:
+    """What a split is made of, as a person would check it."""
+    known = [spec.difficulty for spec in specs if spec.difficulty]
+    metres = np.array([difficulty.distance for difficulty in known])
+    houses = Counter(spec.scene for spec in specs).values()
+    categories = Counter(spec.target_category for spec in specs)
+    told = {name: Counter(tiers(difficulty)[name] for difficulty in known) for name in THRESHOLDS}
+    told["overall"] = Counter(overall(difficulty) for difficulty in known)
+    return {
+        "episodes": f"{len(specs)}, {sum(spec.interact for spec in specs)} to sit",
+        "houses": f"{len(houses)}, {min(houses)} to {max(houses)} episodes in each",
+        "categories": ", ".join(f"{name} {count}" for name, count in categories.most_common()),
+        "distance (m)": "median {:.2f}, nine tenths under {:.2f}".format(*np.quantile(metres, (0.5, 0.9))),
+    } | {name: " / ".join(f"{count[tier] / len(known):.1%} {tier}" for tier in TIERS) for name, count in told.items()}

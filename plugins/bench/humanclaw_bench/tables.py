@@ -1,0 +1,412 @@
+"""The paper's tables, of one's own runs, each number with its interval; for the terminal, Markdown, CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from humanclaw.tasks import TARGET_CATEGORIES
+from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
+from humanclaw_bench.difficulty import TIERS
+from humanclaw_bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
+from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
+
+NONE: Final = Estimate(float("nan"))
+MARK: Final = "\u2020"
+PAPER_NOTE: Final = (
+    f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
+    "Its difference from a row of your own is no result."
+)
+INTERVAL_NOTE: Final = (
+    f"Intervals hold the true value with {CONFIDENCE:.0%} confidence: "
+    f"Wilson for rates, a bootstrap over episodes, {FEW} or more, for the rest."
+)
+
+
+# -- a table -----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Column:
+    title: str
+    digits: int = 1
+    percent: bool = False
+    better: Literal["higher", "lower", ""] = ""
+
+    @classmethod
+    def of(cls, metric: Metric) -> Column:
+        return cls(metric.name, metric.digits, metric.percent, metric.better)
+
+    @property
+    def head(self) -> str:
+        return self.title + {"higher": " \u2191", "lower": " \u2193", "": ""}[self.better]
+
+    def number(self, value: float) -> str:
+        if not np.isfinite(value):
+            return "\u2013"
+        return f"{100 * value:.{self.digits}f}%" if self.percent else f"{value:.{self.digits}f}"
+
+    def interval(self, estimate: Estimate) -> str:
+        """Such as [38.1, 46.9]; empty where there is none."""
+        if not np.isfinite([estimate.low, estimate.high]).all():
+            return ""
+        low, high = (self.number(bound).rstrip("%") for bound in (estimate.low, estimate.high))
+        return f"[{low}, {high}]"
+
+    @property
+    def rounded(self) -> Column:
+        """The same with whole per cents, which leaves room for more columns."""
+        return replace(self, digits=0 if self.percent else self.digits)
+
+
+@dataclass(frozen=True)
+class Row:
+    """cells: one estimate a column."""
+
+    name: str
+    cells: tuple[Estimate, ...]
+    paper: bool = False
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of numbers, before it is written in some format."""
+
+    title: str
+    corner: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def all_notes(self) -> tuple[str, ...]:
+        paper = (PAPER_NOTE,) if any(row.paper for row in self.rows) else ()
+        return (*self.notes, INTERVAL_NOTE, *paper)
+
+
+# -- which episodes make a row -----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Result:
+    """The scored episodes of one agent in one run, and why each failed episode did."""
+
+    name: str
+    scores: tuple[Scores, ...]
+    causes: tuple[Cause | None, ...]
+    """One a score; None for an episode that did not fail."""
+
+    @property
+    def finished(self) -> tuple[Scores, ...]:
+        return tuple(s for s in self.scores if s.finished)
+
+    @property
+    def note(self) -> str:
+        """How many episodes the numbers are of, and which were left out of them."""
+        apart = Counter(s.outcome for s in self.scores if s.outcome not in FINISHED)
+        left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
+        return f"{self.name}: {len(self.finished)} episode{'' if len(self.finished) == 1 else 's'}{left_out}."
+
+
+def named(runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]]) -> tuple[Result, ...]:
+    """Scored episodes by run to one result a run, agent and verifier; a run's name is told only where agents repeat."""
+    groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
+    for run, found in runs.items():
+        for scores, cause in found:
+            agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
+            groups.setdefault((agent, run), []).append((scores, cause))
+    repeated = Counter(agent for agent, _ in groups)
+    return tuple(
+        Result(agent if repeated[agent] == 1 else f"{agent} ({run})", *map(tuple, zip(*found, strict=True)))
+        for (agent, run), found in groups.items()
+    )
+
+
+# -- the tables of the paper -------------------------------------------------------------------------------------------
+def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+    """Success, disturbance, smoothness and cost (paper, table of the full validation results)."""
+    return _sheet("Results", MAIN, results, PAPER_MAIN if paper else {}, seed)
+
+
+def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+    """Success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
+    return _sheet(
+        "Success by geometry alone and as acknowledged", VARIANTS, results, PAPER_VARIANTS if paper else {}, seed
+    )
+
+
+def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+    """Share of steps with a collision, by body group; groups overlap (paper, table of the collision breakdown)."""
+    return _sheet("Steps with a collision, by part of the body", BODY, results, PAPER_BODY if paper else {}, seed)
+
+
+def _sheet(
+    title: str, metrics: Sequence[Metric], results: Sequence[Result], paper: Mapping[str, tuple[float, ...]], seed: int
+) -> Sheet:
+    columns = tuple(map(Column.of, metrics))
+    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
+    rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items()]
+    return Sheet(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
+
+
+def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estimate, ...]:
+    """Values as the paper prints them, percentages as such; what it does not report stays empty."""
+    padded = (*values, *[float("nan")] * (len(columns) - len(values)))
+    return tuple(
+        Estimate(value / 100 if column.percent else value) for column, value in zip(columns, padded, strict=True)
+    )
+
+
+def funnel_table(results: Sequence[Result]) -> Sheet:
+    """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
+    columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
+    rows = []
+    for result in results:
+        f = Funnel.of(result.scores)
+        shares = ((f.in_view, f.episodes), (f.found, f.episodes), (f.reached, f.episodes), (f.sat, f.reached_to_sit))
+        rows.append(Row(result.name, tuple(wilson(part, whole) for part, whole in shares)))
+    notes = ("The last column is of the reached episodes whose task is to sit.",)
+    return Sheet("Funnel", "agent", columns, tuple(rows), notes)
+
+
+def causes_table(results: Sequence[Result]) -> Sheet:
+    """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
+    columns = tuple(Column(result.name, percent=True) for result in results)
+    counts = [Counter(cause for cause in result.causes if cause) for result in results]
+    totals = [{stage: sum(n for c, n in count.items() if c.stage == stage) for stage in STAGES} for count in counts]
+    rows = tuple(
+        Row(c.label, tuple(wilson(count[c], total[c.stage]) for count, total in zip(counts, totals, strict=True)))
+        for c in CAUSES
+    )
+    notes = tuple(
+        f"{result.name}: failures " + ", ".join(f"{stage} {total[stage]}" for stage in STAGES) + "."
+        for result, total in zip(results, totals, strict=True)
+    )
+    return Sheet("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
+
+
+def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """The main columns by the tier of the episode (paper, section 4.1)."""
+    return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
+
+
+def category_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """The main columns by the category of the target."""
+    return _broken_down("Results by category", results, TARGET_CATEGORIES, lambda s: s.category, seed)
+
+
+def _broken_down(
+    title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
+) -> Sheet:
+    """A row for each agent and group that has episodes."""
+    parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
+    rows = tuple(
+        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
+        for result, group, chosen in parts
+        if chosen
+    )
+    return Sheet(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
+
+
+def extra_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+    """What plugins measure, averaged over episodes."""
+    names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
+    return _sheet("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
+
+
+def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, Sheet]:
+    """Every table, by the name under which the command line offers it."""
+    return {
+        "main": main_table(results, paper=paper, seed=seed),
+        "variants": variants_table(results, paper=paper, seed=seed),
+        "body": body_table(results, paper=paper, seed=seed),
+        "difficulty": difficulty_table(results, seed=seed),
+        "category": category_table(results, seed=seed),
+        "plugins": extra_table(results, seed=seed),
+        "funnel": funnel_table(results),
+        "causes": causes_table(results),
+    }
+
+
+# -- writing a table ---------------------------------------------------------------------------------------------------
+def terminal(sheet: Sheet, width: int = 240) -> Group:
+    """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
+    parts = [_part(sheet, first, last) for first, last in _cuts(sheet, width)]
+    notes = (Text(note, style="dim") for note in sheet.all_notes)
+    return Group(Text(sheet.title, style="bold"), *parts, *notes, "")
+
+
+def _cuts(sheet: Sheet, width: int) -> Iterator[tuple[int, int]]:
+    """Ranges of columns that fit side by side, at least one in each."""
+    names = max(len(text) for text in (sheet.corner, *(row.name for row in sheet.rows)))
+    first, used = 0, names + 3
+    for index, column in enumerate(sheet.columns):
+        texts = [
+            column.head,
+            *(line for row in sheet.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
+        ]
+        wide = max(map(len, texts)) + 2
+        if used + wide > width and index > first:
+            yield first, index
+            first, used = index, names + 3
+        used += wide
+    yield first, len(sheet.columns)
+
+
+def _part(sheet: Sheet, first: int, last: int) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(sheet.corner, no_wrap=True)
+    for column in sheet.columns[first:last]:
+        table.add_column(column.head, justify="right", no_wrap=True)
+    for index, row in enumerate(sheet.rows):
+        if row.paper and not sheet.rows[index - 1].paper:
+            table.add_section()
+        cells = map(_stacked, sheet.columns[first:last], row.cells[first:last])
+        table.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
+    return table
+
+
+def _stacked(column: Column, cell: Estimate) -> Text:
+    interval = column.rounded.interval(cell)
+    return Text.assemble(column.number(cell.value), (f"\n{interval}" if interval else "", "dim"))
+
+
+def _inline(column: Column, cell: Estimate) -> str:
+    return f"{column.number(cell.value)} {column.interval(cell)}".strip()
+
+
+def texts(sheet: Sheet) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Head and rows as text, intervals in the cells: what a report or Markdown shows."""
+    head = (sheet.corner, *(column.head for column in sheet.columns))
+    return head, tuple((row.name, *map(_inline, sheet.columns, row.cells)) for row in sheet.rows)
+
+
+def markdown(sheet: Sheet) -> str:
+    head, rows = texts(sheet)
+    lines = [head, ("---", *["---:"] * len(sheet.columns)), *rows]
+    body = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return f"**{sheet.title}**\n\n{body}\n\n" + "\n\n".join(sheet.all_notes) + "\n"
+
+
+def comma_separated(sheet: Sheet) -> str:
+    """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    parts = ("", " low", " high", " n")
+    writer.writerow([sheet.corner, "source", *(c.title + part for c in sheet.columns for part in parts)])
+    for row in sheet.rows:
+        numbers = [_plain(n) for cell in row.cells for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
+        writer.writerow([row.name.removesuffix(f" {MARK}"), "paper" if row.paper else "run", *numbers])
+    return out.getvalue()
+
+
+def _plain(value: float) -> str:
+    return f"{value:.6g}" if np.isfinite(value) else ""
+
+
+_TEX: Final = str.maketrans(
+    {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}",
+     "^": r"\textasciicircum{}", "\\": r"\textbackslash{}", "\u2191": r"$\uparrow$", "\u2193": r"$\downarrow$",
+     MARK: r"$^\dagger$", "\u2013": "--"}
+)  # fmt: skip
+
+
+def latex(sheet: Sheet) -> str:
+    """A tabular for booktabs; the notes follow as comments."""
+    head, rows = sheet.columns, []
+    for index, row in enumerate(sheet.rows):
+        rule = "\\midrule\n" if row.paper and index and not sheet.rows[index - 1].paper else ""
+        rows.append(rule + " & ".join([row.name.translate(_TEX), *map(_tex, head, row.cells)]) + r" \\")
+    titles = " & ".join([sheet.corner, *(column.head.translate(_TEX) for column in head)])
+    lines = [f"% {sheet.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
+    return (
+        "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in sheet.all_notes)]) + "\n"
+    )
+
+
+def _tex(column: Column, cell: Estimate) -> str:
+    interval = column.interval(cell)
+    return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
+
+
+WRITERS: Final[Mapping[str, Callable[[Sheet], str]]] = {
+    "markdown": markdown, "csv": comma_separated, "latex": latex,
+}  # fmt: skip
+"""What writes a table as text, by format."""
+
+
+# -- two runs ----------------------------------------------------------------------------------------------------------
+def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
+    """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
+    count = max((d.count for d in differences.values()), default=0)
+    caption = (
+        f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, raised "
+        f"(Holm) for the three success rates and for the other metrics. Noise: p of {SIGNIFICANT} or more."
+    )
+    table = Table(
+        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
+    )
+    for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
+        table.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
+    for metric in metrics:
+        if metric.name in differences:
+            table.add_row(*_compared(Column.of(metric), differences[metric.name]))
+    return table
+
+
+def _compared(column: Column, found: Difference) -> tuple[str, ...]:
+    change = Estimate(found.value, found.low, found.high, found.count)
+    sign = "+" if found.value > 0 else ""
+    values = (column.number(found.a), column.number(found.b), f"{sign}{_inline(column, change)}")
+    return (column.head, *values, f"{found.p:.3f}", verdict(column.better, found))
+
+
+def verdict(better: str, found: Difference) -> str:
+    """The difference in words: noise, or which run is better; higher or lower where neither is good in itself."""
+    if found.noise:
+        return "noise"
+    higher = "B" if found.value > 0 else "A"
+    other = "A" if higher == "B" else "B"
+    return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(better, f"{higher} is higher")
+
+
+# -- the paper's numbers -----------------------------------------------------------------------------------------------
+PAPER_MAIN: Final = {
+    "GPT-5.5": (55.1, 13.9, 3.4, 43.4, 1.53, 1.56, 4.2, 82.4, 4360, 354),
+    "Gemini-3.1": (64.9, 42.4, 16.8, 39.5, 1.50, 1.22, 5.7, 59.1, 5890, 311),
+    "Gemini-2.5": (58.5, 21.6, 3.5, 37.7, 1.35, 3.03, 8.7, 71.3, 6412, 401),
+    "Claude-4.8": (32.6, 8.6, 1.5, 44.2, 1.73, 2.76, 5.3, 81.0, 7047, 625),
+    "Gemma-4-31B": (58.1, 28.7, 11.1, 40.1, 1.66, 1.86, 4.8, 78.5, 4632, 322),
+    "Qwen3.6-27B": (51.0, 20.9, 0.2, 43.0, 1.95, 2.16, 6.5, 81.6, 4862, 482),
+    "Qwen3.6-35B-A3B": (44.6, 5.8, 0.0, 34.6, 1.45, 2.38, 7.4, 74.0, 4766, 477),
+    "Qwen3.5-27B": (37.8, 13.5, 0.0, 34.5, 0.93, 2.38, 6.8, 37.6, 4641, 473),
+    "InternVL3.5-38B": (46.8, 0.8, 0.0, 51.2, 1.90, 2.56, 7.2, 93.0, 4459, 309),
+}
+PAPER_VARIANTS: Final = {
+    "GPT-5.5": (55.1, 63.2, 13.9, 27.7, 15.5, 3.4, 9.7),
+    "Gemini-3.1": (64.9, 69.9, 42.4, 44.7, 52.5, 16.8, 21.4),
+    "Gemini-2.5": (58.5, 66.4, 21.6, 23.6, 31.0, 3.5, 4.5),
+    "Claude-4.8": (32.6, 55.7, 8.6, 13.5, 11.4, 1.5, 2.2),
+    "Gemma-4-31B": (58.1, 67.7, 28.7, 35.6, 33.4, 11.1, 17.9),
+    "Qwen3.6-27B": (51.0, 62.8, 20.9, 34.8, 24.2, 0.2, 0.3),
+    "Qwen3.6-35B-A3B": (44.6, 59.0, 5.8, 14.0, 11.4, 0.0, 0.0),
+    "Qwen3.5-27B": (37.8, 48.9, 13.5, 17.7, 19.2, 0.0, 0.0),
+    "InternVL3.5-38B": (46.8, 59.1, 0.8, 12.6, 1.6, 0.0, 0.0),
+}
+PAPER_BODY: Final = {
+    "GPT-5.5": (43.37, 23.24, 13.78, 38.83, 2.99),
+    "Gemini-3.1": (39.48, 20.97, 11.72, 33.29, 2.62),
+    "Gemini-2.5": (37.69, 22.70, 13.63, 30.87, 2.94),
+    "Claude-4.8": (44.18, 28.97, 16.90, 37.94, 6.93),
+    "Gemma-4-31B": (40.09, 21.21, 11.38, 34.72, 2.66),
+    "Qwen3.6-27B": (42.97, 25.48, 12.70, 36.86, 3.54),
+    "Qwen3.6-35B-A3B": (34.58, 21.20, 11.40, 27.99, 3.71),
+    "Qwen3.5-27B": (34.53, 20.59, 10.93, 29.58, 2.87),
+    "InternVL3.5-38B": (51.17, 34.68, 23.12, 44.75, 6.10),
+}

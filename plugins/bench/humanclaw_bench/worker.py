@@ -1,0 +1,200 @@
+"""What plays the episodes of a run, wherever it runs: in a process of this machine or on a node of a cluster."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Self
+
+from humanclaw.embodiment import Body, Engines
+from humanclaw.episode import EpisodeSpec
+from humanclaw.errors import HumanclawError, ReplayError
+from humanclaw.files import write_atomically
+from humanclaw.hookspecs import hookimpl
+from humanclaw.interfaces import Usage
+from humanclaw.limits import Meter
+from humanclaw.loop import run_episode
+from humanclaw.navigation.geodesics import geodesics
+from humanclaw.plugins import Plugins
+from humanclaw.recorder import usage_of
+from humanclaw.records import EpisodeRecord, Outcome, RecordedEpisode, StepRecord
+
+FAILED: Final = "infra_error"
+BROKEN_OFF: Final = "broken off"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is the same for every episode of a run: plain values, which can be sent anywhere."""
+
+    agent: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    verifier: str = ""
+    """Empty for none."""
+    engines: Engines = field(default_factory=Engines)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """As humanclaw.limits has them. Those of a run hold for one sitting."""
+    files: tuple[str, ...] = ()
+    """Plugin files to load besides what is installed."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """An episode has ended, or its worker has."""
+
+    episode: str
+    outcome: Outcome
+    limit: str = ""
+    """Whose limit was reached, if one was."""
+    steps: int = 0
+    """Steps of the episode, those of an earlier sitting included."""
+    seconds: float = 0.0
+    cost: float = 0.0
+    """US dollars that this sitting has spent on it."""
+    tokens: int = 0
+    error: str = ""
+    fatal: bool = False
+    """Whether the error is one that the user has to mend, and every other episode would meet."""
+    worker: str = ""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    """The record by path in its folder, from a worker that does not write where the run is."""
+
+
+class Worker:
+    """Plays one episode after another; a house that it has just played in is not built again."""
+
+    def __init__(
+        self, job: Job, out: Path, stopping: Callable[[], bool] = lambda: False, name: str = "", *, plugins: Any = None
+    ) -> None:
+        """out: the folder of the run. stopping: asked after each step; when true, the episode is broken off there."""
+        self._job, self._out, self._name = job, out, name
+        self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files])
+        self._watch = _Watch(stopping)
+        self._plugins.add(self._watch, "bench_watch")
+        self._meter = Meter(job.limits)
+        self._body: Body | None = None
+
+    def play(self, spec: EpisodeSpec) -> Report:
+        """Play an episode, or what is left of it. Never raises: what went wrong is in the report."""
+        self._watch.begin()
+        began = time.perf_counter()
+        error, fatal = "", False
+        try:
+            self._play(spec)
+        except KeyboardInterrupt:
+            error = BROKEN_OFF
+        except HumanclawError as fault:
+            error, fatal = str(fault), True
+        except Exception as fault:
+            traceback.print_exc()
+            error = f"{type(fault).__name__}: {fault}"
+            self._fail(spec, error)
+            self.close()
+        return self._report(spec, time.perf_counter() - began, error, fatal)
+
+    def _play(self, spec: EpisodeSpec) -> None:
+        folder = self._out / spec.id
+        try:
+            self._run(spec, folder, recorded_steps(folder))
+        except ReplayError as fault:
+            print(f"{fault} It is begun anew.", flush=True)
+            self._run(spec, folder, ())
+
+    def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
+        job, plugins = self._job, self._plugins
+        body = self._body = self._body or Body(spec.scene, plugins=plugins, engines=job.engines)
+        maker = plugins.make("decision_makers", job.agent, job.options)
+        judge = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+        self._watch.before = tuple(usage_of(step) for step in replay)
+        run_episode(
+            body,
+            spec,
+            maker,
+            judge,
+            folder=folder,
+            options=job.options,
+            ruler=geodesics,
+            replay=replay,
+            meter=self._meter,
+        )
+
+    def _fail(self, spec: EpisodeSpec, error: str) -> None:
+        folder = self._out / spec.id
+        if (folder / "episode.json").exists():
+            mark(folder, FAILED, error)
+
+    def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> Report:
+        end, before = self._watch.end, self._watch.before
+        outcome: Outcome = "interrupted" if error == BROKEN_OFF else FAILED
+        if not error and end is not None:
+            outcome, error = end.outcome, end.error
+        report = Report(spec.id, outcome, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
+        if end is None:
+            return report
+        cost = end.usage.cost - sum(usage.cost for usage in before)
+        tokens = end.usage.tokens_in + end.usage.tokens_out - sum(u.tokens_in + u.tokens_out for u in before)
+        return replace(report, limit=end.limit, steps=end.steps, cost=cost, tokens=tokens)
+
+    def close(self) -> None:
+        if self._body is not None:
+            self._body.close()
+            self._body = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Watch:
+    """Sees how an episode ends, and breaks it off between two steps when the run is to stop."""
+
+    def __init__(self, stopping: Callable[[], bool]) -> None:
+        self._stopping = stopping
+        self.begin()
+
+    def begin(self) -> None:
+        self.end: EpisodeRecord | None = None
+        self.before: tuple[Usage, ...] = ()
+        """What the steps took that were played in an earlier sitting."""
+
+    @hookimpl
+    def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
+        if self._stopping() and step.status != "stopped":
+            raise KeyboardInterrupt
+
+    @hookimpl
+    def humanclaw_episode_end(self, episode: EpisodeRecord, folder: Path | None) -> None:
+        self.end = episode
+
+
+def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
+    """The steps of an episode that an earlier sitting left behind, if any."""
+    return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
+
+
+def mark(folder: Path, outcome: Outcome, error: str) -> None:
+    """Write into the record of an episode how it ended, where nobody else could."""
+    recorded = RecordedEpisode(folder)
+    changed = {"outcome": outcome, "error": error, "steps": len(recorded.steps)}
+    write_atomically(
+        folder / "episode.json", recorded.record.model_copy(update=changed).model_dump_json(indent=1).encode()
+    )
+
+
+# -- a record on its way -----------------------------------------------------------------------------------------------
+def pack(folder: Path) -> dict[str, bytes]:
+    """Every file of an episode's record by its path in the folder; nothing if there is none."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != ".partial")
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def unpack(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write a record; episode.json comes last, since it says that there is one."""
+    for name, data in sorted(files.items(), key=lambda item: item[0] == "episode.json"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(folder / name, data)

@@ -1,0 +1,176 @@
+"""Root causes: one constructed rollout for each of the 18 labels, their order, and the funnel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
+from rooms import two_rooms
+
+from humanclaw.interfaces import Call
+from humanclaw.loop import run_episode
+from humanclaw.navigation.geodesics import geodesics
+from humanclaw.records import RecordedEpisode, StepRecord
+from humanclaw.tasks import free_episode
+from humanclaw.testing import ScriptedAgent
+from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage
+from humanclaw_bench.metrics import score
+
+SEE, BLIND = "A couch is 2 m ahead.", "A wall."
+ON = {"pelvis_contacts": (COUCH,)}
+MOVED = {"end": (0.4, 1.0, 0.0), "geodesic": 4.0}
+FOUND = step(says=SEE, pixels=500, **MOVED)
+AT_SEAT = [FOUND, step(says=SEE, pixels=500, away=0.1, geodesic=0.1)]
+ROLLOUTS: dict[str, list[StepRecord]] = {
+    "find: target in view but not seen": [step(says=BLIND, pixels=100, geodesic=1.0), *roaming(3)],
+    "find: near but not in view": [*roaming(3), step(geodesic=1.4), *roaming(3)],
+    "find: too far": [*stuck(8)],
+    "find: unaware jammed": [*roaming(3), *stuck(8), *roaming(30)],
+    "find: ineffective actions": pacing(25, 2.0),
+    "find: midpoint give up": [*roaming(3), step(geodesic=2.9), *roaming(3, geodesic=3.7)],
+    "find: ineffective exploration": [*pacing(25, 2.1), *stuck(7), *roaming(1, geodesic=3.0), *roaming(3, geodesic=3.6)],
+    "nav: unaware arrived/touch": [*AT_SEAT, *roaming(3)],
+    "nav: stop while far": [FOUND, step("stop", away=0.3)],
+    "nav: find too late": [*roaming(70), *[FOUND] * 3],
+    "nav: unaware jammed": [*roaming(69), FOUND, *stuck(8, pixels=500), step(pixels=100)],
+    "nav: ineffective actions": [FOUND, *stuck(7), step(pixels=100, **MOVED)],
+    "nav: target hallucination": [FOUND, *stuck(8), step(says=SEE, pixels=99)],
+    "nav: lost target": [FOUND, *stuck(8), step(says=BLIND, pixels=99)],
+    "interact: stand after sit": [*AT_SEAT, step("sit_in_place", **ON), step("turn_in_place", away=0.1), step("stop", away=0.1)],
+    "interact: sit on air": [*AT_SEAT, step("sit_in_place", away=0.1), step("stop", away=0.1)],
+    "interact: sit wrong": [*AT_SEAT, step("sit_in_place", pelvis_contacts=(TABLE,)), step("stop", away=0.1)],
+    "interact: stop but never sit": [*AT_SEAT, step("stop", away=0.1)],
+}  # fmt: skip
+START = {"find: too far": 20.1, "find: midpoint give up": 6.0, "find: ineffective exploration": 6.0}
+
+
+@pytest.mark.parametrize("label", ROLLOUTS)
+def test_each_root_cause_has_its_rollout(tmp_path: Path, label: str) -> None:
+    cause = attribute(rollout(tmp_path, ROLLOUTS[label], geodesic=START.get(label, 4.0)))
+    assert cause
+    assert cause.label == label
+
+
+def test_there_are_the_papers_eighteen_labels() -> None:
+    assert [cause.label for cause in CAUSES] == list(ROLLOUTS)
+    assert [sum(cause.stage == stage for cause in CAUSES) for stage in ("find", "nav", "interact")] == [7, 7, 4]
+
+
+@pytest.mark.parametrize(
+    ("steps", "start", "label"),
+    [
+        # Too far and jammed: too far is asked first.
+        ([*roaming(3), *stuck(8)], 20.1, "find: too far"),
+        ([step(pixels=100), *stuck(8)], 20.1, "find: target in view but not seen"),
+        ([step(geodesic=1.0), *stuck(8)], 20.1, "find: near but not in view"),
+        ([*pacing(25, 1.0), *stuck(8)], 4.0, "find: unaware jammed"),
+        (pacing(24, 2.0), 4.0, "find: ineffective exploration"),
+        # It came near, stopped and had gone away again: neither of the first two rules.
+        ([FOUND, step(away=0.1), step("stop", pixels=100)], 4.0, "nav: ineffective actions"),
+        ([*roaming(70), step(says=SEE, pixels=500), *stuck(8, pixels=500)], 4.0, "nav: find too late"),
+        ([*roaming(69), step(pixels=100), FOUND], 4.0, "nav: ineffective actions"),
+        # The seat was brushed on the way: the pelvis did touch something.
+        ([*AT_SEAT, step(contacts=(touch(TABLE, joint="pelvis"),)), step("sit_in_place"), step("stop", away=0.1)], 4.0,
+         "interact: sit wrong"),
+    ],
+)  # fmt: skip
+def test_the_first_rule_that_matches_gives_the_label(tmp_path: Path, steps: list, start: float, label: str) -> None:
+    cause = attribute(rollout(tmp_path, steps, geodesic=start))
+    assert cause
+    assert cause.label == label
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [*stuck(7), step("", away=None), *stuck(7)],
+        [*stuck(7), step("turn_in_place", geodesic=4.0), *stuck(7)],
+        [step(params={"x_cm": 3, "z_cm": 5}, geodesic=4.0)] * 12,
+    ],
+)
+def test_a_pause_a_turn_or_a_tiny_step_is_no_jam(tmp_path: Path, steps: list) -> None:
+    cause = attribute(rollout(tmp_path, steps, geodesic=4.0))
+    assert cause
+    assert cause.label == "find: ineffective exploration"
+
+
+def test_without_recorded_ways_the_straight_line_over_the_floor_stands_in(tmp_path: Path) -> None:
+    near = [step(end=(3.6, 1.0, 0.0))]
+    far = [step(end=(3.4, 1.0, 0.0))]
+    labels = [attribute(rollout(tmp_path, steps, name=f"{k}")) for k, steps in enumerate((near, far))]
+    assert [cause.name for cause in labels if cause] == ["near but not in view", "ineffective exploration"]
+
+
+def test_success_and_unfinished_episodes_have_no_root_cause(tmp_path: Path) -> None:
+    sat = [*AT_SEAT, step("sit_in_place", away=0.1, **ON), step("stop", away=0.1, **ON)]
+    assert attribute(rollout(tmp_path, sat, name="sat")) is None
+    assert attribute(rollout(tmp_path, ROLLOUTS["interact: stop but never sit"], name="nav", interact=False)) is None
+    assert attribute(rollout(tmp_path, [step()], name="free", category="", interact=False)) is None
+    for outcome in ("infra_error", "interrupted", "running"):
+        assert attribute(rollout(tmp_path, [step()], name=outcome, outcome=outcome)) is None
+
+
+def test_an_empty_episode_gets_a_label_too(tmp_path: Path) -> None:
+    cause = attribute(rollout(tmp_path, []))
+    assert cause
+    assert cause.stage == "find"
+
+
+def test_every_failed_random_rollout_gets_one_label_of_its_stage(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for case in range(25):
+        skills = rng.choice(["walk", "turn_in_place", "sit_in_place", ""], rng.integers(1, 12)).tolist()
+        steps = [
+            step(skill, str(rng.choice([SEE, BLIND])), int(rng.choice([0, 500])), away=float(rng.choice([0.1, 3.0])),
+                 pelvis_contacts=tuple(rng.choice([COUCH, TABLE], rng.integers(0, 2)).tolist()))
+            for skill in skills + (["stop"] if rng.random() < 0.6 else [])
+        ]  # fmt: skip
+        recorded = rollout(tmp_path, steps, name=f"{case}")
+        scores, cause = score(recorded), attribute(recorded)
+        assert (cause is None) == bool(scores.success)
+        assert failed_stage(scores) == (cause.stage if cause else None)
+        assert attribute(recorded, scores) is cause
+
+
+# -- the funnel --------------------------------------------------------------------------------------------------------
+def test_the_funnel_counts_a_stage_only_after_the_stages_before_it(tmp_path: Path) -> None:
+    sat = [*AT_SEAT, step("sit_in_place", away=0.1, **ON), step("stop", away=0.1, **ON)]
+    unseen = [step(away=0.1), step("stop", away=0.1)]
+    plans = {
+        "sat": (sat, True, ""), "stood": ([*AT_SEAT, step("stop", away=0.1)], True, ""), "far": ([FOUND], True, ""),
+        "reached": ([*AT_SEAT, step("stop", away=0.1)], False, ""), "unsaid": ([step(pixels=500)], False, ""),
+        "unseen": (unseen, False, ""), "broken": (sat, True, "infra_error"),
+    }  # fmt: skip
+    scores = [
+        score(rollout(tmp_path, steps, name=name, interact=interact, outcome=outcome))
+        for name, (steps, interact, outcome) in plans.items()
+    ]
+    assert Funnel.of(scores) == Funnel(episodes=6, in_view=5, found=4, reached=3, reached_to_sit=2, sat=1)
+
+
+# -- the way that is left ----------------------------------------------------------------------------------------------
+def test_the_way_to_a_target_leads_through_the_door_and_not_through_the_wall() -> None:
+    scene = two_rooms()
+    way = geodesics(scene, (20,))
+    low, high = scene.aabb(20)
+    start = np.array([scene.start.x, 0.96, scene.start.z])
+    straight = float(np.linalg.norm(np.maximum(0, np.maximum(low - start, start - high))[[0, 2]]))
+    assert straight < way(start) < 3 * straight
+    assert way((low + high) / 2) < 1.2
+    assert way(start) > way(start + [1.0, 0.0, 0.0]) - 1.1
+
+
+def test_a_run_records_the_way_that_is_left_before_and_after_every_step(body, house, tmp_path: Path) -> None:
+    spec = free_episode("find a couch", house, max_steps=2)
+    agent = ScriptedAgent([Call("walk", {"z_cm": 40}), Call("stop")])
+    run_episode(body, spec, agent, folder=tmp_path / "one", ruler=geodesics)
+    recorded, way = RecordedEpisode(tmp_path / "one"), geodesics(house, spec.target_ids)
+    assert recorded.record.geodesic == pytest.approx(way([house.start.x, 0.96, house.start.z]), abs=0.1)
+    assert [one.geodesic for one in recorded.steps] == pytest.approx([way(one.end) for one in recorded.steps], abs=0.01)
+    assert set(recorded.record.movable) == {thing.id for thing in house.objects if thing.movable}
+
+
+def test_no_target_has_no_way() -> None:
+    assert geodesics(two_rooms(), ())(np.zeros(3)) == np.inf

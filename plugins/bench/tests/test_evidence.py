@@ -1,0 +1,123 @@
+"""Ablation and rescue, from made-up scores whose answers are known."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from importlib.resources import files
+
+from humanclaw.episode import EpisodeSpec
+from humanclaw_bench import ablation, rescue
+from humanclaw_bench.attribution import CAUSES
+from humanclaw_bench.metrics import Scores
+from humanclaw_scripted.faults import FAULTS, drawn
+
+BY_LABEL = {cause.label: cause for cause in CAUSES}
+
+
+def scores(number: int, nav: bool, interact: bool | None = None) -> Scores:
+    return Scores(
+        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, nav, nav, nav, interact, interact, 0.1,
+        {}, 0, 0.0, 5.0, 10, 0, 0, 0, 0.0,
+    )  # fmt: skip
+
+
+def run(successes: int, total: int = 40) -> list[Scores]:
+    """The first episodes succeed in both rates, the rest in none."""
+    return [scores(k, k < successes, k < successes) for k in range(total)]
+
+
+def test_a_rate_that_collapses_is_a_direction_reproduced():
+    """20 episodes lost and none won: McNemar's exact p is 2 / 2^20."""
+    runs = {setting.name: run(30) for setting in ablation.SETTINGS} | {"no-verifier": run(10)}
+    found = {(f.setting, f.metric): f for f in ablation.findings(runs)}
+    assert found["no-verifier", "NavSR"].reproduced
+    assert found["no-verifier", "NavSR"].difference.p < 1e-4
+    assert not found["history-0", "NavSR"].reproduced
+
+
+def test_a_rate_that_rises_reproduces_nothing():
+    runs = {setting.name: run(10) for setting in ablation.SETTINGS} | {"images-10": run(35)}
+    assert not any(f.reproduced for f in ablation.findings(runs))
+
+
+def test_the_ablation_table_tells_rates_and_directions():
+    runs = {setting.name: run(30) for setting in ablation.SETTINGS} | {"no-mid-level": run(5)}
+    text = ablation.markdown(runs)
+    # Wilson's interval of 30 of 40, from its formula: (0.75 + z2/80 -+ z sqrt(0.1875/40 + z2/6400)) / (1 + z2/40) with z = 1.96.
+    assert "| baseline | 40 | 100.0 % [91, 100] | 75.0 % [60, 86] | 75.0 % [60, 86] |" in text
+    assert "| no-mid-level: InteractSR falls | 75.0 % | 12.5 % |" in text
+
+
+def test_the_settings_differ_from_the_baseline_in_one_thing_each():
+    base = ablation.BASELINE.job(ablation.Engines())
+    for setting in ablation.SETTINGS[1:]:
+        job = setting.job(ablation.Engines())
+        changed = dict(job.options.items() - base.options.items())
+        assert len(changed) + (job.verifier != base.verifier) == 1
+
+
+def test_rescue_counts_by_label_who_is_saved_by_the_blamed_faculty():
+    far, blind = BY_LABEL["nav: stop while far"], BY_LABEL["find: target in view but not seen"]
+    causes = {"e0": far, "e1": far, "e2": far, "e3": blind, "e4": None}
+    right = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
+    other = {f"e{k}": scores(k, nav=k == 2) for k in range(1, 4)}
+    rows = rescue.rescued(causes, right, other)
+    assert [row.label for row in rows] == [blind.label, far.label]
+    assert (rows[0].count, rows[0].rescued, rows[0].rescued_by_others, rows[0].others) == (1, 1, 0, 1)
+    assert (rows[1].count, rows[1].rescued, rows[1].rescued_by_others, rows[1].others) == (3, 2, 1, 2)
+    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) | 1 of 2 |" in rescue.markdown(rows)
+
+
+def specs(count: int) -> list[EpisodeSpec]:
+    return [EpisodeSpec(id=f"e{k}", instruction="find", scene="house:0", interact=True, seed=k) for k in range(count)]
+
+
+def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_enough():
+    everything, causes = specs(500), {}
+    first = rescue.wanting(everything, causes, 3)
+    assert len(first) == 3 * len(FAULTS)
+    causes = {spec.id: BY_LABEL[FAULTS[drawn(spec)].label] for spec in first}
+    spoilt = next(spec for spec in first if drawn(spec) == "jam")
+    causes[spoilt.id] = None
+    (another,) = rescue.wanting(everything, causes, 3)
+    assert drawn(another) == "jam"
+    assert another not in first
+
+
+def test_what_is_played_ends_with_the_episodes():
+    everything = specs(10)
+    assert rescue.wanting(everything, {spec.id: None for spec in everything}, 3) == []
+
+
+def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left():
+    everything, causes = specs(500), {}
+    while todo := rescue.wanting(everything, causes, 2):
+        causes |= {spec.id: None for spec in todo}
+    assert Counter(drawn(spec) for spec in everything if spec.id in causes) == dict.fromkeys(FAULTS, 6)
+
+
+def test_the_blamed_of_a_faculty_are_at_most_so_many_of_each_label():
+    arrived, jammed = BY_LABEL["nav: unaware arrived/touch"], BY_LABEL["nav: unaware jammed"]
+    causes = {f"e{k}": arrived if k < 4 else jammed for k in range(5)} | {"e5": BY_LABEL["nav: lost target"]}
+    assert len(rescue.blamed(specs(6), causes, "body awareness")) == 5
+    assert [spec.id for spec in rescue.blamed(specs(6), causes, "body awareness", 2)] == ["e0", "e1", "e4"]
+
+
+def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_faculty():
+    assert {BY_LABEL[fault.label].faculty == fault.faculty for fault in FAULTS.values()} == {True}
+    assert {cause.label for cause in CAUSES} - {fault.label for fault in FAULTS.values()} == {"find: too far"}
+
+
+def test_the_faculty_put_right_for_comparison_is_another_one():
+    assert all(rescue.another(faculty) in set(rescue.FACULTIES) - {faculty} for faculty in rescue.FACULTIES)
+
+
+def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_faculty_and_fault():
+    page = files("humanclaw").joinpath("bench/README.md").read_text("utf-8")
+    rows = [line for line in page.splitlines() if re.match(r"\| \d+ \|", line)]
+    fault = {one.label: f"`{name}`" for name, one in FAULTS.items()}
+    assert rows == [
+        f"| {number} | {cause.label} | {cause.meaning} | {cause.faculty} | {fault.get(cause.label, 'none')} |"
+        for number, cause in enumerate(CAUSES, 1)
+    ]

@@ -1,0 +1,393 @@
+"""Metrics: worked by hand on small records, and checked against a second computation that shares no code."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
+from rooms import two_rooms
+
+from humanclaw.body import JOINTS, OFFSETS, PARENTS
+from humanclaw.embodiment import Chunk, Deed
+from humanclaw.episode import StartPose
+from humanclaw.errors import RecordError
+from humanclaw.interfaces import Call, Contact, Execution
+from humanclaw.pose import FPS, HISTORY, Motion, rest_pose
+from humanclaw.recorder import outcome
+from humanclaw.records import AttemptRecord, UsageRecord, VerdictRecord
+from humanclaw_bench.metrics import (
+    ALL,
+    Scores,
+    acknowledges,
+    choreography,
+    collisions,
+    compare,
+    disturbed,
+    disturbed_path,
+    estimate,
+    jerk,
+    score,
+)
+
+SEE = "A couch is 2 m ahead."
+METRIC = {metric.name: metric for metric in ALL}
+
+
+# -- find --------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("text", "category", "said"),
+    [
+        ("A couch is 2.5 m ahead, slightly left.", "couch", True),
+        ("Two sofas by the wall.", "couch", True),
+        ("Table on the left; the TARGET is behind it", "couch", True),
+        ("A potted_plant in the corner", "potted_plant", True),
+        ("There are no chairs. A couch stands to the right.", "couch", True),
+        ("No couch is in view.", "couch", False),
+        ("I don't see a sofa", "couch", False),
+        ("I don\u2019t see a sofa", "couch", False),
+        ("There is a table, but neither a couch nor a bed.", "couch", False),
+        ("The couch is out of view now", "couch", False),
+        ("I am in the bedroom beside a bedside table.", "bed", False),
+        ("A chair and a table.", "couch", False),
+        ("", "couch", False),
+        ("A piano stands there", "piano", True),
+    ],
+)
+def test_a_sentence_that_names_the_target_without_negation_acknowledges_it(
+    text: str, category: str, said: bool
+) -> None:
+    assert acknowledges(text, category) is said
+
+
+def test_a_decimal_point_ends_no_sentence() -> None:
+    assert not acknowledges("Nothing within 2.5 m of the couch", "couch")
+
+
+@pytest.mark.parametrize(
+    ("steps", "found", "in_view"),
+    [
+        ([step(says=SEE, pixels=100)], True, True),
+        ([step(says=SEE, pixels=99)], False, False),
+        ([step(says="A table.", pixels=5000)], False, True),
+        ([step(says="A table.", pixels=5000), step(says=SEE, pixels=0)], False, True),
+        ([step(says=SEE, target_pixels={COUCH: 60, 21: 40})], True, True),
+    ],
+)
+def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, found: bool, in_view: bool) -> None:
+    scores = score(rollout(tmp_path, steps))
+    assert (scores.find, scores.geo_find) == (found, in_view)
+
+
+def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
+    attempts = (AttemptRecord(visible_state=SEE, error="no call"), AttemptRecord(visible_state="A wall."))
+    assert score(rollout(tmp_path, [step(pixels=900, attempts=attempts)])).find is False
+
+
+# -- navigate ----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("steps", "nav", "geo", "one_metre"),
+    [
+        ([step(away=0.1), step("stop", away=0.2)], True, True, True),
+        ([step(away=0.1), step("stop", away=0.21)], False, False, True),
+        ([step("stop", away=1.01)], False, False, False),
+        ([step(away=0.1)], False, True, False),
+        ([step(away=0.1), step("", away=None)], False, True, False),
+        ([step(away=0.1), step(away=3.0)], False, False, False),
+        ([step("", away=None)], False, False, False),
+    ],
+)
+def test_navigation_succeeds_with_an_active_stop_at_the_target(
+    tmp_path: Path, steps: list, nav: bool, geo: bool, one_metre: bool
+) -> None:
+    scores = score(rollout(tmp_path, steps))
+    assert (scores.nav, scores.geo_nav, scores.nav_1m) == (nav, geo, one_metre)
+
+
+# -- interact ----------------------------------------------------------------------------------------------------------
+ON, OFF = {"pelvis_contacts": (COUCH,)}, {"pelvis_contacts": (TABLE,)}
+
+
+@pytest.mark.parametrize(
+    ("steps", "sat", "geo"),
+    [
+        ([step("sit_in_place", **ON), step("stop", **ON)], True, True),
+        ([step("sit_in_place", **ON), step("stop")], True, True),
+        ([step("sit_in_place", **ON), step("turn_in_place"), step("stop", **ON)], False, True),
+        ([step("sit_in_place"), step("turn_in_place", **ON), step("stop", **ON)], True, False),
+        ([step("walk", **ON), step("stop", **ON)], False, False),
+        ([step("sit_in_place", **OFF), step("stop", **OFF)], False, False),
+        ([step("sit_in_place", **ON)], False, True),
+        ([step("stop", **ON)], False, False),
+    ],
+)
+def test_sitting_succeeds_if_the_pelvis_is_on_the_target_right_before_the_stop(
+    tmp_path: Path, steps: list, sat: bool, geo: bool
+) -> None:
+    scores = score(rollout(tmp_path, steps))
+    assert (scores.interact, scores.geo_interact) == (sat, geo)
+
+
+def test_an_episode_without_sitting_is_not_scored_for_it(tmp_path: Path) -> None:
+    scores = score(rollout(tmp_path, [step("sit_in_place", **ON), step("stop", away=0.1)], interact=False))
+    assert (scores.interact, scores.geo_interact, scores.success) == (None, None, True)
+
+
+def test_a_free_instruction_has_no_success_but_a_body(tmp_path: Path) -> None:
+    scores = score(rollout(tmp_path, [step(away=None, contacts=(touch(TABLE),))], category="", interact=False))
+    assert {scores.find, scores.geo_find, scores.nav, scores.geo_nav, scores.nav_1m, scores.success} == {None}
+    assert scores.collisions["any"] == 1.0
+
+
+# -- collisions --------------------------------------------------------------------------------------------------------
+def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_ground(tmp_path: Path) -> None:
+    steps = [
+        step(contacts=(touch(TABLE, height=2.0205), touch(TABLE, joint="right_foot", height=1.9))),
+        step(contacts=(touch(TABLE, height=2.021),)),
+        step(contacts=(touch(LAMP, height=3.0),)),
+        step("", away=None),
+        step("stop", contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
+    ]
+    shares = collisions(rollout(tmp_path, steps, start=StartPose(x=0, z=0, yaw=0, floor=2.0)))
+    assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
+
+
+def test_feet_on_stairs_stand_and_a_knee_against_them_collides(tmp_path: Path) -> None:
+    stairs = 50
+    climbing = [
+        step(contacts=(touch(stairs, joint="left_foot", height=0.35), touch(stairs, joint="right_ankle", height=0.52))),
+        step(contacts=(touch(stairs, joint="left_knee", height=0.6),)),
+    ]
+    assert collisions(rollout(tmp_path, climbing, ground=(stairs,)))["any"] == 0.5
+    assert collisions(rollout(tmp_path, climbing, name="unknown"))["any"] == 1.0
+
+
+def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:
+    scores = score(rollout(tmp_path, [step("", away=None)]))
+    assert np.isnan(scores.collisions["any"])
+    assert np.isnan(estimate(METRIC["Coll."], [scores]).value)
+
+
+# -- disturbance -------------------------------------------------------------------------------------------------------
+def test_a_chain_of_contacts_carries_a_disturbance_forward_in_time(tmp_path: Path) -> None:
+    steps = [
+        step(touches=((3, VASE, BOOK),)),
+        step(contacts=(touch(LAMP, 4),), touches=((9, LAMP, VASE),)),
+    ]
+    found = disturbed(rollout(tmp_path, steps), {})
+    assert found == {LAMP: HISTORY + 19, VASE: HISTORY + 24}
+
+
+def test_contacts_of_one_frame_are_one_chain(tmp_path: Path) -> None:
+    steps = [step(contacts=(touch(LAMP, 4),), touches=((4, VASE, BOOK), (4, LAMP, VASE)))]
+    assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP, VASE, BOOK}
+
+
+def test_a_fixed_thing_passes_nothing_on(tmp_path: Path) -> None:
+    steps = [step(contacts=(touch(LAMP, 0), touch(TABLE, 0)), touches=((1, LAMP, TABLE), (2, VASE, TABLE)))]
+    assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP}
+
+
+def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Path) -> None:
+    """A step of 15, 7 and 15 frames: the lamp is touched in frame 3 of the last piece and touches the vase in frame 4."""
+    hit = Contact(3, "left_knee", "leg_foot", LAMP, True, 0.001, 0.5)
+    pieces = [
+        Chunk(rest_pose(count), Execution(rest_pose(count), contacts, touches, {}))
+        for count, contacts, touches in ((15, (), ()), (7, (), ()), (15, (hit,), ((4, LAMP, VASE),)))
+    ]
+    fields = outcome(two_rooms(), (), Deed(Call("nod"), tuple(pieces), {}))
+    assert fields["contacts"][0].frames == (25,)
+    assert fields["touches"] == ((26, LAMP, VASE),)
+    found = disturbed(rollout(tmp_path, [step("nod", **fields)]), {})
+    assert found == {LAMP: HISTORY + 25, VASE: HISTORY + 26}
+
+
+def test_random_contacts_disturb_what_a_search_over_all_chains_finds(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    things = (LAMP, VASE, BOOK, TABLE)
+    for case in range(40):
+        hits = {(int(rng.integers(15)), LAMP) for _ in range(rng.integers(0, 2))}
+        hits |= {(int(rng.integers(15)), VASE) for _ in range(rng.integers(0, 2))}
+        pairs = {(int(rng.integers(15)), *map(int, rng.choice(things, 2, replace=False))) for _ in range(5)}
+        contacts = tuple(touch(thing, frame) for frame, thing in hits)
+        found = disturbed(rollout(tmp_path, [step(contacts=contacts, touches=tuple(pairs))], name=f"{case}"), {})
+        chains = {thing for _, thing in hits}
+        links = [(t, a, b) for t, x, y in pairs for a, b in ((x, y), (y, x)) if TABLE not in (x, y)]
+        for count in range(1, 4):
+            for chain in itertools.permutations(links, count):
+                in_time = all(one[0] <= two[0] and one[2] == two[1] for one, two in itertools.pairwise(chain))
+                if in_time and any(t <= chain[0][0] and thing == chain[0][1] for t, thing in hits):
+                    chains.add(chain[-1][2])
+        assert set(found) == chains
+
+
+def test_the_path_of_a_thing_counts_from_the_frame_it_was_disturbed(tmp_path: Path) -> None:
+    path = np.zeros((HISTORY + 15, 7))
+    path[:, 0] = np.concatenate([np.linspace(0, 1, HISTORY + 4), np.full(11, 1.5)])
+    path[-1, 1] = -2.0
+    recorded = rollout(tmp_path, [step(contacts=(touch(LAMP, 4),))], objects={LAMP: path})
+    moved = recorded.objects()
+    # Half a metre in the frame of the touch, two metres down in the last one; what it moved before is not the body's doing.
+    assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(2.5)
+    scores = score(recorded)
+    assert (scores.disturbed, scores.disturbed_path) == (1, pytest.approx(2.5))
+
+
+def test_the_disturbed_path_is_pooled_over_objects_and_not_over_episodes(tmp_path: Path) -> None:
+    one = score(rollout(tmp_path, [step("stop")]))
+    many = [replace(one, disturbed=1, disturbed_path=4.0), replace(one, disturbed=3, disturbed_path=0.0), one]
+    assert estimate(METRIC["dDtb (m)"], many).value == pytest.approx(1.0)
+    assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
+
+
+# -- jerk --------------------------------------------------------------------------------------------------------------
+def track(x: np.ndarray, z: np.ndarray | None = None, yaw: np.ndarray | None = None) -> Motion:
+    still = rest_pose(len(x))
+    root, rotations = still.root.copy(), still.rotations.copy()
+    root[:, 0], root[:, 2] = x, 0.0 if z is None else z
+    rotations[:, 0, 1] = 0.0 if yaw is None else yaw
+    return Motion(root, rotations)
+
+
+TIME = np.arange(90) / FPS
+
+
+def test_the_jerk_of_a_cubic_is_six() -> None:
+    assert jerk(track(TIME**3)) == pytest.approx(6.0)
+    assert jerk(track(TIME**3, 2 * TIME**3)) == pytest.approx(6.0 * 5**0.5)
+
+
+def test_constant_acceleration_has_no_jerk() -> None:
+    assert jerk(track(3 * TIME + 2 * TIME**2)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_turning_carries_the_joints_on_circles() -> None:
+    speed, places = 1.3, []
+    for joint in range(len(JOINTS)):
+        parent = PARENTS[joint]
+        places.append(OFFSETS[joint] + (places[parent] if parent >= 0 else 0))
+    radius = np.mean([np.hypot(x, z) for x, _, z in places[:22]])
+    # Of a sine of angular speed w: three differences of stride h give (2 sin(wh/2))^3, the average of 3 frames (1 + 2 cos w/30)/3.
+    stride = 8 / 30
+    gain = (2 * np.sin(speed * stride / 2) / stride) ** 3 * (1 + 2 * np.cos(speed / 30)) / 3
+    assert jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(radius * gain)
+
+
+def test_waving_is_no_jerk_and_neither_is_the_place(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    walk = track(np.cumsum(rng.normal(0, 0.02, 90)), np.cumsum(rng.normal(0, 0.02, 90)), 0.3 * TIME)
+    waving = walk.rotations.copy()
+    waving[:, 1:] += rng.normal(0, 0.5, waving[:, 1:].shape)
+    assert jerk(Motion(walk.root + [5.0, 1.0, -3.0], waving)) == pytest.approx(jerk(walk))
+
+
+def test_a_motion_shorter_than_the_stencil_has_no_jerk() -> None:
+    assert np.isnan(jerk(track(np.arange(26.0))))
+    assert np.isfinite(jerk(track(np.arange(27.0))))
+
+
+def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Path) -> None:
+    """Four chunks of a steady walk along x, with a body that a wall at 0.4 m holds back and turns by 0.3 a chunk."""
+    length, ahead = 4, np.arange(1, 16) * 0.4 / 15
+    generated, realised = [track(np.zeros(HISTORY))], [track(np.zeros(HISTORY))]
+    x, z, yaw = 0.0, 0.0, np.pi / 2
+    generated[0].rotations[:, 0, 1] = realised[0].rotations[:, 0, 1] = yaw
+    for _ in range(length):
+        generated.append(track(x + ahead * np.sin(yaw), z + ahead * np.cos(yaw), np.full(15, yaw)))
+        x, yaw = min(x + 0.4 * np.sin(yaw), 0.4), yaw - 0.3
+        realised.append(track(np.full(15, x), np.full(15, z), np.full(15, yaw)))
+    whole = [generated[0], realised[0]]
+    for made, real in zip(generated[1:], realised[1:], strict=True):
+        whole = [whole[0].then(made), whole[1].then(real)]
+    recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step("stop")], motion=tuple(whole))
+    line = choreography(recorded)
+    assert len(line) == 60
+    np.testing.assert_allclose(line.root[:, 0], np.arange(1, 61) * 0.4 / 15, atol=1e-9)
+    np.testing.assert_allclose(line.root[:, 2], 0.0, atol=1e-9)
+    assert score(recorded).jerk == pytest.approx(0.0, abs=1e-6)
+    assert jerk(whole[0][HISTORY:]) > 1.0
+
+
+# -- cost and what is left out -----------------------------------------------------------------------------------------
+def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp_path: Path) -> None:
+    attempts = tuple(AttemptRecord(usage=UsageRecord(tokens_in=100, tokens_out=10, cost=0.5)) for _ in range(2))
+    verdict = VerdictRecord(verifier="v", accepted=True, usage=UsageRecord(tokens_in=7, tokens_out=3, cost=0.25))
+    scores = score(rollout(tmp_path, [step(verdict=verdict, attempts=attempts), step("", away=None), step("stop")]))
+    assert (scores.tokens_in, scores.tokens_out, scores.cost) == (207, 23, 1.25)
+    assert (scores.steps, scores.invalid) == (3, 1)
+    assert estimate(METRIC["in tok/step"], [scores]).value == pytest.approx(69.0)
+
+
+def test_an_episode_that_the_provider_broke_is_in_no_number(tmp_path: Path) -> None:
+    good = score(rollout(tmp_path, [step(says=SEE, pixels=500), step("stop", away=0.1)], name="good"))
+    bad = [
+        score(rollout(tmp_path, [step(contacts=(touch(LAMP),))], name=f"bad{k}", outcome=outcome))
+        for k, outcome in enumerate(("infra_error", "interrupted", "running"))
+    ]
+    for metric in ALL:
+        np.testing.assert_equal(vars(estimate(metric, [good, *bad])), vars(estimate(metric, [good])))
+
+
+def test_an_episode_without_motion_is_scored_without_jerk(tmp_path: Path) -> None:
+    recorded = rollout(tmp_path, [step("stop", away=0.1)])
+    (recorded.folder / "motion.npz").unlink()
+    scores = score(recorded)
+    assert scores.nav
+    assert np.isnan(scores.jerk)
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", b"PK\x03\x04 cut off"])
+def test_a_motion_file_that_is_broken_is_named(tmp_path: Path, content: bytes) -> None:
+    recorded = rollout(tmp_path, [step("stop")])
+    (recorded.folder / "motion.npz").write_bytes(content)
+    with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
+        score(recorded)
+
+
+# -- comparing ---------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def base(tmp_path: Path) -> Scores:
+    return score(rollout(tmp_path, [step("stop")]))
+
+
+def run_of(base: Scores, navs: list[bool], **more: object) -> list[Scores]:
+    return [replace(base, episode=f"e{k}", nav=nav, steps=10, **more) for k, nav in enumerate(navs)]
+
+
+def test_runs_are_compared_episode_by_episode(base: Scores) -> None:
+    a = run_of(base, [False] * 20)
+    b = run_of(base, [True] * 12 + [False] * 8)[::-1]
+    found = compare(a, b)
+    # Twelve gained and none lost: 2 / 2^12, the smallest p of three success rates.
+    assert found["NavSR"].value == pytest.approx(0.6)
+    assert found["NavSR"].p == pytest.approx(3 * 2 / 2**12)
+    assert not found["NavSR"].noise
+    assert found["FindSR"].noise
+    assert found["steps"].noise
+
+
+def test_only_episodes_that_both_finished_are_compared(base: Scores) -> None:
+    a, b = run_of(base, [True] * 6), run_of(base, [True] * 4)
+    b[3] = replace(b[3], outcome="infra_error")
+    assert compare(a, b)["NavSR"].count == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"episode": "other"}, "share no finished episode"),
+        ({"scene_digest": "def"}, "not the same in both runs"),
+        ({"category": "bed"}, "not the same in both runs"),
+    ],
+)
+def test_runs_of_different_episodes_are_refused(base: Scores, change: dict, words: str) -> None:
+    with pytest.raises(RecordError, match=words):
+        compare([base], [replace(base, **change)])
+
+
+def test_an_episode_that_is_there_twice_cannot_be_paired(base: Scores) -> None:
+    with pytest.raises(RecordError, match="twice"):
+        compare([base, base], [base])

@@ -1,0 +1,302 @@
+"""Runs: whatever ends one, it goes on from there, nothing is played twice, and how many play makes no difference."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import toy_world
+from click.testing import CliRunner
+
+from humanclaw.embodiment import Engines
+from humanclaw.errors import HumanclawError, PluginError, RecordError
+from humanclaw.plugins import Plugins
+from humanclaw.records import RecordedEpisode, load_run
+from humanclaw_bench.cli import bench
+from humanclaw_bench.executors import Backlog, LocalExecutor
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.worker import Job, Worker
+
+TOY = Engines("toy", "toy", "toy")
+
+
+class Here:
+    """An executor as a plugin would bring one: it plays in this process."""
+
+    stopping = False
+
+    def reports(self, job, backlog, out):
+        with Worker(job, out, lambda: self.stopping, "here") as worker:
+            while not self.stopping and (spec := backlog.take()):
+                yield worker.play(spec)
+
+    def stop(self):
+        self.stopping = True
+
+
+@pytest.fixture(scope="module")
+def toys():
+    return Plugins.discover([Path(toy_world.FILE)])
+
+
+@pytest.fixture
+def play(toys, tmp_path):
+    """Run toy episodes; returns the tally, the reports and the folder."""
+
+    def run(specs, workers=0, name="run", agent="walker", limits=None, **options):
+        job = Job(agent, options, engines=TOY, limits=limits or {}, files=(toy_world.FILE,))
+        reports = []
+        tally = run_split(
+            specs, job, LocalExecutor(workers) if workers else Here(), tmp_path / name, plugins=toys,
+            watch=lambda tally, report: reports.append(report) if report else None,
+        )  # fmt: skip
+        return tally, reports, tmp_path / name
+
+    return run
+
+
+def digests(folder):
+    return {episode.record.spec.id: episode.digest for episode in load_run(folder)}
+
+
+# -- who plays ---------------------------------------------------------------------------------------------------------
+def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
+    specs = toy_world.specs(6)
+    (here, _, none), (one, _, first), (two, _, second) = (play(specs, k, str(k)) for k in range(3))
+    assert (here.done, one.done, two.done) == (6, 6, 6)
+    assert digests(none) == digests(first) == digests(second)
+    assert len(set(digests(first).values())) == 6
+
+
+def test_a_digest_tells_two_runs_apart_that_did_something_else(play):
+    same, other = toy_world.specs(1)[0], toy_world.specs(1)[0].model_copy(update={"seed": 7})
+    _, _, first = play([same], name="one")
+    _, _, second = play([other], name="two")
+    assert digests(first) != digests(second)
+
+
+def test_a_house_is_given_to_one_worker_as_long_as_there_are_others():
+    backlog = Backlog(toy_world.specs(6, houses=3))
+    assert [backlog.take("").scene for _ in range(3)] == ["toy:0", "toy:1", "toy:2"]
+    assert backlog.take("toy:1").id == "toy-4"
+    assert backlog.take("toy:1").scene in ("toy:0", "toy:2")
+    assert len(backlog) == 1
+
+
+# -- going on ----------------------------------------------------------------------------------------------------------
+def test_a_finished_run_has_nothing_left_to_do(play):
+    play(toy_world.specs(2))
+    tally, reports, _ = play(toy_world.specs(2))
+    assert (tally.done, tally.played, reports) == (2, 0, [])
+
+
+def test_an_episode_cut_short_goes_on_without_asking_again(play, tmp_path):
+    log = tmp_path / "log"
+    _, _, whole = play(toy_world.specs(1), name="whole", log=str(log))
+    _, _, folder = play(toy_world.specs(1), log=str(log))
+    episode = folder / "toy-0"
+    lines = (episode / "steps.jsonl").read_text().splitlines(keepends=True)
+    (episode / "steps.jsonl").write_text("".join(lines[:2]) + lines[2][:50])
+    record = json.loads((episode / "episode.json").read_text()) | {"outcome": "running", "steps": 0}
+    (episode / "episode.json").write_text(json.dumps(record))
+    (episode / "motion.npz").unlink()
+    log.write_text("")
+    _, (report,), _ = play(toy_world.specs(1), log=str(log))
+    assert log.read_text().split() == ["toy-0", "2", "toy-0", "3"]
+    assert report.cost == pytest.approx(0.5)  # two answers of 0.25 each
+    assert digests(folder) == digests(whole)
+    assert (episode / "steps.jsonl").read_text().splitlines(keepends=True)[:2] == lines[:2]
+
+
+def test_a_record_that_the_world_no_longer_agrees_with_is_begun_anew(play, tmp_path, capsys):
+    log = tmp_path / "log"
+    _, _, folder = play(toy_world.specs(1), log=str(log))
+    before, episode = digests(folder), folder / "toy-0"
+    first, *_ = (episode / "steps.jsonl").read_text().splitlines()
+    step = json.loads(first)
+    step["end"][0] += 0.5
+    (episode / "steps.jsonl").write_text(json.dumps(step) + "\n")
+    record = json.loads((episode / "episode.json").read_text()) | {"outcome": "interrupted"}
+    (episode / "episode.json").write_text(json.dumps(record))
+    play(toy_world.specs(1), log=str(log))
+    assert digests(folder) == before
+    assert "It is begun anew" in capsys.readouterr().out
+
+
+def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    command = ["run", "--split", "smoke", "--agent", "still", "--no-resume", "--out", str(tmp_path)]
+    refused = CliRunner().invoke(bench, command)
+    assert isinstance(refused.exception, RecordError)
+    assert "holds a run already" in str(refused.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_other_settings_are_refused_and_named(play):
+    play(toy_world.specs(1))
+    with pytest.raises(RecordError, match=r"other settings: options pause was null and is now 0\.1"):
+        play(toy_world.specs(1), pause=0.1)
+    with pytest.raises(RecordError, match="episodes was 1 and is now 2"):
+        play(toy_world.specs(2))
+
+
+def test_other_weights_are_refused_and_named(play, toys, monkeypatch):
+    play(toy_world.specs(1))
+    monkeypatch.setattr(type(toys.make("motion_generators", "toy")), "digest", "other")
+    with pytest.raises(RecordError, match="weights base was toy and is now other"):
+        play(toy_world.specs(1))
+
+
+def test_an_unknown_agent_is_refused_before_any_worker_starts(play, tmp_path):
+    with pytest.raises(PluginError, match="Did you mean walker"):
+        play(toy_world.specs(1), agent="wlaker")
+    assert not (tmp_path / "run" / "logs").exists()
+
+
+# -- what goes wrong ---------------------------------------------------------------------------------------------------
+def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitting(play, tmp_path):
+    trouble = {"in": "toy-1", "what": "provider", "once": str(tmp_path / "once"), "log": str(tmp_path / "log")}
+    tally, _, folder = play(toy_world.specs(3), **trouble)
+    assert (tally.done, tally.failed) == (2, 1)
+    assert RecordedEpisode(folder / "toy-1").record.outcome == "infra_error"
+    again, reports, _ = play(toy_world.specs(3), **trouble)
+    assert (again.done, again.failed, again.played) == (3, 0, 1)
+    assert [report.episode for report in reports] == ["toy-1"]
+    asked = (tmp_path / "log").read_text().splitlines()
+    assert len(asked) == len(set(asked)) == 12
+
+
+def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
+    trouble = {"in": "toy-1", "what": "SIGSEGV", "once": str(tmp_path / "once")}
+    tally, reports, folder = play(toy_world.specs(4), workers=2, **trouble)
+    assert (tally.done, tally.failed) == (3, 1)
+    (died,) = [report for report in reports if report.outcome == "infra_error"]
+    assert died.episode == "toy-1"
+    assert "died with SIGSEGV" in died.error
+    assert RecordedEpisode(folder / "toy-1").record.error == died.error
+    assert "Segmentation fault" in (folder / "logs" / f"{died.worker or died.error.split()[0]}.log").read_text()
+    assert play(toy_world.specs(4), **trouble)[0].done == 4
+
+
+def test_a_bug_breaks_its_own_episode_alone(play, tmp_path, capsys):
+    trouble = {"in": "toy-0", "what": "bug", "once": str(tmp_path / "once")}
+    tally, _, folder = play(toy_world.specs(3), **trouble)
+    assert (tally.done, tally.failed) == (2, 1)
+    assert RecordedEpisode(folder / "toy-0").record.error == "ZeroDivisionError: a bug"
+    assert "in befall" in capsys.readouterr().err
+
+
+def test_workers_that_all_die_at_once_end_the_run(tmp_path):
+    job = Job("walker", {}, engines=TOY, files=(str(tmp_path / "missing.py"),))
+    with pytest.raises(HumanclawError, match="3 workers died one after another"):
+        list(LocalExecutor(1).reports(job, Backlog(toy_world.specs(9)), tmp_path / "run"))
+
+
+def test_a_budget_ends_the_run_and_another_sitting_goes_on(play):
+    tally, _, _ = play(toy_world.specs(4), limits={"run.usd": 1.5})
+    assert tally.stopped
+    assert tally.done in (1, 2)  # An episode costs one dollar.
+    assert play(toy_world.specs(4), limits={"run.usd": 100})[0].done == 4
+
+
+def test_two_runs_never_write_to_one_folder(play, tmp_path):
+    import fcntl
+
+    (tmp_path / "run").mkdir()
+    with (tmp_path / "run" / ".lock").open("w") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        with pytest.raises(RecordError, match="another run is writing"):
+            play(toy_world.specs(1))
+
+
+# -- signals -----------------------------------------------------------------------------------------------------------
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {here!r})
+import toy_world
+from humanclaw_bench.executors import LocalExecutor
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.worker import Job, Worker
+from humanclaw_bench.cli import bench
+from humanclaw.embodiment import Engines
+from humanclaw.plugins import Plugins
+
+if __name__ == "__main__":
+    job = Job("walker", {{"pause": {pause}}}, engines=Engines("toy", "toy", "toy"), files=(toy_world.FILE,))
+    tally = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
+                      plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
+    print(tally)
+    sys.exit(130 if tally.stopped else 0)
+"""
+
+
+@pytest.fixture
+def process(tmp_path):
+    """A run in a process of its own, in the middle of its episodes."""
+
+    def start(pause=0.15):
+        script = tmp_path / "script.py"
+        script.write_text(SCRIPT.format(here=str(Path(__file__).parent), pause=pause))
+        running = subprocess.Popen(
+            [sys.executable, str(script), str(tmp_path / "run")],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        wait_for(lambda: len(list((tmp_path / "run").glob("*/steps.jsonl"))) >= 1)
+        return running
+
+    return start
+
+
+def wait_for(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def outcomes(folder):
+    return [json.loads(path.read_text())["outcome"] for path in sorted(folder.glob("*/episode.json"))]
+
+
+def test_ctrl_c_ends_the_steps_under_way_and_the_run_goes_on_later(process, play, tmp_path):
+    running = process()
+    os.killpg(running.pid, signal.SIGINT)
+    assert running.wait(30) == 130
+    assert set(outcomes(tmp_path / "run")) <= {"stopped", "interrupted"}
+    assert "interrupted" in outcomes(tmp_path / "run")
+    assert play(toy_world.specs(6), pause=0.15)[0].done == 6
+    _, _, clean = play(toy_world.specs(6), name="clean", pause=0.15)
+    assert digests(tmp_path / "run") == digests(clean)
+
+
+def test_a_second_ctrl_c_ends_it_at_once(process):
+    running = process(pause=1.0)
+    began = time.monotonic()
+    os.killpg(running.pid, signal.SIGINT)
+    time.sleep(0.1)
+    os.killpg(running.pid, signal.SIGINT)
+    assert running.wait(10) != 0
+    assert time.monotonic() - began < 5
+
+
+def test_a_killed_run_leaves_no_worker_behind_and_goes_on_later(process, play, tmp_path):
+    running = process()
+    workers = children(running.pid)
+    assert len(workers) >= 2
+    running.kill()
+    running.wait(10)
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 10)
+    assert play(toy_world.specs(6), pause=0.15)[0].done == 6
+    _, _, clean = play(toy_world.specs(6), name="clean", pause=0.15)
+    assert digests(tmp_path / "run") == digests(clean)
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]

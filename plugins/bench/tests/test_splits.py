@@ -1,0 +1,173 @@
+"""The splits: what the paper says of its episodes holds of ours, and every one of them can be solved."""
+
+import numpy as np
+import pytest
+from rooms import two_rooms
+
+from humanclaw.episode import Difficulty, EpisodeSpec
+from humanclaw.errors import HumanclawError
+from humanclaw.navigation.routes import Storeys
+from humanclaw_bench.difficulty import Ways, measure, overall, tiers
+from humanclaw_bench.splits import (
+    DATA,
+    EPISODES,
+    HOUSES,
+    SPLITS,
+    Quota,
+    candidates,
+    choose,
+    load_split,
+    named,
+    write_split,
+)
+
+shipped = pytest.mark.skipif(not (DATA / "val.jsonl").exists(), reason="the splits are not made yet")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return list(candidates(two_rooms(), 0, starts=6))
+
+
+# -- difficulty --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("distance", "turns", "rooms", "obstacles", "expected"),
+    [
+        (3.5, 1, 1, 2.5, "easy"),
+        (3.51, 1, 1, 2.5, "easy"),  # one medium of three rounds down
+        (3.51, 2, 1, 2.5, "medium"),
+        (8.0, 3, 2, 5.0, "medium"),
+        (8.1, 3, 2, 5.0, "medium"),
+        (8.1, 3, 3, 5.0, "hard"),
+        (20.0, 9, 9, 9.0, "hard"),
+        (20.0, 0, 1, 0.0, "medium"),  # hard, easy and easy: two thirds round to one
+    ],
+)
+def test_the_overall_tier_is_the_rounded_mean_of_the_papers_three(distance, turns, rooms, obstacles, expected):
+    assert overall(Difficulty(distance=distance, turns=turns, rooms=rooms, obstacles=obstacles)) == expected
+
+
+def test_thresholds_are_the_papers():
+    edge = Difficulty(distance=3.5, turns=1, rooms=1, obstacles=5.0)
+    assert tiers(edge) == {"distance": "easy", "choice": "easy", "obstacle": "medium"}
+
+
+def test_a_way_through_a_door_has_two_rooms_and_turns():
+    scene = two_rooms()
+    storeys = Storeys.of(scene)
+    ways = Ways.of(storeys, storeys.near(scene, 20))
+    start = np.array([1.0, 0.0, 1.0])
+    way = ways.way(start)
+    assert np.allclose(way[0], start, atol=0.05)
+    difficulty = measure(scene, way, float(storeys.at(ways.costs, start)))
+    # To the doorway at (4, 4.5) and on to the front of the couch, whose middle is at (7.5, 2.5): 4.6 m and more than 3 m.
+    assert 7.0 < difficulty.distance < 9.0
+    assert difficulty.rooms == 2
+    assert difficulty.turns >= 1
+
+
+def test_obstacles_are_what_stands_within_a_metre():
+    scene = two_rooms()
+    middle = np.array(
+        [[6.0, 0.0, 4.5]]
+    )  # 1.5 m from the wall at z = 6, 1.55 m from the couch's end, 1.95 m from the doorway
+    assert measure(scene, np.repeat(middle, 2, 0), 0.0).obstacles == 0.0
+    corner = np.array([[7.5, 0.0, 5.5]])  # two walls within a metre
+    assert measure(scene, np.repeat(corner, 2, 0), 0.0).obstacles == 2.0
+
+
+# -- candidates and choosing -------------------------------------------------------------------------------------------
+def test_every_candidate_can_be_walked(found):
+    scene = two_rooms()
+    storeys = Storeys.of(scene)
+    assert {spec.target_category for spec in found} == {"couch", "bed", "tv"}
+    for spec in found:
+        goals = np.concatenate([storeys.near(scene, key) for key in spec.target_ids])
+        start = np.array([spec.start.x, spec.start.floor, spec.start.z])
+        assert storeys.geodesic(start, goals) == pytest.approx(spec.difficulty.distance, rel=0.1, abs=0.1)
+        assert spec.difficulty.distance >= 1.0
+        assert spec.interact == (spec.target_category in ("couch", "bed"))
+        assert ("sit" in spec.instruction) == spec.interact
+
+
+def test_the_same_seed_draws_the_same_candidates_and_another_draws_others(found):
+    assert list(candidates(two_rooms(), 0, starts=6)) == found
+    assert list(candidates(two_rooms(), 1, starts=6)) != found
+
+
+def test_choosing_meets_its_quota_and_is_repeatable(found):
+    quota = Quota({"couch": 6, "bed": 4, "tv": 2}, (12, 12), (1, 9))
+    chosen = choose(found, quota)
+    assert [sum(spec.target_category == name for spec in chosen) for name in quota.categories] == [6, 4, 2]
+    assert choose(found, quota) == chosen
+
+
+def test_a_quota_that_cannot_be_met_is_an_error(found):
+    with pytest.raises(HumanclawError, match="no such 999 episodes"):
+        choose(found, Quota({"couch": 999}, (0, 999), (0, 999)))
+
+
+def test_a_split_reads_back_as_it_was_written(found, tmp_path):
+    specs = named(found)
+    assert len({spec.id for spec in specs}) == len(specs)
+    write_split(tmp_path / "mine.jsonl", specs)
+    assert load_split(str(tmp_path / "mine.jsonl")) == specs
+
+
+def test_a_split_that_is_not_there_or_not_one_is_refused(tmp_path):
+    with pytest.raises(HumanclawError, match="there is no split missing"):
+        load_split("missing")
+    (tmp_path / "bad.jsonl").write_text('{"id": 1}\n')
+    with pytest.raises(HumanclawError, match=r"bad\.jsonl:1 is no episode"):
+        load_split(str(tmp_path / "bad.jsonl"))
+
+
+# -- what comes with the package ---------------------------------------------------------------------------------------
+@shipped
+def test_the_validation_split_is_the_papers_in_numbers():
+    specs = load_split("val")
+    houses = [sum(spec.scene == scene for spec in specs) for scene in {spec.scene for spec in specs}]
+    assert (len(specs), len({spec.id for spec in specs}), len(houses)) == (1218, 1218, 41)
+    assert min(houses) >= 28
+    assert max(houses) <= 30
+    assert {name: sum(spec.target_category == name for spec in specs) for name in EPISODES} == EPISODES
+    assert sum(spec.interact for spec in specs) == 597
+
+
+@shipped
+def test_distances_and_tiers_are_spread_as_in_the_paper():
+    known = [spec.difficulty for spec in load_split("val")]
+    share = lambda test: np.mean([test(difficulty) for difficulty in known])  # noqa: E731
+    metres = [difficulty.distance for difficulty in known]
+    assert [share(lambda d, t=t: tiers(d)["distance"] == t) for t in ("easy", "medium", "hard")] == pytest.approx(
+        [0.40, 0.34, 0.25], abs=0.05
+    )
+    assert [share(lambda d, t=t: overall(d) == t) for t in ("easy", "medium", "hard")] == pytest.approx(
+        [0.23, 0.46, 0.31], abs=0.03
+    )
+    assert np.median(metres) == pytest.approx(4.4, abs=0.2)
+    assert np.quantile(metres, 0.9) < 12.8
+
+
+@shipped
+def test_the_small_splits_are_part_of_the_large_one():
+    val, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS)
+    assert (len(mini), len(smoke)) == (100, 5)
+    assert smoke < mini < val
+    assert len({spec.scene for spec in load_split("mini")}) == 41
+
+
+@shipped
+def test_the_splits_are_of_the_houses_that_are_installed(house):
+    made: EpisodeSpec = next(spec for spec in load_split("val") if spec.scene == house.name)
+    assert made.scene_digest == house.digest
+
+
+@shipped
+@pytest.mark.parametrize("number", [0, 3], ids=["one storey", "two storeys"])
+def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, number):
+    scene = plugins.scene(HOUSES[number])
+    ours = [spec for spec in load_split("val") if spec.scene == scene.name]
+    assert len(ours) >= 28
+    unnamed = [spec.model_copy(update={"id": spec.target_category, "seed": 0}) for spec in ours]
+    assert set(unnamed) <= set(candidates(scene, number))

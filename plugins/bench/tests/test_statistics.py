@@ -1,0 +1,159 @@
+"""Intervals and tests: against closed forms, full enumeration, and their promised error rates on seeded draws."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from humanclaw_bench.statistics import Difference, compare_rates, compare_ratios, holm, ratio, wilson
+
+Z = 1.959963984540054
+
+
+# -- rates -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (10, 10), (42, 100), (1, 1), (597, 1218)])
+def test_a_rate_has_wilsons_interval(successes: int, trials: int) -> None:
+    share = successes / trials
+    centre = (share + Z**2 / (2 * trials)) / (1 + Z**2 / trials)
+    half = Z / (1 + Z**2 / trials) * math.sqrt(share * (1 - share) / trials + Z**2 / (4 * trials**2))
+    found = wilson(successes, trials)
+    assert (found.value, found.count) == (share, trials)
+    assert (found.low, found.high) == pytest.approx((max(0.0, centre - half), min(1.0, centre + half)), abs=1e-9)
+
+
+def test_no_trials_have_no_rate() -> None:
+    assert np.isnan([wilson(0, 0).value, wilson(0, 0).low, wilson(0, 0).high]).all()
+
+
+def test_intervals_of_rare_successes_hold_the_truth_as_often_as_they_promise() -> None:
+    draws = np.random.default_rng(0).binomial(40, 0.1, 1000)
+    intervals = {k: wilson(int(k), 40) for k in np.unique(draws)}
+    held = np.mean([intervals[k].low <= 0.1 <= intervals[k].high for k in draws])
+    assert 0.92 <= held <= 0.99
+
+
+# -- means and ratios --------------------------------------------------------------------------------------------------
+def test_the_interval_of_a_mean_agrees_with_the_normal_one() -> None:
+    values = np.random.default_rng(1).exponential(3.0, 400)
+    found = ratio(values, np.ones(400))
+    half = Z * values.std(ddof=1) / 20
+    assert found.value == pytest.approx(values.mean())
+    assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), rel=0.02)
+
+
+def test_intervals_of_a_few_episodes_hold_the_truth_too() -> None:
+    rng = np.random.default_rng(2)
+    found = [ratio(rng.normal(1.0, 1.0, 8), np.ones(8), seed=k) for k in range(300)]
+    assert 0.9 <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= 0.99
+
+
+def test_a_ratio_weighs_episodes_by_their_denominators() -> None:
+    assert ratio([4.0, 0.0], [1.0, 3.0]).value == 1.0
+
+
+def test_the_same_seed_gives_the_same_interval() -> None:
+    values = np.random.default_rng(3).normal(size=30)
+    assert ratio(values, np.ones(30), seed=5) == ratio(values, np.ones(30), seed=5)
+    assert ratio(values, np.ones(30), seed=5) != ratio(values, np.ones(30), seed=6)
+
+
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_too_few_episodes_have_no_interval(count: int) -> None:
+    found = ratio(np.arange(count), np.ones(count))
+    assert np.isnan([found.low, found.high]).all()
+    assert found.count == count
+
+
+def test_nothing_disturbed_is_no_path() -> None:
+    found = ratio(np.zeros(9), np.zeros(9))
+    assert np.isnan([found.value, found.low, found.high]).all()
+
+
+# -- paired rates ------------------------------------------------------------------------------------------------------
+def test_mcnemars_test_asks_only_the_episodes_that_differ() -> None:
+    a = [True] + [False] * 8 + [True] * 30
+    b = [False] + [True] * 8 + [True] * 30
+    found = compare_rates(a, b)
+    # Of nine tosses at most one the other way: 2 (1 + 9) / 2^9.
+    assert found.p == pytest.approx(20 / 512)
+    assert found.value == pytest.approx(7 / 39)
+    assert not found.noise
+    other = compare_rates(b, a)
+    assert (other.p, other.value, other.low, other.high) == pytest.approx(
+        (found.p, -found.value, -found.high, -found.low)
+    )
+
+
+def test_equal_runs_differ_by_noise_and_not_by_certainty() -> None:
+    found = compare_rates([True, False] * 10, [True, False] * 10)
+    assert (found.p, found.value) == (1.0, 0.0)
+    assert found.noise
+    assert found.low < 0.0 < found.high
+
+
+def test_the_interval_of_a_paired_difference_holds_the_truth_as_promised() -> None:
+    rng = np.random.default_rng(4)
+    held = 0
+    for _ in range(400):
+        kind = rng.choice(4, 50, p=[0.3, 0.2, 0.1, 0.4])  # both, B alone, A alone, neither: the difference is 0.1
+        found = compare_rates(list(np.isin(kind, (0, 2))), list(np.isin(kind, (0, 1))))
+        held += found.low <= 0.1 <= found.high
+    assert 0.92 <= held / 400 <= 0.99
+
+
+def test_unequal_lengths_are_refused() -> None:
+    with pytest.raises(ValueError, match="got 2 and 1"):
+        compare_rates([True, False], [True])
+
+
+# -- paired ratios -----------------------------------------------------------------------------------------------------
+def test_the_swap_test_agrees_with_all_swaps_there_are() -> None:
+    rng = np.random.default_rng(5)
+    a, b = rng.uniform(0, 2, (8, 2)), rng.uniform(0.5, 3, (8, 2))
+    found = compare_ratios([tuple(x) for x in a], [tuple(x) for x in b])
+    values = []
+    for swaps in itertools.product((False, True), repeat=8):
+        one = [y if swap else x for x, y, swap in zip(a, b, swaps, strict=True)]
+        two = [x if swap else y for x, y, swap in zip(a, b, swaps, strict=True)]
+        values.append(sum(x[0] for x in two) / sum(x[1] for x in two) - sum(x[0] for x in one) / sum(x[1] for x in one))
+    exact = np.mean(np.abs(values) >= abs(values[0]) - 1e-12)
+    assert found.value == pytest.approx(values[0])
+    assert found.p == pytest.approx(exact, abs=0.04)
+
+
+def test_runs_that_are_alike_seldom_pass_for_different() -> None:
+    rng, loud = np.random.default_rng(6), 0
+    for seed in range(100):
+        shared = rng.normal(5.0, 3.0, 30)
+        a, b = (shared + rng.normal(0, 1, 30) for _ in range(2))
+        loud += not compare_ratios([(x, 1.0) for x in a], [(x, 1.0) for x in b], seed=seed).noise
+    assert loud <= 11
+
+
+def test_pairing_shows_a_small_difference_between_very_different_episodes() -> None:
+    rng = np.random.default_rng(7)
+    episodes = rng.normal(50.0, 30.0, 40)
+    a, b = [(x, 1.0) for x in episodes], [(x + 1.0 + rng.normal(0, 0.5), 1.0) for x in episodes]
+    found = compare_ratios(a, b)
+    assert not found.noise
+    assert 0.0 < found.low < found.value < found.high
+    assert found.high - found.low < 1.0
+
+
+def test_nothing_to_compare_is_noise() -> None:
+    assert compare_ratios([], []).noise
+    assert compare_ratios([(0.0, 0.0)] * 6, [(0.0, 0.0)] * 6).noise
+
+
+# -- many metrics ------------------------------------------------------------------------------------------------------
+def test_many_comparisons_raise_p_by_holms_rule() -> None:
+    found = holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.01, 0.04, 0.03)])
+    assert [one.p for one in found] == pytest.approx([0.03, 0.06, 0.06])
+    assert [one.noise for one in found] == [False, True, True]
+
+
+def test_p_is_never_raised_above_one() -> None:
+    assert [one.p for one in holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.9, 0.8)])] == [1.0, 1.0]

@@ -1,0 +1,254 @@
+"""Tables: what they say in each format, and the commands that print them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+from rich.console import Console
+from rollouts import COUCH, rollout, step
+
+from humanclaw.cli import Commands
+from humanclaw_bench.attribution import CAUSES, attribute
+from humanclaw_bench.cli import bench
+from humanclaw_bench.metrics import MAIN, Scores, score
+from humanclaw_bench.statistics import Difference, wilson
+from humanclaw_bench.tables import (
+    Column,
+    Sheet,
+    all_tables,
+    comma_separated,
+    latex,
+    main_table,
+    markdown,
+    named,
+    terminal,
+    texts,
+    verdict,
+)
+
+SEE = "A couch is 2 m ahead."
+FOUND = step(says=SEE, pixels=500, end=(1.0, 1.0, 0.0))
+SAT = [
+    FOUND,
+    step("sit_in_place", away=0.1, pelvis_contacts=(COUCH,)),
+    step("stop", away=0.1, pelvis_contacts=(COUCH,)),
+]
+FAR = [FOUND, step("stop", away=0.5)]
+
+
+def write_run(folder: Path, sat: int, far: int, broken: int = 0, **more: object) -> Path:
+    for k in range(sat + far + broken):
+        steps = SAT if k < sat else FAR
+        rollout(folder, steps, name=f"e{k:02}", outcome="infra_error" if k >= sat + far else "", **more)  # type: ignore[arg-type]
+    return folder
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Scores:
+    return score(rollout(tmp_path / "base", SAT))
+
+
+def results_of(base: Scores, *agents: str) -> tuple:
+    far = replace(base, nav=False, interact=False, outcome="out_of_steps")
+    return named({name: [(replace(s, agent=name), None) for s in (base, base, base, far)] for name in agents})
+
+
+# -- the values --------------------------------------------------------------------------------------------------------
+def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
+    sheet = main_table(results_of(base, "model"), paper=False)
+    assert [column.title for column in sheet.columns] == [metric.name for metric in MAIN]
+    assert sheet.rows[0].cells[1] == wilson(3, 4)
+    assert texts(sheet)[1][0][:3] == ("model", "100.0% [51.0, 100.0]", "75.0% [30.1, 95.4]")
+    assert "model: 4 episodes." in sheet.notes
+
+
+def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
+    scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
+    sheet = main_table(named({"run": scores}), paper=False)
+    assert sheet.rows[0].cells[1] == wilson(1, 1)
+    assert sheet.notes == ("model: 1 episode; apart from every number: 1 infra_error.",)
+
+
+def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
+    sheet = main_table(results_of(base, "model"))
+    paper = [row for row in sheet.rows if row.paper]
+    assert len(paper) == 9
+    assert all(row.name.endswith("\u2020") for row in paper)
+    gemini = next(row for row in paper if row.name.startswith("Gemini-3.1"))
+    assert [cell.value for cell in gemini.cells[:5]] == pytest.approx([0.649, 0.424, 0.168, 0.395, 1.50])
+    assert any("other scenes" in note for note in sheet.all_notes)
+    assert not any("other scenes" in note for note in main_table(results_of(base, "model"), paper=False).all_notes)
+
+
+def test_results_are_broken_down_by_difficulty_and_category(base: Scores) -> None:
+    easy, hard = replace(base, tier="easy"), replace(base, tier="hard", nav=False, category="bed")
+    sheets = all_tables(named({"a": [(easy, None), (easy, None), (hard, None)]}))
+    column = [c.title for c in sheets["difficulty"].columns].index("NavSR")
+    found = {row.name.split(", ")[1]: row.cells[column] for row in sheets["difficulty"].rows}
+    assert {name: (cell.value, cell.count) for name, cell in found.items()} == {"easy": (1.0, 2), "hard": (0.0, 1)}
+    assert [row.name.split(", ")[1] for row in sheets["category"].rows] == ["couch", "bed"]
+
+
+def test_every_row_of_every_table_has_a_cell_for_each_column(base: Scores) -> None:
+    for sheet in all_tables(results_of(base, "a", "b")).values():
+        assert {len(row.cells) for row in sheet.rows} <= {len(sheet.columns)}
+
+
+def test_agents_that_repeat_are_told_apart_by_their_run(base: Scores) -> None:
+    one = [(base, None)]
+    assert [r.name for r in named({"x": one, "y": one})] == ["model (x)", "model (y)"]
+    other = [(replace(base, verifier="geometry"), None)]
+    assert [r.name for r in named({"x": one, "y": other})] == ["model", "model + geometry"]
+
+
+def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -> None:
+    episodes = [rollout(tmp_path, FAR, name=f"far{k}") for k in range(3)] + [rollout(tmp_path, SAT, name="sat")]
+    episodes += [rollout(tmp_path, [FOUND, step(away=0.1)], name="arrived")]
+    scored = [(score(one), attribute(one)) for one in episodes]
+    sheet = all_tables(named({"run": scored}), paper=False)["causes"]
+    shares = {row.name: row.cells[0] for row in sheet.rows}
+    assert shares["nav: stop while far"] == wilson(3, 4)
+    assert shares["nav: unaware arrived/touch"] == wilson(1, 4)
+    assert len(shares) == len(CAUSES)
+    assert "model: failures find 0, nav 4, interact 0." in sheet.notes
+
+
+@pytest.mark.parametrize(
+    ("better", "value", "p", "words"),
+    [
+        ("higher", 0.3, 0.01, "B is better"),
+        ("lower", 0.3, 0.01, "A is better"),
+        ("lower", -0.3, 0.01, "B is better"),
+        ("", -0.3, 0.01, "A is higher"),
+        ("higher", 0.3, 0.05, "noise"),
+    ],
+)
+def test_a_difference_is_told_in_words(better: str, value: float, p: float, words: str) -> None:
+    assert verdict(better, Difference(0, 0, value, 0, 0, p, 9)) == words
+
+
+# -- the formats -------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def sheet(base: Scores) -> Sheet:
+    return main_table(results_of(base, "a_b|c & 50%"))
+
+
+def test_markdown_has_as_many_cells_in_every_line(sheet: Sheet) -> None:
+    lines = [line.replace("\\|", "") for line in markdown(sheet).splitlines() if line.startswith("|")]
+    assert len(lines) == 2 + 10
+    assert {line.count("|") for line in lines} == {len(MAIN) + 2}
+
+
+def test_csv_gives_fractions_with_bounds_and_the_source_of_every_row(sheet: Sheet) -> None:
+    rows = list(csv.DictReader(io.StringIO(comma_separated(sheet))))
+    own = rows[0]
+    assert (own["agent"], own["source"], own["NavSR"], own["NavSR n"]) == ("a_b|c & 50%", "run", "0.75", "4")
+    assert float(own["NavSR low"]) == pytest.approx(wilson(3, 4).low, abs=1e-6)
+    assert {row["source"] for row in rows[1:]} == {"paper"}
+    assert (rows[1]["agent"], rows[1]["NavSR"], rows[1]["NavSR low"], rows[1]["cost ($)"]) == (
+        "GPT-5.5",
+        "0.139",
+        "",
+        "",
+    )
+
+
+def test_latex_escapes_names_and_rules_the_papers_rows_off(sheet: Sheet) -> None:
+    text = latex(sheet)
+    assert r"a\_b|c \& 50\% & 100.0\%" in text
+    assert text.count(r"\\") == 1 + 10
+    assert {line.count(" & ") for line in text.splitlines() if line.endswith(r"\\")} == {len(MAIN)}
+    assert text.count(r"\midrule") == 2
+    assert "\u2020" not in text.split(r"\end{tabular}")[0]
+
+
+def test_unknown_numbers_are_dashes() -> None:
+    assert Column("x").number(float("nan")) == "\u2013"
+    assert Column("x", percent=True).number(0.5) == "50.0%"
+
+
+@pytest.mark.parametrize("width", [60, 80, 120, 240])
+def test_a_terminal_shows_every_number_whatever_its_width(sheet: Sheet, width: int) -> None:
+    console = Console(width=width, file=io.StringIO())
+    console.print(terminal(sheet, width))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(len(line.rstrip()) for line in shown.splitlines()) <= width
+    for column, cells in zip(sheet.columns, zip(*(row.cells for row in sheet.rows), strict=True), strict=True):
+        assert column.head in shown
+        assert all(column.number(cell.value) in shown for cell in cells)
+
+
+# -- the commands ------------------------------------------------------------------------------------------------------
+def invoke(*args: object) -> Result:
+    group = click.Group("humanclaw", commands={"bench": bench})
+    group.__class__ = Commands
+    return CliRunner().invoke(group, ["bench", *map(str, args)])
+
+
+def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:
+    result = invoke("table", write_run(tmp_path, 3, 1, 1))
+    assert result.exit_code == 0
+    for words in ("75.0%", "GeoNavSR", "Leg/Foot", "Funnel", "nav: stop while far", "1 infra_error", "GPT-5.5"):
+        assert words in result.output
+
+
+def test_table_prints_one_table_in_one_format(tmp_path: Path) -> None:
+    result = invoke("table", write_run(tmp_path, 3, 1), "--only", "variants", "--format", "csv", "--no-paper")
+    rows = list(csv.DictReader(io.StringIO(result.stdout.rstrip("\n") + "\n")))
+    assert [row["agent"] for row in rows] == ["model"]
+    assert rows[0]["GeoInteractSR"] == "0.75"
+
+
+def test_compare_says_which_run_is_better_and_what_is_noise(tmp_path: Path) -> None:
+    result = invoke("compare", write_run(tmp_path / "a", 0, 14), write_run(tmp_path / "b", 14, 1))
+    assert result.exit_code == 0
+    words = {line.split()[0]: line.strip() for line in result.output.splitlines() if line.strip()}
+    assert words["InteractSR"].endswith("B is better")
+    assert words["FindSR"].endswith("noise")
+    assert "1 finished episode has no counterpart" in result.output
+
+
+def test_rescore_writes_a_line_an_episode(tmp_path: Path) -> None:
+    result = invoke("rescore", write_run(tmp_path, 1, 1))
+    assert result.exit_code == 0
+    one, two = (json.loads(line) for line in (tmp_path / "scores.jsonl").read_text().splitlines())
+    assert (one["episode"], one["interact"], "cause" in one) == ("e00", True, False)
+    assert (two["cause"], two["stage"], two["faculty"]) == ("stop while far", "nav", "ego-spatial distance")
+    assert two["jerk"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_number_that_is_not_known_is_null(tmp_path: Path) -> None:
+    rollout(tmp_path, [step("", away=None)])
+    assert invoke("rescore", tmp_path).exit_code == 0
+    line = json.loads((tmp_path / "scores.jsonl").read_text(), parse_constant=lambda word: pytest.fail(word))
+    assert (line["jerk"], line["distance"], line["collisions_any"]) == (None, None, None)
+
+
+@pytest.mark.parametrize("command", ["table", "rescore"])
+def test_a_folder_without_records_is_an_error_with_a_remedy(tmp_path: Path, command: str) -> None:
+    result = invoke(command, tmp_path)
+    assert result.exit_code == 2
+    assert "no episode record" in result.output
+    assert "`humanclaw bench run` wrote" in result.output.replace("\n", " ")
+
+
+def test_a_run_named_twice_is_an_error(tmp_path: Path) -> None:
+    write_run(tmp_path, 1, 0)
+    result = invoke("table", tmp_path, tmp_path)
+    assert result.exit_code == 2
+    assert "named twice" in result.output
+
+
+def test_comparing_a_folder_of_several_agents_is_an_error(tmp_path: Path) -> None:
+    write_run(tmp_path / "a", 1, 0)
+    write_run(tmp_path / "b", 1, 0, agent="other")
+    result = invoke("compare", tmp_path, tmp_path / "a")
+    assert result.exit_code == 2
+    assert "several agents (model, other)" in result.output

@@ -1,0 +1,33 @@
+"""HumanCLAW plugin: pages and films of recorded episodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    import click
+
+    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.interfaces import Reporter
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_reports(register: RegisterFactory) -> None:
+    register("page", _page, "film, picture and one self-contained HTML page")
+
+
+def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:
+    from humanclaw_report.page import PageReporter
+
+    return PageReporter(film, renderer)
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_report.command import report
+
+    cli.add_command(report)

@@ -1,0 +1,246 @@
+"""The report of a small recorded run, read as a browser's parser would."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made import record_episode
+from rooms import UPSTAIRS, asset, block, thing, two_rooms, two_storeys
+
+from humanclaw.errors import RecordError, SceneError
+from humanclaw.records import RecordedEpisode
+from humanclaw.scene import Scene
+from humanclaw_report.report import Table, house_maps, in_words, path_maps, stages, storeys_at, write_report
+
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags, attributes and text of a page; raises if its tags are not nested properly."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text, self._open = "", []
+        self.feed(html)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not self._open or self._open[-1] != "style":
+            self.text += " ".join(data.split()) + " " if data.strip() else ""
+
+    def all(self, name: str) -> list[dict[str, str | None]]:
+        return [attrs for tag, attrs in self.tags if tag == name]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene]:
+    folder = tmp_path_factory.mktemp("run")
+    scene = record_episode(folder / "one")
+    record_episode(folder / "two", instruction="<script>alert(1)</script> find a couch", name="couch-1")
+    return folder, scene
+
+
+@pytest.fixture(scope="module")
+def page(run: tuple[Path, Scene]) -> Page:
+    path = write_report(
+        run[0], None, lambda name: run[1], tables=[Table("Rates", ("", "NavSR"), (("oracle", "100 %"),))]
+    )
+    assert path == run[0] / "report.html"
+    return Page(path.read_text("utf-8"))
+
+
+def test_the_page_needs_nothing_from_outside(page: Page) -> None:
+    links = [attrs.get(key) or "" for _, attrs in page.tags for key in ("src", "href") if key in attrs]
+    assert links
+    assert all(link.startswith(("data:image/jpeg;base64,", "#")) for link in links)
+    assert not page.all("script")
+    assert not page.all("link")
+
+
+def test_an_instruction_is_text_and_never_markup(page: Page) -> None:
+    assert "<script>alert(1)</script> find a couch" in page.text
+
+
+def test_every_picture_is_described_and_every_link_leads_somewhere(page: Page) -> None:
+    assert all(image.get("alt") for image in page.all("img"))
+    assert all(svg.get("aria-label") or svg.get("aria-hidden") for svg in page.all("svg"))
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    assert {(a.get("href") or "")[1:] for a in page.all("a") + page.all("use")} <= set(ids)
+
+
+def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(run[0] / "one")
+    for step in episode.steps:
+        assert step.attempts[0].reasoning in page.text
+        assert step.attempts[0].visible_state in page.text
+    assert "sit_in_place(h_cm=52)" in page.text
+    assert "too far" in page.text
+
+
+def test_the_outcome_is_told_in_words(run: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(run[0] / "one")
+    reached = stages(episode)
+    assert {stage.name: stage.met for stage in reached} == {
+        "in view": True,
+        "reached": True,
+        "sat": True,
+        "stopped": True,
+    }
+    words = in_words(episode, reached)
+    assert words.startswith("The body had the couch in view, ended within reach of it, sat on it and stopped")
+
+
+def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, run: tuple[Path, Scene]) -> None:
+    lines = [line["points"] or "" for line in page.all("polyline")]
+    steps = RecordedEpisode(run[0] / "one").steps
+    half = lines[: len(lines) // 2]
+    assert half[0].split()[0] == "100,100"
+    end = steps[-1].end
+    assert [float(v) for v in half[-1].split()[-1].split(",")] == pytest.approx([100 * end[0], 100 * end[2]], abs=1)
+    colours = [line["stroke"] for line in page.all("polyline")]
+    assert len(set(colours[: len(half)])) == len(half)
+
+
+@pytest.fixture(scope="module")
+def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Scene]:
+    """From the ground floor of a house with two storeys onto the bed upstairs."""
+    folder = tmp_path_factory.mktemp("climbed")
+    settings = {"body": {"senses": ["vision", "touch"]}}
+    scene = record_episode(folder, two_storeys(), instruction="sit on the bed", targets=(31,), settings=settings)
+    return RecordedEpisode(folder), scene
+
+
+def test_a_height_belongs_to_the_highest_floor_below_it() -> None:
+    assert storeys_at((0.0, 2.7, 5.4), np.array([-0.4, 0.9, 2.5, 2.65, 3.6, 9.0])).tolist() == [0, 0, 0, 1, 1, 2]
+    assert storeys_at((0.0,), 7.0) == 0
+
+
+def test_a_house_with_one_floor_has_one_map_without_a_title() -> None:
+    (only,) = house_maps(two_rooms(), "house")
+    assert only.title == ""
+    assert {kind for *_, kind in only.rooms} == {"bedroom", "living room"}
+
+
+def test_each_storey_shows_its_own_rooms_and_things_and_the_stairs() -> None:
+    lower, upper = house_maps(two_storeys(), "house")
+    assert (lower.title, upper.title) == ("ground floor", "upper floor")
+    assert lower.box == upper.box
+    assert {kind for *_, kind in lower.rooms} == {"living"}
+    assert {kind for *_, kind in upper.rooms} == {"bedroom", "hall"}
+    names = [{name for _, _, name in drawn.things} for drawn in (lower, upper)]
+    assert names[0] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 30"}
+    assert names[1] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 32", "bed 31"}
+    # The first step ends at x = 2.25 m, the last begins at 5.5.
+    for drawn in (lower, upper):
+        stairs = " ".join(outline for outline, kind, _ in drawn.things if kind == "stairs")
+        assert "225,0" in stairs
+        assert "550,0" in stairs
+
+
+def test_the_path_is_drawn_on_the_storey_where_it_was_walked(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    episode, scene = climbed
+    lower, upper = path_maps(episode, house_maps(scene, "house"))
+    heights = {step.step: step.end[1] for step in episode.steps}
+    assert max(heights[step] for *_, step in lower.pieces) <= UPSTAIRS + 0.1
+    assert min(heights[step] for *_, step in upper.pieces) >= UPSTAIRS - 0.1
+    assert {step for *_, step in lower.pieces + upper.pieces} == set(heights)
+    assert lower.start is not None
+    assert lower.start[:2] == (100, 50)
+    assert upper.end is not None
+    assert upper.end[:2] == pytest.approx((100 * episode.steps[-1].end[0], 100 * episode.steps[-1].end[2]), abs=1)
+    assert (lower.end, upper.start) == (None, None)
+    assert (len(lower.targets), len(upper.targets)) == (0, 1)
+
+
+def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
+    seat = asset("couch", "couch", block(1.6, 0.42, 0.9), seat=0.42)
+    scene = record_episode(tmp_path, two_storeys((seat, thing(20, seat, 7.4, 1.5, -np.pi / 2))))
+    (drawn,) = path_maps(RecordedEpisode(tmp_path), house_maps(scene, "house"))
+    assert drawn.house.title == "ground floor"
+
+
+def test_the_page_of_a_climb_shows_both_floors_and_the_senses(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    page = Page(write_report(climbed[0].folder, None, lambda name: climbed[1]).read_text("utf-8"))
+    assert len(page.all("use")) == len(page.all("symbol")) == 2
+    assert "ground floor" in page.text
+    assert "upper floor" in page.text
+    assert "senses vision, touch" in page.text
+
+
+def test_standing_on_an_upper_floor_is_no_contact(climbed: tuple[RecordedEpisode, Scene]) -> None:
+    page = Page(write_report(climbed[0].folder, None, lambda name: climbed[1]).read_text("utf-8"))
+    assert climbed[0].steps[-1].contacts[0].height > 2
+    assert "left ankle on floor" not in page.text
+
+
+def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path)
+    (tmp_path / "steps.jsonl").write_text("")
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert not page.all("polyline")
+    assert "start end" in page.text
+
+
+def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
+    assert "senses" not in page.text
+
+
+def test_contacts_name_the_thing_and_the_part_of_the_body(page: Page) -> None:
+    assert re.search(r"couch 20 left ankle 18.20", page.text)
+
+
+def test_a_scene_that_cannot_be_loaded_leaves_a_note(run: tuple[Path, Scene], tmp_path: Path) -> None:
+    def fail(name: str) -> Scene:
+        raise SceneError(f"there is no scene {name}.")
+
+    page = Page(write_report(run[0], tmp_path / "out.html", fail).read_text("utf-8"))
+    assert "The house is not drawn: there is no scene test:rooms." in page.text
+    assert page.all("polyline")
+    assert not page.all("symbol")
+
+
+def test_a_table_of_metrics_is_shown(page: Page) -> None:
+    assert "Rates NavSR oracle 100 %" in page.text
+
+
+def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "one")
+    (tmp_path / "one" / "film.mp4").write_bytes(b"\0" * 9)
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert [video["src"] for video in page.all("video")] == ["data:video/mp4;base64,AAAAAAAAAAAA"]
+
+
+def test_a_large_film_is_linked(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "run" / "one")
+    (tmp_path / "run" / "one" / "film.gif").write_bytes(b"\0" * 4_000_001)
+    page = Page(write_report(tmp_path / "run", tmp_path / "page.html", lambda name: scene).read_text("utf-8"))
+    assert "run/one/film.gif" in [link.get("href") for link in page.all("a")]
+
+
+def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "one")
+    (tmp_path / "one" / "motion.npz").unlink()
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert len(page.all("polyline")) > 10
+
+
+def test_a_folder_without_records_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no episode record"):
+        write_report(tmp_path, None, lambda name: record_episode(tmp_path / "x"))

@@ -1,0 +1,101 @@
+"""Build the training chunks: motion capture in, one npz a skill and one for the prior out.
+
+    humanclaw data build SOURCE --out .data/chunks
+
+SOURCE holds clips.csv and the archives it names, or their unpacked folders.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from humanclaw.errors import HumanclawError
+from humanclaw.pose import FPS, FUTURE
+from humanclaw_train.chunks import PARAMETERS, Chunks, load_pack
+from humanclaw_train.curate import build_real, statistics
+from humanclaw_train.edited import edited_chunks
+
+
+def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunks]:
+    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz. seconds: of edited motion a skill."""
+    clips = load_pack(source)
+    real = build_real(clips)
+    with tqdm(total=100, desc="editing", unit="%") as bar:
+        edited = edited_chunks(clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
+    found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in edited}
+    out.mkdir(parents=True, exist_ok=True)
+    for name, chunks in found.items():
+        chunks.save(out / f"{name}.npz")
+    return found
+
+
+def table(chunks: Mapping[str, Chunks]) -> str:
+    """The statistics as a Markdown table: chunks and seconds, real and edited, and 5-50-95 % of each parameter in SI.
+
+    Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
+    """
+    heads = ("skill", "real", "edited", "real s", "edited s", "parameters: 5 / 50 / 95 %")
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    for name, found in statistics(chunks).items():
+        spread = "; ".join(
+            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
+        )
+        edited = found.chunks - found.real
+        cells = (name, found.real, edited, f"{found.seconds:.1f}", f"{edited * FUTURE / FPS:.1f}", spread or "-")
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+_BARS: Final = " ▁▂▃▄▅▆▇█"
+_BINS: Final = 16
+
+
+def histograms(chunks: Mapping[str, Chunks]) -> str:
+    """Each parameter's histogram over the range that the edited and the real chunks share, as a Markdown table of bars.
+
+    Bars are relative to the fullest bin of their own row; a bin that holds anything shows at least the lowest bar.
+    """
+    lines = ["| parameter | least | real | edited | most |", "| --- | --- | --- | --- | --- |"]
+    for skill, found in chunks.items():
+        for column, name in enumerate(PARAMETERS[skill]):
+            values = found.params[:, column].astype(float)
+            low, high = float(values.min()), float(values.max())
+            real, edited = (
+                _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
+            )
+            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{edited}` | {high:.2f} |")
+    return "\n".join(lines)
+
+
+def _bars(counts: NDArray[np.int_]) -> str:
+    heights = np.ceil(counts / max(counts.max(), 1) * (len(_BARS) - 1)).astype(int)
+    return "".join(_BARS[height] for height in heights)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
+    parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
+    parser.add_argument("--seconds", type=float, default=4000.0, help="edited motion a skill")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    try:
+        chunks = build(options.source, options.out, options.seconds, options.seed)
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{table(chunks)}\n\n{histograms(chunks)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,174 @@
+"""Model cards: one beside each checkpoint, written from its header and the fidelity report, so that they cannot disagree.
+
+humanclaw cards            write README.md beside every checkpoint
+humanclaw cards --check    only say which cards are out of date
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from safetensors import safe_open
+
+from humanclaw.errors import HumanclawError
+from humanclaw.files import write_atomically
+from humanclaw.motion.checkpoint import read_header
+from humanclaw.motion.generator import shipped_base
+from humanclaw_train.fidelity import Ratio, Report, Row
+from humanclaw_train.rollouts import file_digest
+
+CARD: Final = "README.md"
+"""Of this name, so that whoever opens the folder reads it."""
+REPORT: Final = "fidelity.json"
+"""Where the fidelity report lies: beside the base."""
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
+
+_NAMES: Final = {"composed": "composed by `humanclaw_train.composer` (edited)"}
+_ATTRIBUTIONS: Final = {
+    "CMU Graphics Lab Motion Capture Database": (
+        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF "
+        "EIA-0196217."
+    ),
+    "ReActIdle": "ReActIdle: MIT, Copyright (c) 2025 RSAIT.",
+    "HDM05": (
+        "HDM05: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database HDM05*, "
+        "CG-2007-2, Universitaet Bonn, 2007; CC BY-SA 3.0."
+    ),
+}
+"""What the owners of the data ask to be said."""
+_LIMITS: Final = {
+    "base": (
+        "Hips do not sway sideways, and arms move little beyond the swing of the gait.",
+        "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw naturalness`.",
+    ),
+    "walk": ("Extreme commands from standing (80 cm) lunge.",),
+    "side_step": ("The real data hold under two seconds of it.",),
+    "step_back": ("The real data hold under three seconds of it.",),
+    "climb_upstairs": ("Treads are regular; nobody holds a rail. Stairs straight out of a seat are not handled.",),
+    "walk_downstairs": ("Treads are regular; nobody holds a rail. Stairs straight out of a seat are not handled.",),
+    "sit_in_place": (
+        "No real sitting is in the data: the poses are keyed, the hands rest on the thighs.",
+        "It sits where it stands, whether or not there is a seat.",
+    ),
+}
+
+
+def card(checkpoint: Path, report: Report | None = None) -> str:
+    """The model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises CheckpointError."""
+    import jinja2  # not on the bare machine that trains
+
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report))
+
+
+def _facts(checkpoint: Path, report: Report | None) -> dict[str, Any]:
+    header = read_header(checkpoint)
+    told, data = header["card"], header["card"]["data"]
+    adapter = header.get("adapter", {})
+    row = _row(header, checkpoint, report)
+    sources = [*data["sources"], *told["licences"]]
+    return {
+        **header,
+        "title": f"the adapter of `{adapter['skill']}`" if adapter else "the motion prior",
+        "file": checkpoint.name,
+        "base": header.get("base", ""),
+        "digest": header.get("digest") or file_digest(checkpoint),
+        "parameters": _parameters(checkpoint),
+        "megabytes": checkpoint.stat().st_size / 1e6,
+        "condition": f"`{adapter.get('encoder')}` of {', '.join(adapter.get('params', ())) or 'nothing'}",
+        "data": data,
+        "recipe": told["recipe"],
+        "recipe_digest": told["recipe_digest"],
+        "licences": told["licences"],
+        "attributions": [
+            text for source, text in _ATTRIBUTIONS.items() if any(found.startswith(source) for found in sources)
+        ],
+        "names": _NAMES,
+        "licence_of": lambda source: _licence(source, told["licences"]),
+        "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
+        "parameter_rows": _parameter_rows(adapter, data),
+        "report": report if report and report.base == header.get("base", header.get("digest")) else None,
+        "report_file": REPORT,
+        "row": row,
+        "no_parameters": not adapter.get("params"),
+        "ratio": _ratio,
+        "limits": _LIMITS.get(adapter.get("skill", "base"), ()),
+    }
+
+
+def _row(header: Mapping[str, Any], checkpoint: Path, report: Report | None) -> Row | None:
+    if report is None or report.base != header.get("base"):
+        return None
+    digest = file_digest(checkpoint)
+    return next((row for row in report.rows if row.adapter == digest), None)
+
+
+def _parameters(checkpoint: Path) -> int:
+    with safe_open(str(checkpoint), framework="np") as file:
+        shapes = [file.get_slice(name).get_shape() for name in file.keys() if name.startswith("model.")]  # noqa: SIM118
+    return sum(math.prod(shape) for shape in shapes)
+
+
+def _parameter_rows(adapter: Mapping[str, Any], data: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    columns = (adapter.get("params", ()), data.get("params_low", ()), data.get("params_high", ()))
+    return list(zip(*columns, adapter.get("centre", ()), adapter.get("scale", ()), strict=False))
+
+
+def _licence(source: str, licences: Sequence[str]) -> str:
+    found = [text.partition(": ")[2] for text in licences if text.startswith(source)]
+    return found[0] if found else "that of the clips it was measured on" if source == "composed" else "-"
+
+
+def _ratio(ratio: Ratio) -> str:
+    return f"{ratio.mean:.3f} ± {ratio.std:.3f}"
+
+
+# -- all of them -------------------------------------------------------------------------------------------------------
+def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Path]:
+    """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should be.
+
+    check: write nothing. The fidelity report is the one beside the base, if there is one.
+    """
+    reported = base.with_name(REPORT)
+    report = Report.load(reported) if reported.is_file() else None
+    files = [base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))]
+    stale = []
+    for file in files:
+        text, path = card(file, report), file.with_name(CARD)
+        if not path.is_file() or path.read_text("utf-8") != text:
+            stale.append(path)
+            if not check:
+                write_atomically(path, text.encode())
+    return stale
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    options = _parser().parse_args(arguments)
+    try:
+        stale = write_all(options.base or shipped_base(), options.adapters, options.check)
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for path in stale:
+        print(f"{'out of date' if options.check else 'wrote'}: {path}")
+    return 1 if stale and options.check else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw cards", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
+    parser.add_argument(
+        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a card is out of date")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

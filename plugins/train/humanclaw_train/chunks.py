@@ -1,0 +1,277 @@
+"""Clips of retargeted motion, and the half-second chunks that the motion model learns from (paper, section 3.3).
+
+A chunk is 5 history and 15 future frames in the canonical frame of its history, with the skill parameters that it realises.
+Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import tarfile
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import JOINTS, N_JOINTS
+from humanclaw.pose import (
+    CHUNK,
+    FPS,
+    HISTORY,
+    Array,
+    Motion,
+    forward_kinematics,
+    heading,
+    matrix_from_vector,
+    support_height,
+    vector_from_matrix,
+    yaw_matrix,
+)
+from humanclaw_train import mocap
+from humanclaw_train.mocap import MocapError, SourceMotion
+from humanclaw_train.retarget import retarget
+
+Spans = Mapping[str, tuple[tuple[int, int], ...]]
+
+
+# -- clips -------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Clip:
+    """One retargeted clip. spans: tag to (first, last) frames, both included, at 30 fps; real is False once it was edited."""
+
+    name: str
+    motion: Motion
+    spans: Spans
+    source: str
+    licence: str
+    real: bool = True
+
+
+def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
+    """Retarget every clip that `folder/clips.csv` lists.
+
+    Rows name their file as `archive.tar.xz!member`. Archives are read from `folder` and unpacked into a temporary folder, unless
+    `unpacked` already holds the members. Raises MocapError for a file that is missing or broken.
+    """
+    folder = Path(folder)
+    if unpacked is not None:
+        return [_clip(row, Path(unpacked)) for row in _rows(folder)]
+    with tempfile.TemporaryDirectory() as temporary:
+        rows = list(_rows(folder))
+        for archive in sorted({row["file"].split("!")[0] for row in rows}):
+            _unpack(folder / archive, Path(temporary))
+        return [_clip(row, Path(temporary)) for row in rows]
+
+
+def _rows(folder: Path) -> Iterable[dict[str, str]]:
+    table = folder / "clips.csv"
+    if not table.is_file():
+        raise MocapError(f"{table} is missing.", "Give the folder that holds clips.csv and its archives.")
+    with table.open(newline="", encoding="utf-8") as lines:
+        yield from csv.DictReader(lines)
+
+
+def _unpack(archive: Path, folder: Path) -> None:
+    try:
+        with tarfile.open(archive) as tar:
+            tar.extractall(folder, filter="data")
+    except (OSError, tarfile.TarError) as error:
+        raise MocapError(f"{archive} cannot be unpacked: {error}.", "Fetch the archive again.") from error
+
+
+def _clip(row: Mapping[str, str], folder: Path) -> Clip:
+    member = row["file"].split("!")[-1]
+    source, first = _without_setup_pose(mocap.load(folder / member, row["licence"]))
+    motion = retarget(source)
+    spans = {tag: _at_30_fps(found, first, source.fps, len(motion)) for tag, found in _tagged(row["notes"]).items()}
+    if "base" in row["skill_tags"].split():
+        spans["base"] = ((0, len(motion) - 1),)
+    return Clip(Path(member).stem, motion, MappingProxyType(spans), row["source"], row["licence"])
+
+
+def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
+    """CMU's BVH conversions open with a set-up pose; for one family, whose zero angles mean nothing, it is the reference."""
+    if "CC_Base_Hip" in source.joints:
+        return source.with_reference_frame(0)[1:], 1
+    return (source[1:], 1) if "LHipJoint" in source.joints else (source, 0)
+
+
+def _tagged(notes: str) -> dict[str, list[tuple[int, int]]]:
+    """The spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
+    listed = re.match(r"frames ([^.]*)", notes)
+    spans: dict[str, list[tuple[int, int]]] = {}
+    for part in listed[1].split(";") if listed else ():
+        tag, *ranges = part.split()
+        spans[tag] = [(int(first), int(last)) for first, last in (item.split("-") for item in ranges if "-" in item)]
+    return spans
+
+
+def _at_30_fps(spans: Iterable[tuple[int, int]], start: int, fps: float, length: int) -> tuple[tuple[int, int], ...]:
+    scaled = ((round((first - start) * FPS / fps), round((last - start) * FPS / fps)) for first, last in spans)
+    kept = ((max(first, 0), min(last, length - 1)) for first, last in scaled)
+    return tuple((first, last) for first, last in kept if last > first)
+
+
+_MIRRORED: Final = [
+    JOINTS.index(name.replace("left", "?").replace("right", "left").replace("?", "right")) for name in JOINTS
+]
+
+
+def mirrored(motion: Motion) -> Motion:
+    """The motion seen in the plane x = 0: left and right change places."""
+    return Motion(motion.root * [-1.0, 1.0, 1.0], motion.rotations[:, _MIRRORED] * [1.0, -1.0, -1.0])
+
+
+def mirror(clip: Clip) -> Clip:
+    """The clip with left and right exchanged, and so no longer real; its name ends in `_mirrored`."""
+    return replace(clip, name=f"{clip.name}_mirrored", motion=mirrored(clip.motion), real=False)
+
+
+# -- chunks ------------------------------------------------------------------------------------------------------------
+PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "walk": ("x", "z", "yaw"),
+        "side_step": ("x",),
+        "step_back": ("z",),
+        "turn_in_place": ("yaw",),
+        "climb_upstairs": ("h", "d"),
+        "walk_downstairs": ("h", "d"),
+        "sit_in_place": ("h",),
+        "stop": (),
+        "base": (),
+    }
+)
+"""What each skill's parameters mean, in the order of Chunks.params: metres and radians, positive in the sense of the skill."""
+
+
+def outcome(skill: str, chunk: Motion) -> Array:
+    """The parameters (k,) that a 20-frame chunk realises: its last pose seen from its last history pose's hip frame.
+
+    walk: x, z, yaw. side_step: x. step_back: distance backwards. turn_in_place: yaw. climb_upstairs: pelvis rise and advance.
+    walk_downstairs: pelvis drop and advance. sit_in_place: final pelvis height above the history's floor. Metres and radians.
+    """
+    root, rotations = chunk.root[None], chunk.rotations[None]
+    if len(chunk) != CHUNK:
+        raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
+    return np.asarray(outcomes(skill, *canonical(root, rotations))[0])
+
+
+def outcomes(skill: str, root: Array, rotations: Array) -> Array:
+    """`outcome` of many chunks: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k)."""
+    last, now = root[:, -1], root[:, HISTORY - 1]
+    rise = last[:, 1] - now[:, 1]
+    measured = {
+        "walk": (last[:, 0], last[:, 2], heading(rotations[:, -1, 0])),
+        "side_step": (last[:, 0],),
+        "step_back": (-last[:, 2],),
+        "turn_in_place": (heading(rotations[:, -1, 0]),),
+        "climb_upstairs": (rise, last[:, 2]),
+        "walk_downstairs": (-rise, last[:, 2]),
+        "sit_in_place": (last[:, 1],),
+    }.get(skill, ())
+    return np.stack(measured, -1) if measured else np.zeros((len(root), 0))
+
+
+def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
+    """Chunks in any frame, root (N, 20, 3) and rotations (N, 20, 24, 3), each in the canonical frame of its own history."""
+    history = forward_kinematics(root[:, :HISTORY], rotations[:, :HISTORY])[0]
+    return _canonical(root, rotations, support_height(history).min(axis=1))
+
+
+def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Array]:
+    origin = np.stack([root[:, HISTORY - 1, 0], floor, root[:, HISTORY - 1, 2]], -1)
+    turn = yaw_matrix(-heading(rotations[:, HISTORY - 1, 0]))
+    turned = rotations.copy()
+    turned[:, :, 0] = vector_from_matrix(turn[:, None] @ matrix_from_vector(rotations[:, :, 0]))
+    return np.einsum("nij,ntj->nti", turn, root - origin[:, None]), turned
+
+
+def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
+    """The chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    frames = np.asarray(starts, int)[:, None] + np.arange(CHUNK)
+    support = support_height(motion.joints())
+    return _canonical(motion.root[frames], motion.rotations[frames], support[frames[:, :HISTORY]].min(axis=1))
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """N canonical chunks of one skill. Metres, radians.
+
+    root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32 as in PARAMETERS; real (N,) bool, False for edited
+    motion; source (N,) text, where each comes from.
+    """
+
+    root: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+    params: NDArray[np.float32]
+    real: NDArray[np.bool_]
+    source: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        n = len(self.root)
+        shapes = (self.root.shape, self.rotations.shape, self.params.shape[:1], self.real.shape, self.source.shape)
+        if shapes != ((n, CHUNK, 3), (n, CHUNK, N_JOINTS, 3), (n,), (n,), (n,)) or self.params.ndim != 2:
+            raise ValueError(
+                f"chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got {shapes}"
+            )
+
+    @classmethod
+    def of(cls, skill: str, root: Array, rotations: Array, source: str, real: bool) -> Chunks:
+        """Canonical chunks with the parameters that they realise."""
+        n = len(root)
+        params = outcomes(skill, root, rotations).astype(np.float32)
+        return cls(root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source))
+
+    @classmethod
+    def join(cls, parts: Iterable[Chunks]) -> Chunks:
+        """All chunks of the parts, in order; there must be at least one part."""
+        every = list(parts)
+        return cls(*(np.concatenate([getattr(part, field.name) for part in every]) for field in fields(cls)))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Chunks:
+        """Read what `save` wrote. Raises MocapError if it is missing or something else."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls(*(data[field.name] for field in fields(cls)))
+        except (OSError, KeyError, ValueError) as error:
+            raise MocapError(f"{path} holds no chunks: {error}.", "Curate the mocap again.") from error
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    def __getitem__(self, which: slice | NDArray[np.int_] | NDArray[np.bool_]) -> Chunks:
+        return Chunks(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def motion(self, index: int) -> Motion:
+        """One chunk as a motion in its canonical frame."""
+        return Motion(self.root[index].astype(float), self.rotations[index].astype(float))
+
+    def mirrored(self, skill: str) -> Chunks:
+        """The chunks with left and right exchanged, and so no longer real."""
+        root = self.root * np.array([-1, 1, 1], np.float32)
+        rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
+        signs = [-1.0 if name in ("x", "yaw") else 1.0 for name in PARAMETERS[skill]]
+        return replace(
+            self,
+            root=root,
+            rotations=rotations,
+            params=self.params * np.array(signs, np.float32),
+            real=np.zeros_like(self.real),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write one npz; a reader sees the old file or the whole new one, never a part."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(f"{path.name}.part")
+        with part.open("wb") as file:
+            np.savez_compressed(file, **{field.name: getattr(self, field.name) for field in fields(self)})
+        os.replace(part, path)

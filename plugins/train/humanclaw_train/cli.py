@@ -1,0 +1,56 @@
+"""`humanclaw train`, `humanclaw fidelity` and `humanclaw data build`: doors to humanclaw_train, which reads its own options.
+
+The modules also run as `python -m humanclaw_train.train` on a machine that has torch and little else.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from humanclaw.plugins import Plugins
+
+_FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+
+
+def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
+    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is given."""
+
+    @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
+    @click.argument("args", nargs=-1, type=click.UNPROCESSED)
+    def command(args: tuple[str, ...]) -> None:
+        sys.exit(importlib.import_module(module).main(list(args), **given))
+
+    return command
+
+
+train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.")
+
+
+def _simulator() -> Any:
+    """The half-physics that episodes run in: training imports no plugin host, so it is handed in."""
+    return Plugins.discover().make("simulators", "bullet", profile="default")
+
+
+fidelity = _forward(
+    "fidelity",
+    "humanclaw_train.fidelity",
+    "Measure achieved against commanded motion, per skill.",
+    simulator=_simulator,
+)
+naturalness = _forward(
+    "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."
+)
+speed = _forward("speed", "humanclaw_train.speed", "Time the motion model under several solvers and runtimes.")
+cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.")
+
+
+@click.group()
+def data() -> None:
+    """Training data."""
+
+
+data.add_command(_forward("build", "humanclaw_train.build", "Build the training chunks from motion capture."))

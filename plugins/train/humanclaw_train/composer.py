@@ -1,0 +1,759 @@
+"""The step composer: continuous motion for any series of commands, from the profiles of real clips (edited training data).
+
+Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of its own
+command, never of a later one, because the motion model sees no more than that. A chunk begins and ends as the feet pass each
+other: one foot stands under the hips, the other one hangs beside it, or stands too. In the chunk's first part the hanging foot
+lands where the hips will be; in its second part the other one follows. Walking, turning, stairs, sitting down and stopping are
+the same two swings with other numbers.
+
+Shapes: N bodies move at once; a chunk has 16 instants at s = 0 ... 1, the first of which belongs to the chunk before. Frames as in
+humanclaw.pose; "floor" vectors are (x, z). Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
+from humanclaw.motion.ik import Limb, solve
+from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose
+from humanclaw.pose import vector_from_matrix as to_vector
+from humanclaw_train import augment, ik
+from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
+from humanclaw_train.ik import Feet
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int_]
+Mask = NDArray[np.bool_]
+Command = tuple[str, Mapping[str, float]]
+
+SECONDS: Final = FUTURE / FPS
+GRID: Final = np.arange(FUTURE + 1) / FUTURE
+STAND: Final = 0.956
+"""Pelvis height of a standing or passing body: the knees are never quite straight."""
+TOE_OUT: Final = 0.12
+AIRBORNE: Final = 0.004
+"""A foot this far above the floor hangs, metres."""
+SEATED: Final = 0.03
+"""Hips this far behind the feet sit, metres."""
+
+
+# -- what the skills differ in -----------------------------------------------------------------------------------------
+class Manner(NamedTuple):
+    """One skill's numbers; with arrays (N,) in their place, those of N bodies.
+
+    width: of each foot from the middle. clearance: of a swing. land, lift: when the first foot lands and the second one
+    leaves. lift_pitch, land_pitch: of the heel, radians for a metre of travel. vigour: of the gait's upper body at
+    1.15 m/s. lean: of the trunk. look_down: of the head. exit: share of the mean velocity that is left at the end.
+    turn_exit: the same for the turning.
+    """
+
+    width: float | Array
+    clearance: float | Array
+    land: float | Array
+    lift: float | Array
+    lift_pitch: float | Array
+    land_pitch: float | Array
+    vigour: float | Array = 0.0
+    lean: float | Array = 0.0
+    look_down: float | Array = 0.0
+    exit: float | Array = 0.0
+    turn_exit: float | Array = 0.2
+
+
+MANNERS: Final[Mapping[str, Manner]] = {
+    # Land and lift, pitches and width of the walk were read off the real walks; real backward steps land toe first.
+    "walk": Manner(0.088, 0.045, 0.37, 0.6, 1.5, -0.65, vigour=1.0, exit=1.0, turn_exit=1.0),
+    "side_step": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.25, exit=0.3),
+    "step_back": Manner(0.08, 0.035, 0.42, 0.58, 1.0, 0.7, vigour=0.6, lean=-0.02, exit=1.0),
+    "turn_in_place": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.2),
+    "climb_upstairs": Manner(0.08, 0.07, 0.42, 0.5, 1.1, -0.1, vigour=1.1, lean=0.14, look_down=0.1, exit=1.0),
+    "walk_downstairs": Manner(0.08, 0.05, 0.47, 0.58, 0.9, 0.9, vigour=1.0, lean=0.02, look_down=0.2, exit=1.0),
+    "sit_in_place": Manner(0.09, 0.03, 0.3, 0.5, 0.5, 0.0),
+    "stop": Manner(0.085, 0.035, 0.38, 0.55, 1.0, -0.1),
+}
+SKILLS: Final = tuple(MANNERS)
+WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(len(SKILLS))
+_TABLE: Final = np.array([tuple(manner) for manner in MANNERS.values()]).T
+
+
+# -- curves ------------------------------------------------------------------------------------------------------------
+def smooth(u: Array) -> Array:
+    """0 to 1 with no velocity at the ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.asarray(u * u * (3 - 2 * u))
+
+
+def smoother(u: Array) -> Array:
+    """0 to 1 with no velocity and no acceleration at the ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.asarray(u**3 * (10 - 15 * u + 6 * u * u))
+
+
+def bump(u: Array) -> Array:
+    """0 at the ends, 1 in the middle, with no velocity and no acceleration at the ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.asarray(64 * (u * (1 - u)) ** 3)
+
+
+def quintic(u: Array, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array) -> Array:
+    """From p0 to p1 with the velocities v0 and v1 and the accelerations a0 and none, all per unit of u."""
+    d, e = p1 - p0 - v0 - a0 / 2, v1 - v0 - a0
+    c3, c4, c5 = 10 * d - 4 * e - a0 / 2, -15 * d + 7 * e + a0, 6 * d - 3 * e - a0 / 2
+    return np.asarray(p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5)))))
+
+
+def cubic(u: Array, p0: Array, v0: Array | float, p1: Array, v1: Array | float) -> Array:
+    """From p0 to p1 with the velocities v0 and v1 per unit of u; held at the ends outside [0, 1]."""
+    u = np.clip(u, 0.0, 1.0)
+    d = p1 - p0
+    return np.asarray(p0 + u * (v0 + u * ((3 * d - 2 * v0 - v1) + u * (v0 + v1 - 2 * d))))
+
+
+def soft_minimum(a: Array, b: Array, width: Array) -> Array:
+    """The minimum with its corner rounded; exact where the two differ by more than width."""
+    return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
+
+
+def turned(vector: Array, yaw: Array) -> Array:
+    """(..., 2) floor vectors turned by yaw (...)."""
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    return np.stack([vector[..., 0] * cos + vector[..., 1] * sin, vector[..., 1] * cos - vector[..., 0] * sin], -1)
+
+
+def floor(points: Array) -> Array:
+    """(..., 3) to (..., 2)."""
+    return np.asarray(points[..., [0, 2]])
+
+
+def raised(points: Array, height: Array) -> Array:
+    """(..., 2) floor points at a height (...) to (..., 3)."""
+    return np.stack([points[..., 0], np.broadcast_to(height, points.shape[:-1]), points[..., 1]], -1)
+
+
+# -- commands and state ------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Commands:
+    """One command for each of N bodies. skill (N,) indexes SKILLS; x, z, yaw, h, d (N,) in metres and radians: z is positive
+    backwards for step_back, h the height of a stair step or of the seated pelvis."""
+
+    skill: Ints
+    x: Array
+    z: Array
+    yaw: Array
+    h: Array
+    d: Array
+
+    @classmethod
+    def of(cls, commands: Sequence[Command]) -> Commands:
+        """Raises ValueError for a skill or a parameter that there is not."""
+        keys = ("x", "z", "yaw", "h", "d")
+        unknown = sorted({f"skill {name}" for name, _ in commands if name not in SKILLS})
+        unknown += sorted({f"parameter {key}" for _, given in commands for key in given if key not in keys})
+        if unknown:
+            known = f"the skills {', '.join(SKILLS)} with {', '.join(keys)}"
+            raise ValueError(f"the composer knows {known}; got {', '.join(unknown)}")
+        values = {key: np.array([float(given.get(key, 0.0)) for _, given in commands]) for key in keys}
+        return cls(np.array([SKILLS.index(name) for name, _ in commands], int), **values)
+
+    def among(self, *skills: int) -> Mask:
+        return np.isin(self.skill, skills)
+
+    @property
+    def manner(self) -> Manner:
+        return Manner(*_TABLE[:, self.skill])
+
+
+@dataclass(frozen=True)
+class State:
+    """N bodies at the end of a chunk; rates and velocities are per chunk.
+
+    root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet, nought
+    when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw, foot_yaw_rate,
+    foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a reason against it;
+    pose, pose_rate (N, CHANNELS).
+    """
+
+    root: Array
+    velocity: Array
+    yaw: Array
+    yaw_rate: Array
+    level: Array
+    seat: Array
+    foot: Array
+    foot_velocity: Array
+    foot_yaw: Array
+    foot_yaw_rate: Array
+    foot_pitch: Array
+    foot_pitch_rate: Array
+    next: Ints
+    pose: Array
+    pose_rate: Array
+
+    @classmethod
+    def standing(cls, pose: Array, next_foot: Ints) -> State:
+        """At the origin in a quiet stance, the foot that will go first a little behind."""
+        foot = np.tile([[0.085, 0.0, -0.02], [-0.085, 0.0, -0.02]], (len(pose), 1, 1))
+        foot[np.arange(len(pose)), next_foot, 2] -= 0.03
+        return cls._still(STAND, foot, TOE_OUT, next_foot, pose)
+
+    @classmethod
+    def resting(cls, next_foot: Ints) -> State:
+        """In `rest_pose`, in which a body that has not moved yet is put into a scene."""
+        n = len(next_foot)
+        foot = np.tile([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]], (n, 1, 1))
+        return cls._still(STANDING_HEIGHT, foot, 0.0, next_foot, np.repeat(augment.channels(rest_pose(3))[:1], n, 0))
+
+    @classmethod
+    def _still(cls, height: float, foot: Array, toe_out: float, next_foot: Ints, pose: Array) -> State:
+        n = len(pose)
+        zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
+        return cls(
+            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out, -toe_out],
+            two, two, two, next_foot, pose, np.zeros_like(pose),
+        )  # fmt: skip
+
+    @property
+    def seated(self) -> Mask:
+        return self.seat > SEATED
+
+    @property
+    def hanging(self) -> Mask:
+        """(N,) whether the next foot is in the air."""
+        return np.asarray(self.of_foot(self.foot, self.next)[:, 1] - self.level > AIRBORNE)
+
+    def of_foot(self, values: Array, foot: Ints) -> Array:
+        """(N, 2, ...) to (N, ...) of one foot each."""
+        return np.asarray(values[np.arange(len(foot)), foot])
+
+    def where(self, which: Mask, other: State) -> State:
+        """These bodies where `which` (N,), the other ones elsewhere."""
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(State))
+        return State(*(np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs))
+
+
+@dataclass(frozen=True)
+class Style:
+    """What differs between bodies. gait (N, 1 + 2 HARMONICS, CHANNELS); stance (N, CHANNELS); seats (H, CHANNELS) as
+    `seat_table` gives them; sway (T, CHANNELS) and the frame of it (N,) at which each body is."""
+
+    gait: Array
+    stance: Array
+    seats: Array
+    sway: Array
+    frame: Ints
+
+    def later(self, frames: int) -> Style:
+        return replace(self, frame=self.frame + frames)
+
+
+# -- the plan of a chunk -----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Plan:
+    """Where a chunk ends, all (N,) unless said otherwise.
+
+    end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise: velocity of
+    that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot still hangs; base (N, 2):
+    the point about which the feet come to stand; first: the foot that lands first; wrong: the other foot hangs, and must
+    come down before the first one may leave.
+    """
+
+    end: Array
+    velocity: Array
+    yaw: Array
+    yaw_rate: Array
+    level: Array
+    height: Array
+    rise: Array
+    seat: Array
+    ahead: Array
+    flow: Array
+    base: Array
+    first: Ints
+    wrong: Mask
+
+    @property
+    def sits(self) -> Mask:
+        return self.seat > SEATED
+
+    @property
+    def root(self) -> Array:
+        """(N, 3) pelvis at the end."""
+        return raised(self.end, self.level + self.height)
+
+    @property
+    def facing(self) -> Array:
+        return np.stack([np.sin(self.yaw), np.cos(self.yaw)], -1)
+
+
+def seat_depth(height: Array) -> Array:
+    """How far behind the feet a pelvis of this height sits (N,), metres: shins about upright, less for a high perch."""
+    heights = [0.2, 0.35, 0.5, 0.6, 0.7, 0.8, STAND]
+    return np.asarray(np.interp(height, heights, [0.42, 0.43, 0.41, 0.36, 0.29, 0.2, 0.0]))
+
+
+def plan(state: State, c: Commands) -> Plan:
+    """What the commands ask of the bodies in this state."""
+    step, seat, height = _displacement(state, c)
+    x, z = step.T
+    yaw = np.where(c.among(WALK, TURN), c.yaw, 0.0)
+    stair = np.select([c.among(UP), c.among(DOWN)], [c.h, -c.h], 0.0)
+    # Steps that lead sideways or round on the spot open and close the feet; crossing them would tie the legs in a knot.
+    tight = c.among(WALK) & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
+    shuffle = tight | c.among(SIDE, TURN)
+    strides = c.among(WALK, BACK, UP, DOWN) & ~shuffle
+    flow = np.where(strides, smooth((np.abs(z) - 0.02) / 0.25), 0.0)
+    end = floor(state.root) + turned(step, state.yaw)
+    base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
+    first = _first_foot(state, c, x, yaw, shuffle)
+    return Plan(
+        end=end,
+        velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
+        yaw=state.yaw + yaw,
+        yaw_rate=yaw * np.where(tight, 0.2, c.manner.turn_exit),
+        level=state.level + stair,
+        height=height,
+        rise=stair * np.where(stair > 0, 0.5, 0.45),
+        seat=seat,
+        ahead=z,
+        flow=flow,
+        base=base,
+        first=first,
+        wrong=(first != state.next) & state.hanging,
+    )
+
+
+def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
+    """Hips' displacement (N, 2) in the body's frame, seat and pelvis height (N,).
+
+    What a command leaves open goes to running out a walk or to standing up from a seat.
+    """
+    seat = np.select([c.among(SIT), c.among(STOP)], [seat_depth(c.h), state.seat], 0.0)
+    run_out = np.where(state.seated[:, None], 0.0, 0.38 * turned(floor(state.velocity), -state.yaw))
+    x = np.select([c.among(WALK, SIDE), c.among(SIT, STOP, TURN)], [c.x, run_out[:, 0]], 0.0)
+    z = np.select(
+        [c.among(WALK), c.among(BACK), c.among(UP, DOWN)], [c.z, -c.z, c.d], run_out[:, 1] + state.seat - seat
+    )
+    held = state.root[:, 1] - state.level
+    height = np.select([c.among(SIT), c.among(STOP) & state.seated], [c.h, held], STAND)
+    return np.stack([x, z], -1), seat, height
+
+
+def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: Mask, tight: Mask) -> Array:
+    """(N, 2) in the frame of the start.
+
+    A steady arc is tangent half a turn away from its chord. Who speeds up ends above the mean velocity.
+    """
+    chord = turned(step, yaw / 2)
+    gain = 0.25 * (chord - turned(turned(floor(state.velocity), -state.yaw), yaw))
+    limit = 0.3 * np.linalg.norm(step, axis=-1) / np.maximum(np.linalg.norm(gain, axis=-1), 1e-9)
+    share = np.where(tight, 0.3, c.manner.exit)[:, None]
+    return np.asarray(share * (chord + np.where(strides, np.minimum(limit, 1.0), 0.0)[:, None] * gain))
+
+
+def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) -> Ints:
+    """The foot that hangs or stands behind, but sideways and round the one on that side."""
+    push = np.where(c.among(SIT, STOP), 0.0, x / 0.1 + yaw / 0.4)
+    sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
+    return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
+
+
+def hip_path(state: State, p: Plan) -> tuple[Array, Array]:
+    """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the height."""
+    end_velocity = raised(p.velocity, p.rise)
+    at = [value[:, None] for value in (state.root, state.velocity, np.zeros_like(state.root), p.root, end_velocity)]
+    turn = [value[:, None] for value in (state.yaw, state.yaw_rate, np.zeros_like(state.yaw), p.yaw, p.yaw_rate)]
+    return quintic(GRID[:, None], *at), quintic(GRID, *turn)
+
+
+# -- where the feet go -------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Swing:
+    """One foot of each body on its way to a new place, all (N, ...).
+
+    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: as the chunk before left it. target, yaw1:
+    where it will stand.
+    """
+
+    foot: Ints
+    start: Array
+    velocity: Array
+    yaw0: Array
+    yaw_rate: Array
+    pitch0: Array
+    pitch_rate: Array
+    target: Array
+    yaw1: Array
+
+    @classmethod
+    def of(cls, state: State, p: Plan, m: Manner, foot: Ints, lag: Array | float) -> Swing:
+        """Towards the hips' end, a little behind it the faster they go, and `lag` metres."""
+        left = np.where(foot == 0, 1.0, -1.0)
+        behind = -0.02 - 0.1 * np.abs(p.ahead) * p.flow - lag
+        target = raised(p.base + turned(np.stack([left * m.width, behind], -1), p.yaw), p.level)
+        return cls(
+            foot,
+            state.of_foot(state.foot, foot),
+            state.of_foot(state.foot_velocity, foot),
+            state.of_foot(state.foot_yaw, foot),
+            state.of_foot(state.foot_yaw_rate, foot),
+            state.of_foot(state.foot_pitch, foot),
+            state.of_foot(state.foot_pitch_rate, foot),
+            target,
+            p.yaw + left * TOE_OUT,
+        )
+
+    @property
+    def travel(self) -> Array:
+        return floor(self.target - self.start)
+
+    @property
+    def distance(self) -> Array:
+        return np.asarray(np.linalg.norm(self.travel, axis=-1))
+
+    @property
+    def effort(self) -> Array:
+        """(N,) 0 to 1: how high this swing is worth lifting."""
+        turn = np.clip(np.abs(self.yaw1 - self.yaw0) / 0.5, 0, 0.6)
+        return np.clip(np.clip(self.distance / 0.15, 0, 1) + turn, 0, 1)
+
+    def settled(self, tolerance: Array, free: Mask | bool = True) -> Swing:
+        """A foot that stands where it should, give or take, stays."""
+        near = (self.distance < tolerance) & (np.abs(self.yaw1 - self.yaw0) < 0.15)
+        stay = near & (np.abs(self.target - self.start)[:, 1] < AIRBORNE) & free
+        return replace(
+            self, target=np.where(stay[:, None], self.start, self.target), yaw1=np.where(stay, self.yaw0, self.yaw1)
+        )
+
+
+def feet(state: State, p: Plan, c: Commands, root: Array) -> Feet:
+    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or stands."""
+    m = _timed(c.manner, c, p, planted=~state.hanging | p.wrong)
+    tolerance = np.where(c.among(SIT, STOP), 0.05, np.where(state.seated, 0.1, 0.0))
+    first = _first_swing(state, p, c, m, root, tolerance)
+    second = _second_swing(state, p, c, m, tolerance)
+    left = p.first == 0
+    pairs = zip(first, second, strict=True)
+    swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
+    return Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
+
+
+def _timed(m: Manner, c: Commands, p: Plan, planted: Mask) -> Manner:
+    """A first foot that stands has half a swing more to do; striding feet pass closer than standing ones are apart."""
+    land = np.select([c.among(UP, DOWN) & planted, p.wrong, planted], [0.5, 0.54, 0.52], m.land)
+    lift = np.where(planted, np.where(c.among(UP), 0.55, 0.61), m.lift)
+    return m._replace(land=land, lift=lift, width=m.width - np.where(c.among(WALK), 0.025, 0.0) * p.flow)
+
+
+def _first_swing(
+    state: State, p: Plan, c: Commands, m: Manner, root: Array, tolerance: Array
+) -> tuple[Array, Array, Array, Array]:
+    planted = ~state.hanging | p.wrong
+    swing = Swing.of(state, p, m, p.first, 0.0)
+    stays = swing.settled(tolerance, planted)
+    moving = stays.distance > 0
+    swing = replace(
+        swing,
+        target=np.where(moving[:, None], _within_reach(swing.target, root, m.land, p), swing.start),
+        yaw1=stays.yaw1,
+    )
+    begin = np.select([p.wrong, planted], [0.14, 0.02], 0.0)
+    span = m.land - begin
+    u = (GRID - begin[:, None]) / span[:, None]
+    sole = cubic(
+        u[..., None], swing.start[:, None], (swing.velocity * span[:, None])[:, None], swing.target[:, None], 0.0
+    )
+    # What is left of the hanging foot's height goes last: it still has ground to cover.
+    held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
+    arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.among(UP, DOWN))
+    sole[..., 1] = _stair(u, state.level, p.level) + held + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
+    yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
+    return sole, yaw, _landing_pitch(swing, p, m, u, planted, moving), np.zeros_like(yaw)
+
+
+def _within_reach(target: Array, root: Array, land: Array | float, p: Plan) -> Array:
+    """While the hips speed up they lag behind a steady stride's: the foot lands as far ahead as a leg goes."""
+    frame = np.clip(np.round(np.asarray(land) * FUTURE).astype(int), 0, FUTURE)
+    hips = floor(root[np.arange(len(frame)), frame])
+    gap = turned(floor(target) - hips, -p.yaw)
+    gap[:, 0] = np.clip(gap[:, 0], -0.42, 0.42)
+    gap[:, 1] = np.clip(gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4))  # a sitter's feet are far ahead of the hips
+    return raised(hips + turned(gap, p.yaw), target[:, 1])
+
+
+def _stair(u: Array, level0: Array, level1: Array) -> Array:
+    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose is."""
+    u = np.clip(u, 0, 1)
+    ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
+    return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
+
+
+def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, moving: Mask) -> Array:
+    """(N, 16) heel pitch: to what it is at the landing, then flat."""
+    along = np.where(planted, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
+    land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
+    touch = np.asarray(m.land - 0.05)[:, None]
+    swung = cubic(GRID / touch, swing.pitch0[:, None], swing.pitch_rate[:, None] * touch, land, 0.0)
+    kick = np.where(planted, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
+    swung = swung + kick[:, None] * bump(1.15 * u)
+    return np.where(touch < GRID, land * (1 - smooth((GRID - touch) / 0.2)), swung)
+
+
+def _second_swing(state: State, p: Plan, c: Commands, m: Manner, tolerance: Array) -> tuple[Array, Array, Array, Array]:
+    lag = 0.03 * (1 - p.flow) * ~p.sits
+    swing = Swing.of(state, p, m, 1 - p.first, lag)
+    came = swing
+    touch = raised(floor(swing.start + 0.06 * swing.velocity), state.level)
+    hangs = swing.start[:, 1] - state.level > AIRBORNE
+    swing = replace(swing, start=np.where(hangs[:, None], touch, swing.start)).settled(tolerance)
+    down = 0.2  # of the chunk, in which a hanging foot that is not to go first comes down
+    landing = cubic(GRID[:, None] / down, came.start[:, None], came.velocity[:, None] * down, swing.start[:, None], 0.0)
+    u = (GRID - np.asarray(m.lift)[:, None]) / (1 - np.asarray(m.lift))[:, None]
+    leave = raised(
+        1.5 * p.flow[:, None] * swing.travel, np.zeros(1)
+    )  # from which the next swing goes on without a jolt
+    sole = cubic(u[..., None], swing.start[:, None], 0.0, swing.target[:, None], leave[:, None])
+    sole[..., 1] = _stair(u, state.level, p.level) + _lift(state, p, c, m, swing, u)
+    sole = np.where((u > 0)[..., None], sole, landing)
+    rest = cubic(GRID / down, swing.yaw0[:, None], swing.yaw_rate[:, None] * down, swing.yaw0[:, None], 0.0)
+    yaw = np.where(u > 0, cubic(u, swing.yaw0[:, None], 0.0, swing.yaw1[:, None], 0.0), rest)
+    return sole, yaw, *_leaving_pitch(swing, p, m, down)
+
+
+def _lift(state: State, p: Plan, c: Commands, m: Manner, swing: Swing, u: Array) -> Array:
+    """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
+    drop = 0.45 * np.maximum(state.level - p.level, 0.0)  # downstairs the foot still hangs above the tread it passes
+    arc = np.select([c.among(UP), c.among(DOWN)], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
+    hang = (m.clearance + drop) * p.flow
+    return np.asarray(hang[:, None] * smooth(1.6 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
+
+
+def _leaving_pitch(swing: Swing, p: Plan, m: Manner, down: float) -> tuple[Array, Array]:
+    """(N, 16) heel pitch and toe bend: the heel rises behind the hips, peaks as the toes leave, sinks in the swing."""
+    backwards = np.sum(swing.travel * p.facing, -1) < -0.05
+    peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
+    rise, top = 0.28, np.asarray(m.lift + 0.08)[:, None]
+    heel = peak * smooth((GRID - rise) / (top - rise))
+    hang, slope = 0.24 * p.flow[:, None] * peak, -2.0 * p.flow[:, None] * peak
+    fall = cubic((GRID - top) / (1 - top), peak, 0.0, hang, slope * (1 - top))
+    before = cubic(GRID / down, swing.pitch0[:, None], swing.pitch_rate[:, None] * down, np.zeros((1, 1)), 0.0)
+    bend = np.maximum(heel, 0.0) * np.where(top < GRID, 1 - smooth((GRID - top) / 0.25), 1.0)
+    return before + np.where(top < GRID, fall, heel), bend
+
+
+# -- the upper body ----------------------------------------------------------------------------------------------------
+def pose_targets(state: State, p: Plan, c: Commands, style: Style) -> Array:
+    """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
+    m = c.manner
+    speed = np.linalg.norm(p.end - floor(state.root), axis=-1) / SECONDS
+    vigour = (m.vigour * np.clip(speed / 1.15, 0, 1.2))[:, None, None]
+    direction = np.where(c.among(BACK), -1.0, 1.0)[
+        :, None
+    ]  # who walks backwards goes through the same poses in reverse
+    gait = augment.basis((1 - p.first)[:, None] + direction * GRID) @ style.gait
+    mean, stance = style.gait[:, :1], style.stance[:, None]
+    sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
+    # The mean posture follows the speed up to that of the clips; the swing about it goes on growing.
+    still = 1 - np.minimum(vigour, 1.0)
+    standing = stance + (1 - still) * (mean - stance) + vigour * (gait - mean) + 0.6 * still * sway
+    target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
+    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, np.asarray(m.lean)[:, None])
+    return _bent(target, {"neck": 0.5, "head": 0.5}, 0, np.asarray(m.look_down)[:, None])
+
+
+def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -> Array:
+    """(N, 16, CHANNELS) with an angle (N, 16) about one axis shared out to joints."""
+    values = values.copy()
+    for joint, share in shares.items():
+        values[..., 0 if joint == "pelvis" else channel(joint, axis)] += share * angle
+    return values
+
+
+def _to_and_fro(index: Ints, length: int) -> Ints:
+    index = index % (2 * length - 2)
+    return np.where(index < length, index, 2 * length - 2 - index)
+
+
+def upper_body(state: State, p: Plan, c: Commands, target: Array) -> Array:
+    """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips demand."""
+    gap = (state.pose - target[:, 0])[:, None]
+    rate = (state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE)[:, None]
+    span = np.where(p.sits | state.seated, 1.0, 0.85)[:, None, None]
+    zero = np.zeros_like(gap)
+    values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
+    # Sitting down and rising the trunk leans forward, which keeps the weight over the feet; the eyes stay up.
+    change = np.abs(p.height - (state.root[:, 1] - state.level))
+    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.1, 0.935)
+    shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
+    values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
+    # A turn begins with the head.
+    turn = np.where(c.among(TURN), 1.0, 0.5) * (p.yaw - state.yaw)
+    shares = {"spine2": 0.05, "spine3": 0.08, "neck": 0.1, "head": 0.12}
+    return _bent(values, shares, 1, turn[:, None] * bump(1.1 * GRID))
+
+
+_SEATS: Final = np.linspace(0.2, 0.8, 13)
+
+
+def _seat_pose(seats: Array, height: Array) -> Array:
+    """(N, CHANNELS) interpolated for pelvis heights (N,)."""
+    place = np.clip((height - _SEATS[0]) / (_SEATS[1] - _SEATS[0]), 0, len(_SEATS) - 1.001)
+    low = place.astype(int)
+    share = (place - low)[:, None]
+    return np.asarray(seats[low] * (1 - share) + seats[low + 1] * share)
+
+
+def seat_table(stance: Array) -> Array:
+    """(13, CHANNELS) seated poses for pelvis heights 0.20 to 0.80 m: upright, a slack back, the hands on the thighs."""
+    low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)
+    pose = np.repeat(stance[None], len(_SEATS), 0)
+    pose[:, 0] = -0.16 - 0.1 * low
+    for joint, amount, more in (
+        ("spine1", 0.16, 0.1), ("spine2", 0.12, 0.1), ("spine3", 0.04, 0.1), ("neck", -0.06, -0.12), ("head", -0.12, -0.12)
+    ):  # fmt: skip
+        pose[:, channel(joint)] += amount + more * low
+    rotations = np.zeros((len(_SEATS), N_JOINTS, 3))
+    rotations[:, 0, 0], rotations[:, UPPER] = pose[:, 0], pose[:, 3:].reshape(len(_SEATS), -1, 3)
+    position, orientation = forward_kinematics(_SEATS[:, None] * [0.0, 1.0, 0.0], rotations)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        hip, shoulder = (position[:, JOINT_INDEX[f"{side}_{joint}"]] for joint in ("hip", "shoulder"))
+        ankle = np.stack([np.full_like(low, sign * 0.09), np.full_like(low, SOLE), seat_depth(_SEATS) - 0.02], -1)
+        thigh, _ = solve(Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
+        wrist = hip + thigh @ np.array([0.0, -0.27, 0.085]) - [0.0, 0.0, 0.03]
+        upper, fore = solve(Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
+        for joint, parent, own in (
+            ("shoulder", orientation[:, JOINT_INDEX[f"{side}_collar"]], upper),
+            ("elbow", upper, fore),
+        ):
+            at = channel(f"{side}_{joint}")
+            pose[:, at : at + 3] = to_vector(np.swapaxes(parent, -1, -2) @ own)
+    return pose
+
+
+# -- one chunk ---------------------------------------------------------------------------------------------------------
+def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Array]:
+    """One chunk: the state at its end, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
+    p = plan(state, c)
+    root, yaw = hip_path(state, p)
+    stand = feet(state, p, c, root)
+    values = upper_body(state, p, c, pose_targets(state, p, c, style))
+    pelvis = pelvis_orientation(yaw, values[..., :3])
+    second = np.arange(2) == (1 - p.first)[:, None]
+    may_lift = np.where(second[..., None], 0.5 * bump(1.05 * GRID), 0.0)
+    root = _bobbing(root, p, c)
+    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift))
+    stand = ik.ease_ankles(root, pelvis, ik.raise_heels(root, pelvis, stand, may_lift), yaw)
+    rotations = np.zeros((*yaw.shape, N_JOINTS, 3))
+    rotations[:, :, 0] = to_vector(pelvis)
+    rotations[:, :, UPPER] = values[..., 3:].reshape(*yaw.shape, -1, 3)
+    for joint, matrix in ik.place_legs(root, pelvis, stand, yaw).items():
+        rotations[:, :, JOINT_INDEX[joint]] = to_vector(matrix)
+    return _ended(p, stand, values), root[:, 1:], rotations[:, 1:]
+
+
+def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
+    """yaw (...) and pitch, roll, extra yaw (..., 3) to (..., 3, 3): Ry Rz Rx, which keeps the hip line's heading exact."""
+    vector = np.zeros((*yaw.shape, 3, 3))
+    vector[..., 0, 1], vector[..., 1, 2], vector[..., 2, 0] = yaw + tilt[..., 2], tilt[..., 1], tilt[..., 0]
+    matrix = matrix_from_vector(vector)
+    return np.asarray(matrix[..., 0, :, :] @ matrix[..., 1, :, :] @ matrix[..., 2, :, :])
+
+
+def _bobbing(root: Array, p: Plan, c: Commands) -> Array:
+    """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
+    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * c.among(WALK, BACK)
+    sunk = root.copy()
+    sunk[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
+    return sunk
+
+
+def _lowered(root: Array, ceiling: Array) -> Array:
+    """The path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is left."""
+    height = root[..., 1]
+    need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
+    skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
+    dip = np.maximum(need.max(1), 0.0)[:, None] * bump(GRID ** skew[:, None])
+    lowered = root.copy()
+    lowered[..., 1] = soft_minimum(height - dip, ceiling, 0.004 + 0.02 * bump(GRID))
+    return lowered
+
+
+def _ended(p: Plan, stand: Feet, values: Array) -> State:
+    """The state that the next chunk starts from; only a foot that hangs has a velocity."""
+    hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None]
+
+    def rate(track: Array) -> Array:
+        return np.asarray(
+            (track[:, :, -1] - track[:, :, -2]) * FUTURE * hangs.reshape(*hangs.shape, *(1 for _ in track.shape[3:]))
+        )
+
+    return State(
+        p.root, raised(p.velocity, p.rise), p.yaw, p.yaw_rate, p.level, p.seat,
+        stand.sole[:, :, -1], rate(stand.sole) * [1.0, 0.0, 1.0], stand.yaw[:, :, -1], rate(stand.yaw), stand.pitch[:, :, -1],
+        rate(stand.pitch), 1 - p.first, values[:, -1], (values[:, -1] - values[:, -2]) * FUTURE,
+    )  # fmt: skip
+
+
+# -- whole motions -----------------------------------------------------------------------------------------------------
+def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
+    """The mean gait with a share of one walker's own manner, and arms that swing more or less."""
+    which = rng.integers(1, len(profiles.gait), n)
+    own = rng.uniform(0.0, 0.5, n)[:, None, None]
+    gait = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
+    gait[:, 1:] *= rng.uniform(0.85, 1.1, n)[:, None, None]
+    gait[:, 0] = _eyes_level(gait[:, 0], 0.06)
+    stance = _eyes_level(profiles.stance, 0.04)
+    frame = rng.integers(0, len(profiles.sway), n)
+    return Style(gait, np.repeat(stance[None], n, 0), seat_table(stance), profiles.sway, frame)
+
+
+def _eyes_level(pose: Array, down: float) -> Array:
+    """The pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in the head."""
+    pose = pose.copy()
+    missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
+        -1
+    )
+    pose[..., channel("neck")] += 0.4 * missing
+    pose[..., channel("head")] += 0.6 * missing
+    return pose
+
+
+def play(
+    profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0
+) -> tuple[Array, Array]:
+    """Root (N, 5 + 15 K, 3) and rotations (N, 5 + 15 K, 24, 3) of N bodies that carry out K commands each.
+
+    They begin in a quiet stance, a share `rested` of them in `rest_pose`.
+    """
+    n = len(series[0].skill)
+    style = _style(profiles, n, rng)
+    next_foot = rng.integers(0, 2, n)
+    state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.of([("stop", {})] * n), style)
+    resting = rng.random(n) < rested
+    state = State.resting(next_foot).where(resting, state)
+    rest = rest_pose(HISTORY)
+    roots = [np.where(resting[:, None, None], rest.root, root[:, -HISTORY:])]
+    turns = [np.where(resting[:, None, None, None], rest.rotations, rotations[:, -HISTORY:])]
+    for commands in series:
+        style = style.later(FUTURE)
+        state, root, rotations = advance(state, commands, style)
+        roots.append(root)
+        turns.append(rotations)
+    return np.concatenate(roots, 1), np.concatenate(turns, 1)
+
+
+def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
+    """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
+
+    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters named as in
+    chunks.PARAMETERS, in metres and radians. What a command asks for is what `outcome` measures, but for a stair straight out of a
+    seat, where the pelvis rises by both. Raises ValueError for unknown skills and parameters.
+    """
+    profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
+    root, rotations = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
+    return Motion(root[0], rotations[0])

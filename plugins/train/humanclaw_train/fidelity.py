@@ -1,0 +1,326 @@
+"""How faithfully the skills do what they are told: achieved over commanded (paper, table 1).
+
+    humanclaw fidelity --rollouts 200 --realised --baseline CHUNKS
+
+Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from standing; then come
+three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths of the adapter's range.
+Realised: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the command, and measured there.
+Baseline: the median clip of each verb, whatever the magnitude asked for, as a text-to-motion model does it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from tqdm import tqdm
+
+from humanclaw.errors import CheckpointError, HumanclawError
+from humanclaw.files import write_atomically
+from humanclaw.motion.checkpoint import load_base
+from humanclaw.motion.flow import PROFILES, Solver
+from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.pose import Array, wrap_angle
+from humanclaw_train.chunks import PARAMETERS, Chunks, outcomes
+from humanclaw_train.realised import Actor, roll_realised
+from humanclaw_train.rollouts import PRIMARY, Command, Rollouts, adapters, file_digest, others, roll
+
+if TYPE_CHECKING:
+    from humanclaw.interfaces import Simulator
+
+NAN: Final = float("nan")
+PAPER: Final = {
+    "walk": (0.966, 0.022),
+    "side_step": (1.002, 0.123),
+    "step_back": (0.986, 0.056),
+    "turn_in_place": (0.994, 0.038),
+    "climb_upstairs": (0.794, 0.019),
+    "walk_downstairs": (0.738, 0.052),
+    "sit_in_place": (0.977, 0.078),
+}
+"""Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
+PAPER_BASELINE: Final = {
+    "walk": (1.921, 1.031),
+    "side_step": (1.717, 1.234),
+    "step_back": (2.072, 1.067),
+    "turn_in_place": (0.608, 0.284),
+    "climb_upstairs": (0.820, 0.826),
+    "walk_downstairs": (1.540, 0.421),
+    "sit_in_place": (1.817, 1.279),
+}
+"""The same of the paper's baseline, MoMask, which ignores the magnitude."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Achieved over commanded, of one skill."""
+
+    mean: float
+    std: float
+    after_other: float
+    """The mean over chunks that follow another skill's; NaN where there are none."""
+    error: float
+    """Mean absolute error over all parameters, centimetres and degrees alike."""
+    chunks: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One skill's line of the table. NaN in `generated` for a skill without parameters; None for what was not measured."""
+
+    skill: str
+    generated: Ratio
+    realised: Ratio | None = None
+    baseline: Ratio | None = None
+    adapter: str = ""
+    """Digest of the adapter's file."""
+
+
+# -- measuring ---------------------------------------------------------------------------------------------------------
+def achieved(skill: str, rollouts: Rollouts) -> Ratio:
+    """Outcomes of rollouts against their commands."""
+    found = outcomes(skill, rollouts.root, rollouts.rotations)
+    if not found.shape[1]:
+        return Ratio(NAN, NAN, NAN, NAN, len(found))
+    primary = PRIMARY.get(skill, 0)
+    difference = found - rollouts.commands
+    angle = np.array([name == "yaw" for name in PARAMETERS[skill]])
+    difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
+    difference[:, ~angle] *= 100
+    # Data, unlike commands, may hold a displacement of exactly nothing.
+    wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
+    ratio = found[:, primary] / wanted
+    error = float(np.abs(difference).mean())
+    return Ratio(_mean(ratio), float(np.nanstd(ratio)), _mean(ratio[rollouts.after_other]), error, len(found))
+
+
+def _mean(values: Array) -> float:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else NAN
+
+
+def fidelity(generator: DiTGenerator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0) -> list[Row]:
+    """One row a skill, in the order given. Raises CheckpointError for an adapter that does not fit the base."""
+    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    return [
+        Row(
+            command.skill,
+            achieved(command.skill, roll(generator, command, others(command, commands), rollouts, seed)),
+            adapter=file_digest(command.adapter),
+        )
+        for command in commands
+    ]
+
+
+def realised(
+    generator: DiTGenerator, simulator: Simulator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0
+) -> dict[str, Ratio]:
+    """Skill to its ratio in half-physics, for skills with parameters."""
+    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    wanted = [command for command in commands if len(command.low)]
+    actor, ratios = Actor(generator, simulator), {}
+    with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
+        for command in wanted:
+            bar.set_description(command.skill)
+            rolled = roll_realised(actor, command, others(command, commands), rollouts, seed, lambda: bar.update())
+            ratios[command.skill] = achieved(command.skill, rolled)
+    return ratios
+
+
+def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
+    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this skill.
+
+    The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where there are
+    any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
+    """
+    chunks = _of_skill(folders, command.skill)
+    if chunks is None or not chunks.params.shape[1]:
+        return None
+    magnitudes = np.abs(chunks.params.astype(float))
+    spread = np.maximum(magnitudes.std(0), 1e-6)
+    far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
+    clip = chunks[np.array([int(far.argmin())])]
+    commands = command.draw(count, np.random.default_rng(seed))
+    side = np.sign(commands[:, PRIMARY.get(command.skill, 0)]) * np.sign(clip.params[0, PRIMARY.get(command.skill, 0)])
+    both = Chunks.join([clip, clip.mirrored(command.skill)])[(side < 0).astype(int)]
+    rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
+    return achieved(command.skill, rollouts)
+
+
+def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
+    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
+    if not files:
+        return None
+    chunks = Chunks.join(Chunks.load(file) for file in files)
+    return chunks[chunks.real] if chunks.real.any() else chunks
+
+
+def milliseconds(generator: DiTGenerator, adapter: Path, values: Sequence[float], times: int = 10) -> float:
+    """Least wall time of one generated chunk of one body, after a first call that reads the adapter."""
+    history = generator.start()
+    generator.generate(history, adapter, values, (0,))
+    taken = []
+    for index in range(times):
+        started = time.perf_counter()
+        generator.generate(history, adapter, values, (index,))
+        taken.append(1000 * (time.perf_counter() - started))
+    return min(taken)
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Report:
+    """The table with what it was measured on: what `--save` writes and model cards quote."""
+
+    base: str
+    """Digest of the base."""
+    solver: str
+    rollouts: int
+    seed: int
+    milliseconds: float
+    rows: tuple[Row, ...]
+
+    def save(self, path: Path) -> None:
+        """Write as JSON."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, (json.dumps(_plain(asdict(self)), indent=1) + "\n").encode())
+
+    @classmethod
+    def load(cls, path: Path) -> Report:
+        """Read what `save` wrote. Raises CheckpointError for anything else."""
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            rows = tuple(Row(**row | {key: _ratio(row[key]) for key in _RATIOS}) for row in content["rows"])
+            return cls(**content | {"rows": rows})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"{path} holds no fidelity report ({error}).", f"Measure with: humanclaw fidelity --save {path}"
+            ) from error
+
+
+_RATIOS: Final = ("generated", "realised", "baseline")
+
+
+def _ratio(content: Mapping[str, Any] | None) -> Any:
+    if content is None:
+        return None
+    values: dict[str, Any] = {key: NAN if value is None else value for key, value in content.items()}
+    return Ratio(**values)
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN: null stands for it. Six digits are plenty."""
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if np.isfinite(value) else None
+    return value
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The rows as a Markdown table, the paper's beside them."""
+    heads = (
+        "skill", "generated", "after another", "error cm, deg", "realised", "error cm, deg", "median clip", "paper",
+        "paper's baseline",
+    )  # fmt: skip
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    for row in rows:
+        made, real = row.generated, row.realised
+        cells = (
+            row.skill, _spread(made), _number(made.after_other, 3), _number(made.error, 1),
+            _spread(real), _number(real.error if real else NAN, 1), _spread(row.baseline),
+            _pair(PAPER.get(row.skill)), _pair(PAPER_BASELINE.get(row.skill)),
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _spread(ratio: Ratio | None) -> str:
+    return _pair((ratio.mean, ratio.std)) if ratio and np.isfinite(ratio.mean) else "-"
+
+
+def _pair(pair: tuple[float, float] | None) -> str:
+    return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
+
+
+# -- the command line --------------------------------------------------------------------------------------------------
+def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulator] | None = None) -> int:
+    """The command line. simulator: makes what `--realised` runs in; this module itself knows of none."""
+    options = _parser().parse_args(arguments)
+    try:
+        report = _measure(options, simulator)
+        if options.save:
+            report.save(options.save)
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(markdown(report.rows))
+    print(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
+    return 0
+
+
+def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | None) -> Report:
+    generator = made_generator(options)
+    paths = adapters(options.adapters, options.skills)
+    rows = fidelity(generator, paths, options.rollouts, options.seed)
+    if options.baseline:
+        rows = [
+            replace(row, baseline=baseline(options.baseline, Command.of(row.skill, paths[row.skill]))) for row in rows
+        ]
+    if options.realised:
+        if simulator is None:
+            raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --realised")
+        ratios = realised(generator, simulator(), paths, options.rollouts, options.seed)
+        rows = [replace(row, realised=ratios.get(row.skill)) for row in rows]
+    first = next(iter(paths))
+    values = Command.of(first, paths[first]).draw(1, np.random.default_rng(0))[0].tolist()
+    solver = f"{generator.solver.method}, {generator.solver.steps} steps"
+    time_of_one = milliseconds(generator, paths[first], values)
+    return Report(generator.digest, solver, options.rollouts, options.seed, time_of_one, tuple(rows))
+
+
+def made_generator(options: argparse.Namespace) -> DiTGenerator:
+    """The generator that `generator_options` describe. Raises CheckpointError."""
+    solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, plant=options.profile != "paper")
+
+
+def generator_options(parser: argparse.ArgumentParser) -> None:
+    """Options that name weights, skills and solver."""
+    parser.add_argument("--skills", nargs="*", default=[], help="which skills (default: all that have an adapter)")
+    parser.add_argument(
+        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+    )
+    parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
+    parser.add_argument("--rollouts", type=int, default=200, help="a skill")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--profile", choices=list(PROFILES), default="default")
+    parser.add_argument("--method", choices=("euler", "midpoint"), default="midpoint")
+    parser.add_argument("--steps", type=int, default=0, help="solver steps, in place of the profile's")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
+    generator_options(parser)
+    parser.add_argument("--realised", action="store_true", help="measure in half-physics as well (minutes)")
+    parser.add_argument(
+        "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders to take median clips from"
+    )
+    parser.add_argument("--save", type=Path, metavar="FILE", help="also write the table as JSON, for `humanclaw cards`")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""The commands of this distribution. Apart from the package itself, which must import where there is no plugin host."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    import click
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw_train import cli as commands
+
+    for command in (
+        commands.train, commands.fidelity, commands.naturalness, commands.speed, commands.cards, commands.data,
+    ):  # fmt: skip
+        cli.add_command(command)

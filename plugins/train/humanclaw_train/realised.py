@@ -1,0 +1,186 @@
+"""Rollouts as half-physics realises them: on a flat floor, on flights of stairs and on seats that fit the command.
+
+The loop is that of an episode: the motion model continues its own poses, anchored where physics left the body. The body meets a
+flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the body is put in front of
+the stage, made to take up its last pose, and goes on from there. Half-physics commands velocities from pose to pose, so the
+pose is all that a body carries over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.pose import CHUNK, HISTORY, Array, Frame, Motion, anchored
+from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw_train.chunks import canonical
+from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, STAIRS, Command, Rollouts
+
+if TYPE_CHECKING:
+    from humanclaw.interfaces import Simulator
+
+SIT: Final = "sit_in_place"
+_HOLD: Final = 10
+"""Frames in which a body that was put down takes up the pose of its history."""
+
+
+# -- stages ------------------------------------------------------------------------------------------------------------
+def _shape(joint: str) -> Capsule | Box:
+    return next(link.shape for link in LINKS if link.joint == joint)
+
+
+def _toe_reach() -> tuple[float, float]:
+    """How far the shoe reaches behind and ahead of the ankle, metres."""
+    heel, toe = _shape("left_ankle"), _shape("left_foot")
+    assert isinstance(heel, Box)
+    assert isinstance(toe, Box)
+    return heel.half[2] - heel.centre[2], OFFSETS[JOINT_INDEX["left_foot"]][2] + toe.centre[2] + toe.half[2]
+
+
+def _hips_below() -> float:
+    pelvis = _shape("pelvis")
+    assert isinstance(pelvis, Capsule)
+    return pelvis.radius - pelvis.a[1]
+
+
+HEEL, TOE = _toe_reach()
+HIPS: Final = _hips_below()
+"""From the pelvis joint down to what touches a seat, metres."""
+_SEAT_FRONT: Final = -0.13
+"""A seat begins just behind the hips of who stands before it, metres."""
+_CLEAR: Final = 0.01
+
+
+def flat() -> Scene:
+    """A floor and nothing else."""
+    return _scene("flat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0))])
+
+
+def stage(skill: str, values: Sequence[float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
+    """What a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0."""
+    if skill == "climb_upstairs":
+        return _scene("up", _ascent(values[0], values[1], chunks))
+    if skill == "walk_downstairs":
+        return _scene("down", _descent(values[0], values[1], chunks))
+    if skill == SIT:
+        top = max(values[0] - HIPS, 0.02)
+        boxes = [
+            ("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)),
+            ("bench", (1.2, top, 1.0), (0.0, 0.0, _SEAT_FRONT - 0.5)),
+        ]
+        return _scene("seat", boxes)
+    return flat()
+
+
+_Boxes = list[tuple[str, tuple[float, float, float], tuple[float, float, float]]]
+
+
+def _ascent(h: float, d: float, chunks: int) -> _Boxes:
+    # The foot that lands has its ankle over the nosing, as who climbs has; the toes of the standing one stay clear of the riser.
+    riser = max(TOE + _CLEAR, d + 2 * _CLEAR)
+    treads: _Boxes = [("stairs", (2.0, h * (k + 1), d), (0.0, 0.0, riser + d * (k + 0.5))) for k in range(chunks)]
+    landing = ("floor", (2.0, h * (chunks + 1), 4.0), (0.0, 0.0, riser + d * chunks + 2.0))
+    return [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)), *treads, landing]
+
+
+def _descent(h: float, d: float, chunks: int) -> _Boxes:
+    # Who goes down has the middle of the foot over the nosing, so that the heel that comes next clears it.
+    edge, low = (TOE - HEEL) / 2, -h * (chunks + 2)
+    treads: _Boxes = [("stairs", (2.0, -h * (k + 1) - low, d), (0.0, low, edge + d * (k + 0.5))) for k in range(chunks)]
+    upper = ("floor", (2.0, -low, 4.0), (0.0, low, edge - 2.0))
+    return [upper, *treads, ("floor", (2.0, h, 4.0), (0.0, low, edge + d * chunks + 2.0))]
+
+
+def _scene(name: str, boxes: _Boxes) -> Scene:
+    assets = {str(index): _asset(str(index), category, size) for index, (category, size, _) in enumerate(boxes)}
+    things = tuple(
+        SceneObject(index + 1, str(index), category, place) for index, (category, _, place) in enumerate(boxes)
+    )
+    return Scene(name, assets, things, (), Placement(0.0, 0.0, 0.0))
+
+
+def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
+    """A box on y = 0."""
+    corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0.0, 1.0) for z in (-0.5, 0.5)]) * size
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    points = corners.astype(np.float32)
+    grey = np.full((1, 1, 3), 180, np.uint8)
+    mesh = Mesh(points, np.array(faces, np.int32), np.zeros((8, 2), np.float32), grey)
+    return Asset(name, category, mesh, (points,))
+
+
+# -- a body in a simulator ---------------------------------------------------------------------------------------------
+class Actor:
+    """A body that a generator moves and a simulator carries. `realised`: what became of it since it was last put down."""
+
+    def __init__(self, generator: DiTGenerator, simulator: Simulator) -> None:
+        self._generator, self._simulator = generator, simulator
+        self.realised = self._history = generator.start()
+
+    def stand(self, scene: Scene) -> None:
+        """Stand at the origin as an episode begins."""
+        self._put(scene)
+        self._history = anchored(self._generator.start(), self.realised)
+
+    def move_to(self, scene: Scene) -> None:
+        """Go on at the origin of another scene, in the pose of the history."""
+        self._put(scene)
+        origin = Frame.of(self.realised, floor=0.0)
+        pose = origin.to_world(Frame.of(self._history, floor=0.0).to_local(self._history[-1:]))
+        held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
+        self.realised = self._simulator.execute(held).realised
+        self._history = anchored(self._history, self.realised)
+
+    def act(self, command: Command, values: Sequence[float], key: Sequence[int]) -> None:
+        """One chunk of a skill."""
+        commanded = self._generator.generate(self._history, command.adapter, values, key)
+        execution = self._simulator.execute(commanded)
+        self.realised = self.realised.then(execution.realised)
+        self._history = anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
+
+    def _put(self, scene: Scene) -> None:
+        body = self._simulator.reset(scene, scene.start).body
+        self.realised = Motion(np.repeat(body.root[-1:], HISTORY, 0), np.repeat(body.rotations[-1:], HISTORY, 0))
+
+
+# -- rollouts ----------------------------------------------------------------------------------------------------------
+def roll_realised(
+    actor: Actor,
+    command: Command,
+    before: Sequence[Command],
+    rollouts: int,
+    seed: int,
+    tick: Callable[[], object] = lambda: None,
+) -> Rollouts:
+    """As rollouts.roll, in half-physics. A flight is climbed with one command, its own; a seat is sat on once."""
+    random = np.random.default_rng(seed)
+    chunks: list[Motion] = []
+    commands: list[Array] = []
+    strange: list[bool] = []
+    for index in range(rollouts):
+        other = before[index // 2 % len(before)] if before and index % 2 else None
+        asked = _commands(command, random)
+        actor.stand(flat() if other else stage(command.skill, asked[0]))
+        if other:
+            actor.act(other, other.draw(1, random)[0].tolist(), (seed, index, 0))
+            if command.skill in (*STAIRS, SIT):
+                actor.move_to(stage(command.skill, asked[0]))
+        for turn, values in enumerate(asked):
+            actor.act(command, values.tolist(), (seed, index, turn + 1))
+            chunks.append(actor.realised[-CHUNK:])
+            commands.append(values)
+            strange.append(other is not None and turn == 0)
+        tick()
+    root, rotations = (np.stack([getattr(chunk, part) for chunk in chunks]) for part in ("root", "rotations"))
+    return Rollouts(*canonical(root, rotations), np.stack(commands), np.array(strange))
+
+
+def _commands(command: Command, random: np.random.Generator) -> Array:
+    if command.skill in STAIRS:
+        return np.repeat(command.draw(1, random), CHUNKS_IN_A_ROW, 0)
+    return command.draw(1 if command.skill == SIT else CHUNKS_IN_A_ROW, random)

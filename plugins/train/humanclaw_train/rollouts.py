@@ -1,0 +1,129 @@
+"""Generated rollouts of a skill, from standing and after other skills: what the measures of the motion model look at."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.errors import CheckpointError
+from humanclaw.motion.checkpoint import read_header
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion
+from humanclaw_train.chunks import canonical
+
+CHUNKS_IN_A_ROW: Final = 3
+STAIRS: Final = ("climb_upstairs", "walk_downstairs")
+_LEAST: Final = 0.25
+"""Commands smaller than this share of the largest are not asked for: a ratio to nothing says nothing."""
+PRIMARY: Final = {"walk": 1, "climb_upstairs": 0, "walk_downstairs": 0}
+"""Which parameter the ratio is of, where it is not the only one: the forward distance, and the height of the step."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What one skill can be asked: the range of each parameter, SI."""
+
+    skill: str
+    adapter: Path
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, skill: str, adapter: Path) -> Command:
+        """The range that the adapter was trained on, less a twentieth at either end."""
+        config = read_header(adapter)["adapter"]
+        centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
+        return cls(skill, adapter, centre - 0.9 * scale, centre + 0.9 * scale)
+
+    def draw(self, count: int, random: np.random.Generator) -> Array:
+        """(count, k) commands; the parameter that the ratio is of is never close to zero."""
+        values = random.uniform(self.low, self.high, (count, len(self.low)))
+        if len(self.low):
+            primary = PRIMARY.get(self.skill, 0)
+            column, largest = values[:, primary], max(abs(self.low[primary]), abs(self.high[primary]))
+            small = np.abs(column) < _LEAST * largest
+            values[small, primary] = np.where(column[small] < 0, -1, 1) * _LEAST * largest
+        return values
+
+
+def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Path]:
+    """The adapters below some folders by skill, or of them the wanted ones in that order. Raises CheckpointError."""
+    found = {
+        path.parent.name: path
+        for path in sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
+    }
+    missing = [skill for skill in wanted if skill not in found]
+    if missing or not found:
+        known = ", ".join(found) or "none"
+        raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"There are: {known}.")
+    return {skill: found[skill] for skill in wanted or found}
+
+
+def file_digest(path: Path) -> str:
+    """Names the content of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def others(command: Command, commands: Sequence[Command]) -> list[Command]:
+    """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of the two."""
+    unfit = {command.skill, "sit_in_place"} if command.skill in STAIRS else {command.skill}
+    return [other for other in commands if other.skill not in unfit]
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """What became of one skill's commands (N, k): root (N, 20, 3) and rotations (N, 20, 24, 3), each chunk in its canonical frame.
+
+    after_other (N,): whether the chunk before was another skill's. whole: the motions that the chunks were cut from.
+    """
+
+    root: Array
+    rotations: Array
+    commands: Array
+    after_other: NDArray[np.bool_]
+    whole: tuple[Motion, ...] = ()
+
+
+def roll(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Rollouts:
+    """Run one skill `rollouts` times for three chunks in a row; every second time after one chunk of another skill."""
+    random = np.random.default_rng(seed)
+    motions = [generator.start() for _ in range(rollouts)]
+    strange = np.zeros(rollouts, bool)
+    if before:
+        strange[1::2] = True
+        for index, other in enumerate(before):
+            chosen = np.flatnonzero(strange)[index :: len(before)]
+            extend(generator, other, motions, chosen, other.draw(len(chosen), random), (seed, 0))
+    roots, rotations, commands = [], [], []
+    for turn in range(CHUNKS_IN_A_ROW):
+        values = command.draw(rollouts, random)
+        extend(generator, command, motions, np.arange(rollouts), values, (seed, turn + 1))
+        roots.append(np.stack([motion.root[-HISTORY - FUTURE :] for motion in motions]))
+        rotations.append(np.stack([motion.rotations[-HISTORY - FUTURE :] for motion in motions]))
+        commands.append(values)
+    local = canonical(np.concatenate(roots), np.concatenate(rotations))
+    after = np.concatenate([strange, *[np.zeros(rollouts, bool)] * (CHUNKS_IN_A_ROW - 1)])
+    return Rollouts(*local, np.concatenate(commands), after, tuple(motions))
+
+
+def extend(
+    generator: DiTGenerator,
+    command: Command,
+    motions: list[Motion],
+    chosen: NDArray[np.int_],
+    values: Array,
+    key: tuple[int, ...],
+) -> None:
+    """Let the chosen bodies go on, in place, by one chunk of a skill with their values (len(chosen), k)."""
+    if len(chosen):
+        histories = [motions[index][-HISTORY:] for index in chosen]
+        keys = [(*key, int(index)) for index in chosen]
+        futures = generator.generate_batch(histories, command.adapter, values.tolist(), keys)
+        for index, future in zip(chosen, futures, strict=True):
+            motions[index] = motions[index].then(future)

@@ -1,0 +1,273 @@
+"""How long one chunk takes: sizes, solvers and runtimes (PyTorch, ONNX Runtime, OpenVINO), one body and many.
+
+    humanclaw speed --threads 1 2
+
+The field of the flow, base with adapter, is what is timed inside its solver, at batch 1 unless a row says otherwise. What depends
+on tau alone, the modulations, is computed beforehand for every runtime. Weights are random: they do not change the time. ONNX
+Runtime and OpenVINO are measured where they are installed (`pip install onnx onnxscript onnxruntime openvino`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from humanclaw.errors import HumanclawError
+from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.dit import SIZES, DiT, Modulations
+from humanclaw.motion.flow import Solver, velocity
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.pose import FUTURE, HISTORY, STATE_SIZE
+from humanclaw_train.fidelity import milliseconds
+from humanclaw_train.rollouts import Command, adapters
+
+SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
+GOALS: Final = {"lite": 50.0, "paper": 250.0}
+"""Milliseconds a chunk that the default solver may take."""
+_WALK: Final = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
+_ENOUGH: Final = 3.0
+"""Seconds for one measurement, one call at least."""
+
+
+class VelocityField(nn.Module):
+    """Base and adapter as one function of the noisy future; modulations come in, so that one export serves every solver."""
+
+    def __init__(self, base: DiT, adapter: Adapter) -> None:
+        super().__init__()
+        self.base, self.adapter = base, adapter
+
+    def forward(
+        self, history: Tensor, noisy: Tensor, values: Tensor, tau: Tensor, blocks: Tensor, final: Tensor, branch: Tensor
+    ) -> Tensor:
+        """history (B, 5, 219), noisy (B, 15, 219), values (B, k), tau (1,), and the modulations of that tau."""
+        residual = self.adapter.residual(self.adapter.condition(values), branch)
+        output = self.base(history, noisy, Modulations(blocks, final), residual)
+        return velocity(self.base.config.prediction, output, noisy, tau)
+
+
+Evaluate = Callable[[tuple[Tensor, ...]], Tensor]
+"""The arguments of VelocityField.forward to its result."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What one chunk for one body takes, milliseconds, the least of several calls."""
+
+    size: str
+    runtime: str
+    threads: int
+    solver: Solver
+    bodies: int
+    milliseconds: float
+    """Wall time."""
+    cpu: float
+    """Processor time, all threads together: what else the machine does hardly adds to it."""
+
+
+# -- runtimes ----------------------------------------------------------------------------------------------------------
+def _torch(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
+    torch.set_num_threads(threads)
+    return lambda arguments: field(*arguments)
+
+
+def _onnx(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
+    import onnxruntime  # type: ignore[import-not-found,unused-ignore]
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+    session = onnxruntime.InferenceSession(_exported(field, example), options, providers=["CPUExecutionProvider"])
+    names = [part.name for part in session.get_inputs()]
+
+    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
+        fed = {name: value.numpy() for name, value in zip(_NAMES, arguments, strict=True) if name in names}
+        return torch.from_numpy(session.run(None, fed)[0])
+
+    return evaluate
+
+
+def _openvino(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
+    import openvino  # type: ignore[import-not-found,unused-ignore]
+
+    core = openvino.Core()
+    model = core.read_model(model=_exported(field, example))
+    settings = {"INFERENCE_NUM_THREADS": threads, "PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
+    compiled = core.compile_model(model, "CPU", settings)
+    names = {name for part in compiled.inputs for name in part.get_names()}
+
+    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
+        fed = {name: value.numpy() for name, value in zip(_NAMES, arguments, strict=True) if name in names}
+        return torch.from_numpy(next(iter(compiled(fed).values())).copy())
+
+    return evaluate
+
+
+_NAMES: Final = ("history", "noisy", "values", "tau", "blocks", "final", "branch")
+
+
+def _exported(field: VelocityField, example: tuple[Tensor, ...]) -> bytes:
+    """The field as ONNX for the batch size of the example."""
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of constants in the trace, which are meant, and of the exporter's age
+        path = Path(folder) / "field.onnx"
+        torch.onnx.export(
+            field, example, str(path), input_names=list(_NAMES), output_names=["v"], opset_version=17, dynamo=False
+        )
+        return path.read_bytes()
+
+
+RUNTIMES: Final[dict[str, tuple[tuple[str, ...], Callable[[VelocityField, tuple[Tensor, ...], int], Evaluate]]]] = {
+    "torch": ((), _torch),
+    "onnxruntime": (("onnx", "onnxruntime"), _onnx),
+    "openvino": (("onnx", "openvino"), _openvino),
+}
+"""Name to the packages that it needs and how a field is made ready in it."""
+
+
+def installed() -> list[str]:
+    """The runtimes that can be measured here."""
+    return [name for name, (needs, _) in RUNTIMES.items() if all(map(importlib.util.find_spec, needs))]
+
+
+# -- measuring ---------------------------------------------------------------------------------------------------------
+def measure(
+    size: str, threads: int, bodies: int, solvers: Sequence[Solver], runtimes: Sequence[str]
+) -> Iterator[Timing]:
+    """Time each runtime and solver. Restores torch's own number of threads."""
+    before = torch.get_num_threads()
+    torch.manual_seed(0)
+    base = DiT(SIZES[size])
+    field = VelocityField(base, Adapter(base, _WALK)).eval().requires_grad_(False)
+    history, noise = torch.randn(bodies, HISTORY, STATE_SIZE), torch.randn(bodies, FUTURE, STATE_SIZE)
+    values = torch.zeros(bodies, 3)
+    try:
+        for runtime in runtimes:
+            arguments = _arguments(field, Solver("euler", 1), history, noise, values)
+            evaluate = RUNTIMES[runtime][1](field, arguments[0], threads)
+            for solver in solvers:
+                given = _arguments(field, solver, history, noise, values)
+                taken = _least(partial(_solve, solver, evaluate, given, noise))
+                yield Timing(size, runtime, threads, solver, bodies, *(part / bodies for part in taken))
+    finally:
+        torch.set_num_threads(before)
+
+
+@torch.inference_mode()
+def _arguments(
+    field: VelocityField, solver: Solver, history: Tensor, noise: Tensor, values: Tensor
+) -> list[tuple[Tensor, ...]]:
+    times = torch.tensor(solver.times)
+    own, branch = field.base.modulations(times), field.adapter.modulations(field.base, times)
+    every = []
+    for index in range(len(times)):
+        one = slice(index, index + 1)
+        parts = (own.blocks[:, :, one], own.final[:, one], branch[:, :, one])
+        every.append((history, noise, values, times[one], *(part.contiguous() for part in parts)))
+    return every
+
+
+@torch.inference_mode()
+def _solve(solver: Solver, evaluate: Evaluate, arguments: Sequence[tuple[Tensor, ...]], noise: Tensor) -> Tensor:
+    def at(index: int, noisy: Tensor) -> Tensor:
+        history, _, *rest = arguments[index]
+        return evaluate((history, noisy, *rest))
+
+    return solver.solve(at, noise)
+
+
+def _least(call: Callable[[], Any]) -> tuple[float, float]:
+    """Milliseconds of wall and of processor time of the fastest calls, after one that warms up."""
+    call()
+    wall: list[float] = []
+    cpu: list[float] = []
+    while not wall or (sum(wall) < _ENOUGH and len(wall) < 30):
+        started, spent = time.perf_counter(), time.process_time()
+        call()
+        wall.append(time.perf_counter() - started)
+        cpu.append(time.process_time() - spent)
+    return 1000 * min(wall), 1000 * min(cpu)
+
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+def markdown(timings: Sequence[Timing]) -> str:
+    """Milliseconds a chunk and body, wall time and (processor time): a row a size, runtime, threads and batch."""
+    solvers = list(dict.fromkeys(timing.solver for timing in timings))
+    rows = {(t.size, t.runtime, t.threads, t.bodies): "" for t in timings}
+    found = {(t.size, t.runtime, t.threads, t.bodies, t.solver): f"{t.milliseconds:.1f} ({t.cpu:.1f})" for t in timings}
+    heads = ["size", "runtime", "threads", "bodies", *(f"{solver.method} {solver.steps}, ms" for solver in solvers)]
+    lines = [heads, ["---"] * len(heads)]
+    for row in rows:
+        lines.append([*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)])
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def verdict(timings: Sequence[Timing]) -> str:
+    """The best of each size with the default solver, against its goal."""
+    lines = []
+    for size, goal in GOALS.items():
+        fits = [t for t in timings if t.size == size and t.bodies == 1 and t.solver == SOLVERS[0]]
+        for runtime in dict.fromkeys(t.runtime for t in fits):
+            best = min((t for t in fits if t.runtime == runtime), key=lambda t: t.milliseconds)
+            word = "within" if best.milliseconds < goal else "over"
+            lines.append(
+                f"{size}, {runtime}, {best.threads} threads: {best.milliseconds:.1f} ms, {word} {goal:.0f} ms."
+            )
+    return "\n".join(lines)
+
+
+def _told(timings: Iterator[Timing]) -> Iterator[Timing]:
+    """The same, each told on the way: the whole takes minutes."""
+    for timing in timings:
+        print(timing, file=sys.stderr, flush=True)
+        yield timing
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    options = _parser().parse_args(arguments)
+    runtimes = installed()
+    timings: list[Timing] = []
+    for size in options.sizes:
+        for threads in options.threads:
+            timings += _told(measure(size, threads, 1, SOLVERS, runtimes))
+        for bodies in options.bodies:
+            timings += _told(measure(size, options.threads[0], bodies, SOLVERS[:1], runtimes))
+    print(markdown(timings))
+    print(f"\n{verdict(timings)}")
+    absent = [name for name in RUNTIMES if name not in runtimes]
+    if absent:
+        print(f"Not installed, not measured: {', '.join(absent)}.")
+    try:
+        generator, paths = DiTGenerator.shipped(), adapters(options.adapters)
+        skill = next(iter(paths))
+        values = Command.of(skill, paths[skill]).draw(1, np.random.default_rng(0))[0].tolist()
+        taken = milliseconds(generator, paths[skill], values, 20)
+        print(f"The shipped generator as episodes run it, {skill}, feet planted: {taken:.1f} ms a chunk.")
+    except HumanclawError as error:
+        print(f"The shipped weights were not timed: {error}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw speed", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["lite", "paper"])
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--bodies", type=int, nargs="*", default=[8, 64], help="batches, timed with the default solver")
+    parser.add_argument("--adapters", type=Path, nargs="*", default=[Path("skills")])
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

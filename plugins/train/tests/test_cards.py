@@ -1,0 +1,117 @@
+"""Model cards: what they say is what the checkpoint's header and the fidelity report say."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from humanclaw import pose
+from humanclaw.motion.checkpoint import Card, Normaliser, load_base, read_header, save_adapter, save_base
+from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.dit import DiT, ModelConfig
+from humanclaw.motion.generator import shipped_base
+from humanclaw_train.cards import CARD, REPORT, card, main, write_all
+from humanclaw_train.fidelity import Ratio, Report, Row
+from humanclaw_train.rollouts import file_digest
+
+SKILLS = Path(__file__).parents[2] / "skills"
+SHIPPED = [shipped_base(), *sorted(SKILLS.glob("*/*/*/adapter.safetensors"))]
+RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "steps": 0, "done_steps": 4321}
+
+
+@pytest.fixture
+def weights(tmp_path):
+    """A folder with a base and an adapter of sit_in_place; 25 of 100 chunks are real."""
+    rest = pose.rest_pose(5)
+    state = torch.from_numpy(pose.encode(rest)[-1]).float()
+    start = torch.from_numpy(rest.root).float(), torch.from_numpy(rest.rotations).float()
+    model = DiT(ModelConfig(32, 1, 4, prediction="clean"))
+    data = {"chunks": 100, "real": 25, "edited": 75, "sources": {"HDM05": 25, "composed": 75}}
+    licences = ("HDM05: CC BY-SA 3.0",)
+    told = Card(RECIPE, data, licences)
+    save_base(tmp_path / "base.safetensors", model, Normaliser(state, torch.full((219,), 0.1)), start, told)
+    base = load_base(tmp_path / "base.safetensors")
+    path = tmp_path / "sit_in_place" / "adapter.safetensors"
+    config = AdapterConfig("sit_in_place", "mlp", ("h",), (0.5,), (0.3,))
+    told = Card(RECIPE, {**data, "params_low": [0.19], "params_high": [0.81]}, licences)
+    save_adapter(path, Adapter(base.model, config), base.digest, told)
+    return tmp_path
+
+
+def _report(weights: Path, base: str | None = None) -> Report:
+    adapter = weights / "sit_in_place" / "adapter.safetensors"
+    row = Row(
+        "sit_in_place",
+        Ratio(1.0123, 0.0456, 0.9876, 0.3, 600),
+        Ratio(1.0777, 0.02, 1, 2, 200),
+        adapter=file_digest(adapter),
+    )
+    return Report(base or read_header(adapter)["base"], "euler, 4 steps", 200, 0, 17.4, (row,))
+
+
+def test_a_card_tells_the_figures_of_the_header(weights):
+    text = card(weights / "sit_in_place" / "adapter.safetensors")
+    for fact in (
+        "100 chunks",
+        "25 real (25 %)",
+        "75 edited (75 %)",
+        "4,321 steps of 64",
+        "CC BY-SA 3.0",
+        "| h | 0.19 | 0.81 | 0.5 ± 0.3 |",
+    ):
+        assert fact in text
+    assert f"`{read_header(weights / 'base.safetensors')['digest']}`" in text
+    assert "Documentation Mocap Database HDM05" in text
+    assert "mocap.cs.cmu.edu" not in text  # no word on data that were not used
+
+
+def test_a_card_counts_the_parameters_of_the_model(weights):
+    model = DiT(ModelConfig(32, 1, 4, prediction="clean"))
+    assert f"{sum(p.numel() for p in model.parameters()):,}" in card(weights / "base.safetensors")
+
+
+def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
+    path = weights / "sit_in_place" / "adapter.safetensors"
+    text = card(path, _report(weights))
+    assert "| generated | 1.012 ± 0.046 | 0.3 |" in text
+    assert "| realised in half-physics | 1.078 ± 0.020 | 2.0 |" in text
+    assert "1.012" not in card(path, _report(weights, base="of another base"))
+    assert "Not measured for these weights" in card(path)
+
+
+def test_every_reader_learns_that_sitting_and_stairs_are_edited(weights):
+    for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
+        text = " ".join(card(weights / name).split())
+        assert "All sitting, all regular stairs" in text
+        assert "come from edited motion" in text
+
+
+def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, capsys):
+    arguments = ["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]
+    assert main([*arguments, "--check"]) == 1
+    assert not (weights / CARD).exists()
+    assert main(arguments) == 0
+    assert main([*arguments, "--check"]) == 0
+    _report(weights).save(weights / REPORT)
+    assert main([*arguments, "--check"]) == 1
+    assert "out of date" in capsys.readouterr().out
+
+
+def test_a_broken_report_is_told_and_nothing_is_written(weights):
+    (weights / REPORT).write_text(json.dumps([]))
+    assert main(["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]) == 2
+    assert not (weights / CARD).exists()
+
+
+def test_the_shipped_cards_are_those_of_the_shipped_weights():
+    assert write_all(shipped_base(), [SKILLS], check=True) == []
+
+
+@pytest.mark.parametrize("checkpoint", SHIPPED, ids=lambda path: path.parent.name)
+def test_every_shipped_checkpoint_has_its_shares_and_licences_on_the_card_beside_it(checkpoint):
+    told = read_header(checkpoint)["card"]
+    text = checkpoint.with_name(CARD).read_text("utf-8")
+    assert f"{told['data']['real']:,} real" in text
+    assert f"{told['data']['edited']:,} edited" in text
+    assert all(licence in text for licence in told["licences"])

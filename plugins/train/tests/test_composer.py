@@ -1,0 +1,232 @@
+"""The step composer: what was asked for happens, feet hold, nothing jumps, and nothing knows the future."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
+from humanclaw.pose import CHUNK, FUTURE, HISTORY, Motion, rest_pose
+from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
+from humanclaw_train.chunks import PARAMETERS, outcome
+from humanclaw_train.composer import SKILLS, compose
+from humanclaw_train.edited import edited_chunks, sample_commands
+
+DEGREE = np.pi / 180
+ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
+TOES = [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]
+
+
+@pytest.fixture(scope="module")
+def profiles():
+    """A walker who swings the arms and turns the pelvis, and who sways a little when idle."""
+    stance = channels(rest_pose(4))[0]
+    gait = np.zeros((2, 1 + 2 * HARMONICS, CHANNELS))
+    gait[:, 0] = stance
+    gait[:, 2, 2] = 0.06
+    gait[:, 1, channel("left_shoulder", 1)] = gait[:, 1, channel("right_shoulder", 1)] = 0.3
+    sway = 0.02 * np.sin(np.linspace(0, 20, 300))[:, None] * np.eye(CHANNELS)[channel("spine2", 2)]
+    return Profiles(gait, np.array([1.2, 1.2]), stance, sway)
+
+
+def _chunks(motion):
+    return [motion[start : start + CHUNK] for start in range(0, len(motion) - CHUNK + 1, FUTURE)]
+
+
+EXTREMES = [
+    ("walk", {"x": 0.3, "z": 0.8, "yaw": -30 * DEGREE}),
+    ("walk", {"x": -0.3, "z": 0.0, "yaw": 30 * DEGREE}),
+    ("walk", {"x": 0.0, "z": 0.55, "yaw": 0.0}),
+    ("side_step", {"x": 0.4}),
+    ("side_step", {"x": -0.4}),
+    ("step_back", {"z": 0.45}),
+    ("step_back", {"z": 0.05}),
+    ("turn_in_place", {"yaw": 75 * DEGREE}),
+    ("turn_in_place", {"yaw": -75 * DEGREE}),
+    ("climb_upstairs", {"h": 0.25, "d": 0.4}),
+    ("climb_upstairs", {"h": 0.08, "d": 0.2}),
+    ("walk_downstairs", {"h": 0.25, "d": 0.2}),
+    ("walk_downstairs", {"h": 0.17, "d": 0.28}),
+    ("sit_in_place", {"h": 0.2}),
+    ("sit_in_place", {"h": 0.8}),
+]
+
+
+@pytest.mark.parametrize("before", [("stop", {}), ("walk", {"z": 0.6, "yaw": 0.2}), ("side_step", {"x": 0.3})])
+@pytest.mark.parametrize("command", EXTREMES)
+def test_a_command_moves_the_body_by_exactly_what_it_asks_for(profiles, before, command):
+    skill, given = command
+    last = _chunks(compose(profiles, [before, before, command], 1))[-1]
+    wanted = [given[name] for name in PARAMETERS[skill]]
+    np.testing.assert_allclose(outcome(skill, last), wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("skill", ["walk", "side_step", "turn_in_place"])
+def test_who_rises_from_a_seat_arrives_where_the_command_says(profiles, skill):
+    given = {"walk": {"x": 0.05, "z": 0.5, "yaw": 0.1}, "side_step": {"x": 0.2}, "turn_in_place": {"yaw": 0.6}}[skill]
+    motion = compose(profiles, [("sit_in_place", {"h": 0.5}), (skill, given)], 0)
+    np.testing.assert_allclose(outcome(skill, _chunks(motion)[-1]), list(given.values()), atol=1e-3)
+    assert motion.root[-1, 1] > 0.9
+
+
+WANDERING = [
+    ("walk", {"z": 0.5}), ("walk", {"z": 0.65, "yaw": 0.3}), ("walk", {"z": 0.6, "x": 0.1}), ("stop", {}),
+    ("turn_in_place", {"yaw": 1.0}), ("side_step", {"x": -0.3}), ("step_back", {"z": 0.3}), ("step_back", {"z": 0.3}),
+    ("sit_in_place", {"h": 0.5}), ("stop", {}), ("walk", {"z": 0.4}), ("stop", {}),
+]  # fmt: skip
+
+
+def test_a_foot_on_the_ground_does_not_slide(profiles):
+    toes = compose(profiles, WANDERING, 2).joints()[:, TOES]
+    down = np.abs(toes[..., 1] - TOE_SOLE) < 5e-4
+    held = down[:-2] & down[1:-1] & down[2:]
+
+    slid = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0)[1:], axis=-1)[held]
+
+    assert held.mean() > 0.4
+    assert slid.max() < 0.004
+
+
+def test_one_foot_at_least_is_on_the_floor_and_none_is_below_it(profiles):
+    joints = compose(profiles, WANDERING, 3).joints()
+    soles = np.concatenate([joints[:, ANKLES, 1] - SOLE, joints[:, TOES, 1] - TOE_SOLE], 1)
+    assert soles.min() > -0.004
+    assert np.abs(soles.min(1)).max() < 0.004
+
+
+def test_nothing_jumps_where_one_command_follows_another(profiles):
+    rng = np.random.default_rng(4)
+    series = [
+        (SKILLS[c.skill[0]], dict(zip(("x", "z", "yaw", "h", "d"), _row(c), strict=True)))
+        for c in sample_commands(1, 40, rng)
+    ]
+    joints = compose(profiles, series, 5).joints()
+    acceleration = np.linalg.norm(np.diff(joints, 2, axis=0), axis=-1).max(1) * 30**2  # at frames 1, 2, ...
+
+    at = np.arange(HISTORY - 1, len(joints) - 1, FUTURE) - 1
+    inside = np.delete(acceleration, np.concatenate([at, at + 1]).clip(0, len(acceleration) - 1))
+
+    assert acceleration[at].max() < inside.max()
+    assert np.linalg.norm(np.diff(joints, axis=0), axis=-1).max() < 0.4  # 12 m/s: a foot in a fast walk
+
+
+def _row(commands):
+    return (float(value[0]) for value in (commands.x, commands.z, commands.yaw, commands.h, commands.d))
+
+
+def test_a_chunk_knows_nothing_of_the_command_after_it(profiles):
+    start = [("walk", {"z": 0.5}), ("walk", {"z": 0.6})]
+    one = compose(profiles, [*start, ("stop", {})], 6)
+    other = compose(profiles, [*start, ("turn_in_place", {"yaw": 1.0})], 6)
+    same = HISTORY + 2 * FUTURE
+    np.testing.assert_array_equal(one.rotations[:same], other.rotations[:same])
+    assert np.abs(one.rotations[same:] - other.rotations[same:]).max() > 0.1
+
+
+def test_walking_feet_take_turns(profiles):
+    joints = compose(profiles, [("walk", {"z": 0.5})] * 6, 7).joints()
+    passing = np.arange(HISTORY - 1 + FUTURE, len(joints), FUTURE)
+    hanging = joints[passing][:, ANKLES, 1].argmax(1)
+    assert set(np.diff(hanging)) == {-1, 1}
+
+
+def test_sitting_down_lowers_the_hips_behind_feet_that_stay(profiles):
+    motion = compose(profiles, [("sit_in_place", {"h": 0.5}), ("sit_in_place", {"h": 0.5})], 8)
+    joints = motion.joints()
+    feet = joints[:, ANKLES]
+    assert np.abs(feet - feet[0])[HISTORY:].max() < 0.1
+    assert 0.3 < motion.root[0, 2] - motion.root[-1, 2] < 0.5
+    assert motion.root[HISTORY + FUTURE :, 1] == pytest.approx(0.5, abs=2e-3)
+    hands = joints[-1, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]]
+    knees = joints[-1, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]]
+    assert np.linalg.norm(hands - knees, axis=-1).max() < 0.3
+
+
+def test_stop_lets_a_sitter_sit(profiles):
+    motion = compose(profiles, [("sit_in_place", {"h": 0.45}), ("stop", {})], 9)
+    assert motion.root[-1, 1] == pytest.approx(0.45, abs=2e-3)
+
+
+def test_stop_runs_a_walk_out_and_stands(profiles):
+    motion = compose(profiles, [("walk", {"z": 0.6})] * 3 + [("stop", {})] * 2, 10)
+    end = motion.joints()[-FUTURE:]
+    assert np.ptp(end[:, [0, *ANKLES]], axis=0).max() < 5e-3
+    assert np.ptp(end[-1, ANKLES, 2]) < 0.1
+    assert motion.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.02)
+
+
+@pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
+def test_on_stairs_each_foot_stands_on_every_other_tread(profiles, skill, sign):
+    motion = compose(profiles, [(skill, {"h": 0.17, "d": 0.28})] * 4 + [("stop", {})], 11)
+    toes = motion.joints()[:, TOES, 1] - TOE_SOLE
+    still = np.abs(np.diff(toes, axis=0)) < 1e-4
+    treads = [set(np.round(sign * foot[1:][now] / 0.17, 1)) for foot, now in zip(toes.T, still.T, strict=True)]
+    assert treads[0] | treads[1] == {0.0, 1.0, 2.0, 3.0, 4.0}
+    assert treads[0] & treads[1] == {0.0, 4.0}
+
+
+def test_the_same_seed_gives_the_same_motion(profiles):
+    one, again, other = (compose(profiles, WANDERING, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.rotations, again.rotations)
+    assert np.abs(one.rotations - other.rotations).max() > 0.01
+
+
+def test_knees_and_ankles_stay_within_what_a_body_can_do(profiles):
+    rotations = compose(profiles, WANDERING, 12).rotations
+    knees = rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]]
+    ankles = rotations[:, ANKLES]
+    assert knees[..., 0].min() > 0.0
+    assert knees[..., 0].max() < 145 * DEGREE
+    assert np.abs(knees[..., 1:]).max() < 1e-6
+    assert np.abs(ankles[..., 0]).max() < 50 * DEGREE
+
+
+def test_an_unknown_skill_or_parameter_is_named(profiles):
+    with pytest.raises(ValueError, match="skill hop"):
+        compose(profiles, [("hop", {})], 0)
+    with pytest.raises(ValueError, match="parameter z_cm"):
+        compose(profiles, [("walk", {"z_cm": 40})], 0)
+
+
+def test_every_change_of_skill_is_practised():
+    series = sample_commands(200, 40, np.random.default_rng(0))
+    pairs = {(a, b) for one, two in pairwise(series) for a, b in zip(one.skill, two.skill, strict=True)}
+    assert len(pairs) == len(SKILLS) ** 2
+
+
+def test_edited_chunks_fill_every_skill_and_say_what_they_are(profiles):
+    heard = []
+    chunks = edited_chunks(profiles, 20.0, 3, heard.append, base_share=2.0)
+    assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(SKILLS, 40) | {"base": 80}
+    assert heard[-1] == 1.0
+    for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
+        found = chunks[name]
+        assert not found.real.any()
+        measured = [outcome(name, found.motion(i)) for i in range(len(found))]
+        np.testing.assert_allclose(found.params, measured, atol=1e-3)
+    half = len(chunks["side_step"]) // 2
+    np.testing.assert_allclose(chunks["side_step"].params[half:], -chunks["side_step"].params[:half], atol=1e-6)
+
+
+@dataclass(frozen=True)
+class _Clip:
+    name: str
+    motion: Motion
+
+
+def test_profiles_are_read_off_real_walks(profiles):
+    walk = compose(profiles, [("walk", {"z": 0.575})] * 12, 0)[HISTORY + 3 * FUTURE :]
+    idle = compose(profiles, [("stop", {})] * 12, 0)
+
+    found = Profiles.of([_Clip("02_01", walk), _Clip("010_genuine", idle)])
+
+    swing = found.gait[0][1, channel("left_shoulder", 1)]
+    assert 0.2 < swing < 0.4  # 0.3, times what one body differs from another
+    assert found.speed[0] == pytest.approx(1.15, abs=0.05)
+    np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
+
+
+def test_profiles_without_the_clips_they_need_are_refused():
+    with pytest.raises(ValueError, match="02_01"):
+        Profiles.of([_Clip("somebody", rest_pose(40))])

@@ -1,0 +1,170 @@
+"""The fidelity table: what bodies achieve of what they are told, generated, in half-physics, and as a clip that ignores it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanclaw import pose
+from humanclaw.errors import CheckpointError
+from humanclaw.motion.checkpoint import Card, save_adapter
+from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.flow import Solver
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.plugins import Plugins
+from humanclaw_train.chunks import Chunks
+from humanclaw_train.fidelity import Report, achieved, baseline, fidelity, main, markdown, realised
+from humanclaw_train.realised import HIPS, Actor, flat, roll_realised, stage
+from humanclaw_train.rollouts import Command, Rollouts
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory, still_base):
+    """A generator that holds the last pose, and an adapter of step_back that changes nothing."""
+    folder = tmp_path_factory.mktemp("still")
+    base = still_base(folder)
+    path = folder / "step_back" / "adapter.safetensors"
+    save_adapter(
+        path, Adapter(base.model, AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))), base.digest, Card()
+    )
+    return DiTGenerator(base, Solver("midpoint", 2)), path
+
+
+def test_a_body_that_does_nothing_achieves_nothing(still):
+    generator, path = still
+    (row,) = fidelity(generator, {"step_back": path}, rollouts=4)
+    assert row.generated.mean == pytest.approx(0, abs=1e-3)
+    assert row.generated.error == pytest.approx(25, abs=8)
+    assert row.generated.chunks == 12
+    assert "| step_back | 0.000 ± 0.000 | - |" in markdown([row]).replace("-0.000", "0.000")
+
+
+def test_commands_stay_in_the_range_of_the_data_and_away_from_nothing(still):
+    command = Command.of("step_back", still[1])
+    values = command.draw(500, np.random.default_rng(0))
+    assert values.min() >= 0.25 * (0.25 + 0.9 * 0.2) - 1e-9
+    assert values.max() <= 0.25 + 0.9 * 0.2
+
+
+def _gliding(distances: np.ndarray) -> Chunks:
+    """Chunks of gliding backwards, evenly."""
+    rest = pose.rest_pose(20)
+    share = np.clip(np.arange(20) - 4, 0, None) / 15
+    root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]
+    return Chunks.of("step_back", root, np.repeat(rest.rotations[None], len(distances), 0), "made", real=False)
+
+
+def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error():
+    chunks = _gliding(np.array([0.1, 0.2]))
+    rollouts = Rollouts(
+        chunks.root.astype(float), chunks.rotations.astype(float), np.array([[0.2], [0.4]]), np.ones(2, bool)
+    )
+    ratio = achieved("step_back", rollouts)
+    assert (ratio.mean, ratio.std, ratio.after_other) == pytest.approx((0.5, 0, 0.5), abs=1e-5)
+    assert ratio.error == pytest.approx(15, abs=1e-3)
+
+
+def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):
+    _gliding(np.array([0.1, 0.2, 0.4])).save(tmp_path / "step_back.npz")
+    command = replace(Command.of("step_back", still[1]), low=np.array([0.2]), high=np.array([0.4]))
+    ratio = baseline([tmp_path], command, count=4000)
+    # The mean of 0.2 / c for c even in 0.2 to 0.4 is 0.2 ln 2 / 0.2.
+    assert ratio.mean == pytest.approx(np.log(2), abs=0.01)
+    assert baseline([tmp_path], replace(command, skill="walk")) is None
+
+
+def test_the_baseline_knows_left_from_right(tmp_path):
+    rest = pose.rest_pose(20)
+    root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
+    Chunks.of("side_step", root, rest.rotations[None], "made", real=True).save(tmp_path / "side_step.npz")
+    command = Command("side_step", tmp_path / "adapter.safetensors", np.array([-0.3]), np.array([-0.299]))
+    assert baseline([tmp_path], command).mean == pytest.approx(1, abs=0.01)
+
+
+# -- realised ----------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def simulator():
+    made = Plugins.discover().make("simulators", "bullet", profile="default")
+    yield made
+    made.close()
+
+
+def _backwards(metres: float):
+    """A generator whose body glides backwards by so much a chunk, whatever it is told."""
+
+    class Gliding:
+        def start(self):
+            return pose.rest_pose(5)
+
+        def generate(self, history, adapter, values, key):
+            frame = pose.Frame.of_history(history)
+            rest = pose.rest_pose(15)
+            back = np.outer(np.arange(1, 16) / 15, [0, 0, -metres])
+            return frame.to_world(pose.Motion(rest.root + back, rest.rotations))
+
+    return Gliding()
+
+
+def test_what_the_body_glides_on_a_flat_floor_is_what_it_achieves(simulator, still):
+    command = Command.of("step_back", still[1])
+    command = replace(command, low=np.array([0.3]), high=np.array([0.3]))
+    rolled = roll_realised(Actor(_backwards(0.15), simulator), command, [], rollouts=1, seed=0)
+    ratio = achieved("step_back", rolled)
+    assert ratio.chunks == 3
+    # Soles that are dragged over the floor lose some of it to friction.
+    assert 0.45 < ratio.mean <= 0.5
+
+
+def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
+    scene = stage("sit_in_place", [0.5])
+    _, high = scene.aabb(2)
+    assert high[1] == pytest.approx(0.5 - HIPS)
+    assert high[2] < -0.11  # behind the hips of who stands in front of it
+
+
+@pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
+def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
+    scene = stage(skill, [0.17, 0.28])
+    boxes = [scene.aabb(thing.id) for thing in scene.of_category("stairs")]
+    assert [high[1] for _, high in boxes] == pytest.approx([sign * 0.17 * k for k in (1, 2, 3)], abs=1e-6)
+    assert [high[2] - low[2] for low, high in boxes] == pytest.approx([0.28] * 3, abs=1e-6)
+    assert [high[2] for _, high in boxes[:-1]] == pytest.approx([low[2] for low, _ in boxes[1:]], abs=1e-6)
+
+
+def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_scene(simulator, still):
+    actor = Actor(_backwards(0.2), simulator)
+    actor.stand(flat())
+    actor.act(Command.of("step_back", still[1]), [0.2], (0,))
+    assert actor.realised.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
+    actor.move_to(stage("sit_in_place", [0.5]))
+    assert actor.realised.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)
+
+
+def test_without_motion_nothing_is_realised(simulator, still):
+    ratios = realised(still[0], simulator, {"step_back": still[1]}, rollouts=1)
+    assert ratios["step_back"].mean == pytest.approx(0, abs=0.02)
+
+
+# -- the command line --------------------------------------------------------------------------------------------------
+def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still, capsys, tmp_path):
+    folder = still[1].parent.parent
+    file = tmp_path / "fidelity.json"
+    arguments = ["--adapters", str(folder), "--base", str(folder / "base.safetensors"), "--rollouts", "2"]
+    assert main([*arguments, "--save", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert "| step_back |" in printed
+    assert "ms a chunk" in printed
+    report = Report.load(file)
+    assert report.base == still[0].digest
+    assert markdown(report.rows) in printed
+    assert main([*arguments, "--skills", "fly"]) == 2
+    assert main([*arguments, "--realised"]) == 2
+    assert "humanclaw fidelity --realised" in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
+    file = tmp_path / "fidelity.json"
+    file.write_text(json.dumps({"rows": [1]}))
+    with pytest.raises(CheckpointError, match="holds no fidelity report"):
+        Report.load(file)

@@ -1,0 +1,131 @@
+"""The measures of motion, on motion whose numbers follow by hand."""
+
+import numpy as np
+import pytest
+
+from humanclaw import pose
+from humanclaw.body import JOINT_INDEX
+from humanclaw_bench import metrics
+from humanclaw_train.measures import (
+    Features,
+    acceleration,
+    beyond_limits,
+    frechet,
+    joint_jerk,
+    penetration,
+    root_jerk,
+    seam_and_inside,
+    skate,
+    slower_toe,
+)
+
+
+def _sliding(metres_a_second: float, frames: int = 20) -> pose.Motion:
+    rest = pose.rest_pose(frames)
+    ahead = np.arange(frames) / 30 * metres_a_second
+    return pose.Motion(rest.root + np.stack([0 * ahead, 0 * ahead, ahead], 1), rest.rotations)
+
+
+def test_a_body_that_slides_skates_at_its_own_speed():
+    assert skate(_sliding(0.6).joints()) == pytest.approx(60)
+    assert skate(_sliding(0.0).joints()) == 0
+
+
+def test_a_foot_in_the_air_does_not_skate():
+    joints = _sliding(0.6).joints() + [0.0, 0.2, 0.0]
+    assert np.isnan(skate(joints))
+
+
+def test_penetration_is_the_depth_of_the_lowest_sole():
+    joints = _sliding(0.0).joints()
+    assert penetration(joints - [0.0, 0.03, 0.0]) == pytest.approx(3)
+    assert penetration(joints + [0.0, 0.03, 0.0]) == 0
+
+
+def test_a_jump_where_history_and_future_meet_is_seen_there_and_nowhere_else():
+    joints = np.repeat(pose.rest_pose().joints(), 20, 0)
+    joints[5:] += [0.0, 0.0, 0.01]
+    seam, inside = seam_and_inside(joints[None])
+    assert seam == pytest.approx(0.01 * 30**2)
+    assert inside == 0
+
+
+def test_even_and_evenly_accelerated_motion_have_no_jerk_and_cubic_motion_has_its_own():
+    seconds = np.arange(60) / 30
+    rest = pose.rest_pose(60)
+
+    def jerk(ahead: np.ndarray) -> float:
+        return root_jerk(pose.Motion(rest.root + np.outer(ahead, [0, 0, 1.0]), rest.rotations))
+
+    assert jerk(2 * seconds) == pytest.approx(0, abs=1e-9)
+    assert jerk(seconds**2) == pytest.approx(0, abs=1e-9)
+    assert jerk(seconds**3) == pytest.approx(6, rel=1e-6)
+
+
+def test_the_benchmark_measures_the_same_jerk():
+    random = np.random.default_rng(0)
+    path = np.cumsum(random.normal(0, 0.01, (60, 3)), 0)
+    turns = pose.rest_pose(60).rotations
+    turns[:, 0, 1] = np.cumsum(random.normal(0, 0.05, 60))
+    motion = pose.Motion(path, turns)
+    assert root_jerk(motion) == pytest.approx(metrics.jerk(motion), rel=1e-9)
+    assert np.isnan(root_jerk(motion[:26]))
+
+
+def test_who_slides_on_one_foot_and_stands_on_the_other_skates_with_neither():
+    joints = _sliding(0.0).joints()
+    joints[:, JOINT_INDEX["left_foot"], 2] += np.arange(20) / 30
+    assert slower_toe(joints) == pytest.approx(0)
+    assert slower_toe(_sliding(0.6).joints()) == pytest.approx(60)
+
+
+def test_a_jump_is_an_acceleration_of_its_own_size_in_the_two_frames_that_see_it():
+    joints = np.repeat(pose.rest_pose().joints(), 8, 0)
+    joints[4:] += [0.01, 0.0, 0.0]
+    assert acceleration(joints) == pytest.approx([0, 0, 9, 9, 0, 0])
+
+
+def test_cubic_motion_of_all_joints_has_its_jerk():
+    seconds = np.arange(20) / 30
+    joints = np.repeat(pose.rest_pose().joints(), 20, 0) + np.outer(seconds**3, [0, 0, 1.0])[:, None]
+    assert joint_jerk(joints) == pytest.approx(6, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("joint", "degrees", "beyond"), [("left_ankle", -50, 10), ("right_knee", -25, 10), ("left_knee", 120, 0)]
+)
+def test_joints_that_bend_too_far_are_seen(joint, degrees, beyond):
+    rotations = pose.rest_pose().rotations
+    rotations[0, JOINT_INDEX[joint], 0] = np.radians(degrees)
+    assert beyond_limits(rotations) == pytest.approx([beyond], abs=1e-6)
+
+
+def test_bending_the_knee_takes_the_foot_back_and_toes_up_lifts_them():
+    rest = pose.rest_pose()
+    bent, toes_up = (rest.rotations.copy() for _ in range(2))
+    bent[0, JOINT_INDEX["left_knee"], 0] = 1.0
+    toes_up[0, JOINT_INDEX["left_ankle"], 0] = -0.5
+    standing, back, up = (pose.Motion(rest.root, turns).joints()[0] for turns in (rest.rotations, bent, toes_up))
+    assert back[JOINT_INDEX["left_ankle"], 2] < standing[JOINT_INDEX["left_ankle"], 2] - 0.2
+    assert up[JOINT_INDEX["left_foot"], 1] > standing[JOINT_INDEX["left_foot"], 1] + 0.04
+
+
+def test_the_frechet_distance_of_normal_samples_is_that_of_their_means_and_deviations():
+    random = np.random.default_rng(0)
+    a = random.normal(0, 1, (200_000, 2))
+    b = random.normal([1, 0], [1, 3], (200_000, 2))
+    # |(1, 0)|^2 + (1 - 1)^2 + (3 - 1)^2
+    assert frechet(a, b) == pytest.approx(5, abs=0.1)
+    assert frechet(a, a) == pytest.approx(0, abs=1e-9)
+    assert np.isnan(frechet(a[:3], b))
+
+
+def test_real_motion_has_features_of_mean_nought_and_deviation_one():
+    random = np.random.default_rng(0)
+    rest = pose.rest_pose(20)
+    root = rest.root + random.normal(0, 0.1, (100, 20, 3))
+    rotations = rest.rotations + random.normal(0, 0.1, (100, 20, 24, 3))
+    found = Features.of(root, rotations)(root, rotations)
+    assert found.shape == (100, 16)
+    assert found.mean(0) == pytest.approx(0, abs=1e-9)
+    assert found.std(0) == pytest.approx(1, abs=1e-9)

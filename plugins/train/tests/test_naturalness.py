@@ -1,0 +1,134 @@
+"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models whose answers follow by hand."""
+
+import numpy as np
+import pytest
+
+from humanclaw import pose
+from humanclaw.motion.checkpoint import Card, load_base, save_adapter
+from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.flow import Solver
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw_train.chunks import PARAMETERS, Chunks
+from humanclaw_train.measures import Features
+from humanclaw_train.naturalness import (
+    SEQUENCES,
+    agreement,
+    halves,
+    life,
+    likeness,
+    main,
+    manner,
+    real_peak,
+    sequence_jerks,
+    transitions,
+)
+from humanclaw_train.rollouts import Command, adapters
+
+SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory, still_base):
+    """A folder with a base that holds the last pose, and adapters of four skills that change nothing."""
+    folder = tmp_path_factory.mktemp("still")
+    base = still_base(folder)
+    for skill in SKILLS:
+        width = len(PARAMETERS[skill])
+        config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
+        save_adapter(folder / skill / "adapter.safetensors", Adapter(base.model, config), base.digest, Card())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def generator(still):
+    return DiTGenerator(load_base(still / "base.safetensors"), Solver("euler", 1))
+
+
+@pytest.fixture(scope="module")
+def commands(still):
+    return [Command.of(skill, path) for skill, path in adapters([still], SKILLS).items()]
+
+
+def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
+    """Chunks of a body that stands still in its history, and then drifts at random."""
+    random = np.random.default_rng(seed)
+    rest = pose.rest_pose(20)
+    drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15
+    return Chunks.of("walk", rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True)
+
+
+def test_the_halves_of_the_data_share_no_clip():
+    chunks = Chunks.join([_wobbling(count, 0.1, f"clip {count}") for count in (3, 4, 6, 2)])
+    first, second = halves(chunks)
+    assert not set(first.source) & set(second.source)
+    assert {len(first), len(second)} == {7, 8}
+
+
+def test_one_clip_is_halved_in_time():
+    first, second = halves(_wobbling(9, 0.1, "clip"))
+    assert (len(first), len(second)) == (4, 5)
+
+
+def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like_one_another(generator, commands):
+    data = Chunks.join([_wobbling(80, 0.1, "one", 1), _wobbling(80, 0.1, "two", 2)])
+    features = Features.of(data.root.astype(float), data.rotations.astype(float))
+    made, floor = likeness(generator, commands[0], data, features, seed=0)
+    assert made > 3 * floor
+
+
+def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
+    rest = pose.rest_pose(20)
+    row = manner("walk", "generated", rest.root[None], rest.rotations[None])
+    assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
+
+
+def test_feet_on_stairs_are_not_measured_against_a_floor_at_nought():
+    rest = pose.rest_pose(20)
+    row = manner("climb_upstairs", "generated", rest.root[None], rest.rotations[None])
+    assert np.isnan([row.skate, row.sunk]).all()
+    assert row.slower_toe == pytest.approx(0, abs=1e-6)
+
+
+def test_a_body_that_holds_its_pose_pops_at_no_pair_and_drifts_nowhere(generator, commands):
+    found = transitions(generator, commands, real=50.0, bodies=2)
+    assert found.worst.shape == (4, 4)
+    assert found.worst == pytest.approx(np.zeros((4, 4)), abs=0.5)
+    alive = life(generator, commands, calls=3, bodies=2)
+    assert alive.toes_up == pytest.approx(0, abs=0.1)
+    assert alive.beyond == 0
+
+
+def test_the_peak_of_real_motion_is_that_of_its_sharpest_frame(tmp_path):
+    chunks = _wobbling(1, 0.0, "clip")
+    chunks.root[0, 10:, 2] += 0.01
+    chunks.save(tmp_path / "walk.npz")
+    assert real_peak([tmp_path], ["walk", "sit_in_place"]) == pytest.approx(9, rel=1e-3)
+    assert np.isnan(real_peak([tmp_path], ["sit_in_place"]))
+
+
+def test_the_papers_sequences_are_ten_chunks_long_and_stand_in_its_order():
+    assert {len(calls) for calls, _ in SEQUENCES.values()} == {10, 0}
+    assert sorted(SEQUENCES["the same ten, interleaved"][0], key=str) == sorted(
+        SEQUENCES["five walks, then five side steps"][0], key=str
+    )
+    paper = {name: jerk for name, (_, jerk) in SEQUENCES.items()}
+    assert agreement(paper) == (15, 15)
+    assert agreement({name: -jerk for name, jerk in paper.items()}) == (0, 15)
+
+
+def test_who_stands_still_has_no_jerk_in_any_sequence(generator, commands):
+    found = sequence_jerks(generator, commands, bodies=1)
+    assert list(found) == list(SEQUENCES)
+    assert max(found.values()) < 0.2
+
+
+def test_the_command_line_prints_every_table(still, capsys, tmp_path):
+    _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
+    _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
+    arguments = ["--adapters", str(still), "--base", str(still / "base.safetensors"), "--rollouts", "2", "--steps", "1"]
+    assert main([*arguments, "--bodies", "1", "--calls", "2", "--chunks", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "| walk | real | 40 |" in printed
+    for words in ("pairs stand in the paper's order", "Peak of real motion", "random calls in a row"):
+        assert words in printed
+    assert main(["--adapters", str(tmp_path)]) == 2

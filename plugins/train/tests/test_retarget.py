@@ -1,0 +1,275 @@
+"""From a captured walk to our body, to clips, to chunks: held against the source, and against numbers worked out by hand."""
+
+import tarfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from humanclaw.body import JOINT_INDEX, JOINTS, SOLE, STANDING_HEIGHT, TOE_SOLE
+from humanclaw.pose import FPS, Frame, Motion, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
+from humanclaw_train.curate import IDLE_SHARE, Travel, build_real, idle, statistics
+from humanclaw_train.mocap import MocapError, SourceMotion, load
+from humanclaw_train.retarget import leg_length, resample, retarget
+
+HUMANOID3D = Path(pybullet_data.getDataPath()) / "data/motions/humanoid3d_walk.txt"
+LEG = 0.405 + 0.415
+
+
+@pytest.fixture(scope="module")
+def source():
+    return load(HUMANOID3D)
+
+
+@pytest.fixture(scope="module")
+def walk(source):
+    return retarget(source)
+
+
+def joint(motion, name):
+    return motion.joints()[:, JOINT_INDEX[name]]
+
+
+def of_source(source, name):
+    return source.positions[:, source.joints.index(name)]
+
+
+def degrees_between(a, b):
+    cos = np.sum(a * b, -1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
+    return np.degrees(np.arccos(np.clip(cos, -1, 1)))
+
+
+# -- retargeting -------------------------------------------------------------------------------------------------------
+def test_the_body_travels_as_far_as_its_legs_are_long(source, walk):
+    travelled = of_source(source, "root")[-1] - of_source(source, "root")[0]
+    scale = LEG / leg_length(source)
+    assert leg_length(source) == pytest.approx(0.421546 + 0.40987, abs=1e-6)
+    np.testing.assert_allclose(walk.root[-1, [0, 2]] - walk.root[0, [0, 2]], travelled[[0, 2]] * scale, atol=0.02)
+
+
+def test_every_limb_points_where_the_source_points(source, walk):
+    for side in ("left", "right"):
+        for near, far, most in (
+            ("hip", "knee", 10),
+            ("knee", "ankle", 10),
+            ("shoulder", "elbow", 1),
+            ("elbow", "wrist", 1),
+        ):
+            ours = joint(walk, f"{side}_{far}") - joint(walk, f"{side}_{near}")
+            theirs = of_source(source, f"{side}_{far}") - of_source(source, f"{side}_{near}")
+            assert np.percentile(degrees_between(ours, theirs), 95) < most, (side, near)
+
+
+def test_knees_bend_backwards_only_and_elbows_forwards_only(walk):
+    for side, sign in (("left", -1), ("right", 1)):
+        knee, elbow = (walk.rotations[:, JOINT_INDEX[f"{side}_{name}"]] for name in ("knee", "elbow"))
+        assert knee[:, 0].min() > 0
+        assert np.abs(knee[:, 1:]).max() < 0.1  # a hinge: neither twist nor sideways bend
+        assert (sign * elbow[:, 1]).min() > 0
+
+
+def test_standing_feet_stay_where_they_are_flat_on_the_floor(source, walk):
+    for side in ("left", "right"):
+        slow = np.linalg.norm(np.gradient(of_source(source, f"{side}_toe"), axis=0), axis=-1) * FPS < 0.15
+        toe, ankle = joint(walk, f"{side}_foot")[slow], joint(walk, f"{side}_ankle")[slow]
+        flat = np.abs(toe[:, 1] - TOE_SOLE) < 0.005
+        assert slow.sum() > 8
+        assert flat.mean() > 0.9
+        assert np.abs(np.diff(toe[flat], axis=0)).max() * FPS < 0.25
+        assert np.median(np.abs(ankle[flat, 1] - SOLE)) < 0.01
+
+
+def test_no_sole_is_under_the_floor(walk):
+    soles = np.concatenate([joint(walk, f"{side}_ankle")[:, 1] - SOLE for side in ("left", "right")])
+    toes = np.concatenate([joint(walk, f"{side}_foot")[:, 1] - TOE_SOLE for side in ("left", "right")])
+    assert min(soles.min(), toes.min()) > -0.005
+
+
+def test_the_hips_face_the_way_that_is_walked(walk):
+    forward = walk.root[-1] - walk.root[0]
+    assert np.abs(np.median(walk.yaw()) - np.arctan2(forward[0], forward[2])) < np.radians(10)
+
+
+def test_a_motion_on_our_own_skeleton_comes_back_as_it_went(walk, tmp_path):
+    z_up = matrix_from_vector(np.array([np.pi / 2, 0, 0]))
+    poses = np.zeros((len(walk), 156))
+    poses[:, :66] = walk.rotations[:, :22].reshape(len(walk), 66)
+    poses[:, :3] = vector_from_matrix(z_up @ matrix_from_vector(walk.rotations[:, 0]))
+    np.savez(tmp_path / "a.npz", poses=poses, trans=walk.root @ z_up.T, mocap_framerate=30)
+    again = retarget(load(tmp_path / "a.npz"))
+    difference = np.linalg.norm(again.joints() - walk.joints(), axis=-1)[:, :22]
+    assert np.median(difference) < 0.01
+    assert np.percentile(difference, 95) < 0.03
+
+
+def test_resampling_keeps_the_time_and_the_path(source):
+    fast = resample(source, 120)
+    assert fast.fps == 120.0
+    assert len(fast) == 4 * (len(source) - 1) + 1
+    np.testing.assert_allclose(fast.positions[::4], source.positions, atol=1e-9)
+    assert len(retarget(fast)) == len(source)
+
+
+def test_a_skeleton_that_no_naming_fits_is_refused_with_what_it_lacks(source):
+    strange = replace(source, joints=tuple(f"bone{index}" for index in range(len(source.joints))))
+    with pytest.raises(MocapError, match="no joints for pelvis"):
+        retarget(strange)
+
+
+def test_the_floor_lies_under_the_feet_however_high_the_capture_floats(source, walk):
+    rest = replace(source.rest, positions=source.rest.positions + [0, 5, 0])
+    high = replace(source, positions=source.positions + [3, 5, -2], rest=rest)
+    np.testing.assert_allclose(retarget(high).root, walk.root, atol=1e-6)
+
+
+# -- clips -------------------------------------------------------------------------------------------------------------
+def pack(folder, notes):
+    with tarfile.open(folder / "some.tar.xz", "w:xz") as tar:
+        tar.add(HUMANOID3D, "some/walk.txt")
+    header = "file,source,licence,subject,frames,fps,description,skill_tags,notes\n"
+    (folder / "clips.csv").write_text(f"{header}some.tar.xz!some/walk.txt,Some,MIT,1,39,30.0,walk,base walk,{notes}\n")
+    return folder
+
+
+def test_a_pack_gives_its_clips_with_their_spans(tmp_path, walk):
+    (clip,) = load_pack(pack(tmp_path, "frames walk 0-20 25-99; stop 3-3. a remark with 5-6"))
+    assert (clip.name, clip.source, clip.licence, clip.real) == ("walk", "Some", "MIT", True)
+    assert clip.spans == {"walk": ((0, 20), (25, 38)), "stop": (), "base": ((0, 38),)}
+    np.testing.assert_allclose(clip.motion.root, walk.root)
+
+
+def test_a_folder_without_a_table_is_refused(tmp_path):
+    with pytest.raises(MocapError, match=r"clips\.csv is missing"):
+        load_pack(tmp_path)
+
+
+def test_a_mirrored_walk_exchanges_left_and_right(walk):
+    clip = Clip("walk", walk, {}, "Some", "MIT")
+    seen = mirror(clip)
+    for name in JOINTS:
+        other = name.replace("left", "?").replace("right", "left").replace("?", "right")
+        np.testing.assert_allclose(joint(seen.motion, name), joint(walk, other) * [-1, 1, 1], atol=1e-9)
+    assert not seen.real
+    np.testing.assert_allclose(mirror(seen).motion.rotations, walk.rotations)
+
+
+# -- chunks ------------------------------------------------------------------------------------------------------------
+def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
+    """20 frames of a stiff body that stands for 5 and then moves evenly, in a frame that is turned and shifted."""
+    part = np.concatenate([np.zeros(5), np.arange(1, 16) / 15])
+    stiff = rest_pose(20)
+    rotations = stiff.rotations.copy()
+    rotations[:, 0, 1] = part * yaw
+    root = stiff.root + part[:, None] * [across, up, forward]
+    return Frame(1.5, -2.0, heading, 0.4).to_world(Motion(root, rotations))
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+@pytest.mark.parametrize(
+    ("skill", "how", "expected"),
+    [
+        ("walk", {"forward": 0.5, "across": -0.1, "yaw": 0.3}, [-0.1, 0.5, 0.3]),
+        ("side_step", {"across": -0.25, "forward": 0.01}, [-0.25]),
+        ("step_back", {"forward": -0.3}, [0.3]),
+        ("turn_in_place", {"yaw": -0.8}, [-0.8]),
+        ("climb_upstairs", {"up": 0.15, "forward": 0.3}, [0.15, 0.3]),
+        ("walk_downstairs", {"up": -0.15, "forward": 0.3}, [0.15, 0.3]),
+        ("sit_in_place", {"up": -0.4}, [STANDING_HEIGHT - 0.4]),
+        ("stop", {}, []),
+    ],
+)
+def test_an_outcome_is_what_the_last_pose_shows_from_the_last_history_pose(heading, skill, how, expected):
+    np.testing.assert_allclose(outcome(skill, moving(**how, heading=heading)), expected, atol=1e-6)
+
+
+def test_an_outcome_needs_a_whole_chunk():
+    with pytest.raises(ValueError, match="20 frames; got 19"):
+        outcome("walk", moving()[:19])
+
+
+def test_cut_chunks_lie_in_the_canonical_frame_of_their_history(walk):
+    root, rotations = cut(walk, np.array([0, 7]))
+    for index, start in enumerate((0, 7)):
+        window = walk[start : start + 20]
+        expected = Frame.of_history(window[:5]).to_local(window)
+        np.testing.assert_allclose(root[index], expected.root, atol=1e-9)
+        np.testing.assert_allclose(rotations[index], expected.rotations, atol=1e-9)
+    np.testing.assert_allclose(canonical(root, rotations)[0], root, atol=1e-9)
+
+
+def test_chunks_come_back_from_their_file(walk, tmp_path):
+    chunks = Chunks.of("walk", *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True)
+    chunks.save(tmp_path / "deep" / "walk.npz")
+    again = Chunks.load(tmp_path / "deep" / "walk.npz")
+    np.testing.assert_array_equal(again.rotations, chunks.rotations)
+    np.testing.assert_array_equal(again.params, chunks.params)
+    assert again.source.tolist() == ["Some: walk"] * 3
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["walk.npz"]
+
+
+def test_a_file_that_holds_no_chunks_is_refused(tmp_path):
+    np.savez(tmp_path / "walk.npz", root=np.zeros((1, 20, 3)))
+    with pytest.raises(MocapError, match="holds no chunks"):
+        Chunks.load(tmp_path / "walk.npz")
+
+
+def test_mirrored_chunks_realise_the_mirrored_parameters(walk):
+    chunks = Chunks.of("walk", *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True).mirrored("walk")
+    for index in range(len(chunks)):
+        np.testing.assert_allclose(outcome("walk", chunks.motion(index)), chunks.params[index], atol=1e-4)
+    assert not chunks.real.any()
+
+
+# -- curation ----------------------------------------------------------------------------------------------------------
+def looped(walk, times):
+    """The walk, over and over; each round goes on from where the last one stopped."""
+    step = walk.root[-1] - walk.root[0]
+    rounds = [Motion(walk.root + step * [1, 0, 1] * index, walk.rotations) for index in range(times)]
+    motion = rounds[0]
+    for following in rounds[1:]:
+        motion = motion.then(following)
+    return motion
+
+
+def test_a_walk_becomes_walk_chunks_with_its_speed(walk):
+    clip = Clip("walk", walk, {"walk": ((0, 38),), "base": ((0, 38),)}, "Some", "MIT")
+    chunks = build_real([clip])
+    speed = np.linalg.norm((walk.root[-1] - walk.root[0])[[0, 2]]) / (walk.seconds - 1 / FPS)
+    assert set(chunks) == {"walk", "base"}
+    assert chunks["walk"].params[:, 1].mean() == pytest.approx(speed / 2, rel=0.1)
+    assert statistics(chunks)["walk"].clips == 1
+
+
+def test_only_what_a_span_covers_is_taken(walk):
+    clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
+    assert set(build_real([clip])) == {"base"}
+
+
+def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
+    still = Motion(np.tile(walk.root[:1], (2000, 1)), np.tile(rest_pose().rotations, (2000, 1, 1)))
+    still = replace(still, root=rest_pose(2000).root)
+    idling = Clip("idle", still, {"stop": ((0, 1999),), "base": ((0, 1999),)}, "Some", "MIT")
+    walking = Clip("walk", looped(walk, 3), {"base": ((0, 116),)}, "Some", "MIT")
+    chunks = build_real([idling, walking])
+    base = chunks["base"]
+    share = idle(Travel.of(base.root.astype(float), base.rotations.astype(float))).mean()
+    assert len(chunks["stop"]) > 600
+    assert 0.5 * IDLE_SHARE < share <= IDLE_SHARE
+
+
+def test_a_glitch_of_one_frame_drops_the_chunks_that_hold_it(walk):
+    rotations = walk.rotations.copy()
+    rotations[30, JOINT_INDEX["left_hip"], 0] += 0.8
+    clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
+    broken = replace(clip, motion=Motion(walk.root, rotations))
+    # Windows begin at 0, 3 ... 18; those from 12 on hold frame 30.
+    assert len(build_real([clip])["base"]) == 7
+    assert len(build_real([broken])["base"]) == 4
+
+
+def test_a_source_must_have_a_rotation_for_every_joint(source):
+    with pytest.raises(MocapError, match="17 joints need positions"):
+        SourceMotion(30, source.joints, source.parents, source.positions, source.rotations[:, :5], source.rest)

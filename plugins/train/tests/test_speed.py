@@ -1,0 +1,46 @@
+"""The timing of the motion model: what is timed is the very motion model, and the tables hold what was measured."""
+
+import pytest
+import torch
+
+from humanclaw.motion.dit import SIZES, ModelConfig
+from humanclaw.motion.flow import Solver
+from humanclaw_train import speed
+from humanclaw_train.speed import Timing, installed, markdown, measure, verdict
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch):
+    monkeypatch.setitem(SIZES, "lite", ModelConfig(32, 1, 4, prediction="clean"))
+    monkeypatch.setattr(speed, "_ENOUGH", 0.0)
+
+
+def test_more_evaluations_take_longer_and_many_bodies_less_each():
+    one = list(measure("lite", 1, 1, [Solver("euler", 2), Solver("midpoint", 30)], ["torch"]))
+    assert one[1].cpu > 5 * one[0].cpu
+    (many,) = measure("lite", 1, 16, [Solver("euler", 2)], ["torch"])
+    assert many.cpu < one[0].cpu
+
+
+def test_measuring_leaves_the_number_of_threads_as_it_was():
+    before = torch.get_num_threads()
+    list(measure("lite", before + 1, 1, [Solver("euler", 1)], ["torch"]))
+    assert torch.get_num_threads() == before
+
+
+def test_torch_is_always_there():
+    assert installed()[0] == "torch"
+
+
+def test_the_table_has_a_column_for_each_solver_and_the_verdict_names_the_goal():
+    timings = [
+        Timing("lite", "torch", 1, Solver("euler", 4), 1, 18.04, 17.0),
+        Timing("lite", "torch", 1, Solver("midpoint", 30), 1, 250.0, 240.0),
+        Timing("paper", "torch", 2, Solver("euler", 4), 1, 300.0, 500.0),
+    ]
+    assert "| lite | torch | 1 | 1 | 18.0 (17.0) | 250.0 (240.0) |" in markdown(timings)
+    assert "| paper | torch | 2 | 1 | 300.0 (500.0) | - |" in markdown(timings)
+    assert verdict(timings).splitlines() == [
+        "lite, torch, 1 threads: 18.0 ms, within 50 ms.",
+        "paper, torch, 2 threads: 300.0 ms, over 250 ms.",
+    ]

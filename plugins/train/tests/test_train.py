@@ -1,0 +1,261 @@
+"""Training on a few made chunks: bodies that glide ahead, whose commanded distance is the distance that they cover."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from humanclaw import pose
+from humanclaw.errors import HumanclawError
+from humanclaw.motion import kinematics
+from humanclaw.motion.checkpoint import load_adapter, load_base
+from humanclaw.motion.dit import ModelConfig
+from humanclaw.motion.flow import Solver
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw_train import data, train
+from humanclaw_train.data import commanded, spoilt
+from humanclaw_train.train import Loss, Weights, main
+
+COUNT = 64
+
+
+def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Chunks that cover a distance in metres at an even pace, nodding as they go, from standing or already moving."""
+    rest = pose.rest_pose(20)
+    ahead = (np.arange(20) - 4) / 15
+    ahead = ahead if moving else ahead.clip(0)
+    root = np.repeat(rest.root[None], len(distance), 0)
+    root[:, :, 2] = distance[:, None] * ahead
+    rotations = np.repeat(rest.rotations[None], len(distance), 0)
+    rotations[:, :, 15, 0] = 0.2 * ahead
+    return root, rotations
+
+
+def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = False) -> None:
+    root, rotations = _gliding(distance, moving)
+    real = np.arange(len(distance)) % 4 == 0
+    source = np.array(["a studio: clip"] * len(distance))
+    np.savez(path, root=root, rotations=rotations, params=params, real=real, source=source)
+
+
+@pytest.fixture(scope="module")
+def chunks(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("chunks")
+    _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
+    # A prior must have seen that bodies move; here the history tells how fast.
+    _save(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def backwards(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("backwards")
+    distance = np.linspace(0.05, 0.45, COUNT)
+    _save(folder / "step_back.npz", -distance, distance[:, None])
+    return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small():
+    """A model that trains in seconds, on one thread."""
+    threads = torch.get_num_threads()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(train.SIZES, "lite", ModelConfig(64, 1, 4, prediction="clean"))
+        yield
+    torch.set_num_threads(threads)
+
+
+def _base(chunks: Path, out: Path, *more: str) -> Path:
+    assert main(["base", "--data", str(chunks), "--out", str(out), "--batch", "16", "--device", "cpu", *more]) == 0
+    return out / "base.safetensors"
+
+
+@pytest.fixture(scope="module")
+def base_file(chunks, tmp_path_factory) -> Path:
+    return _base(
+        chunks, tmp_path_factory.mktemp("base"), "--steps", "400", "--rate", "3e-3", "--spoil", "0", "--licence", "CC0"
+    )
+
+
+def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:
+    """The command line that trains step_back, its options left out."""
+    return ["adapter", "step_back", "--data", str(backwards), "--base", str(base_file), "--out", str(out)]
+
+
+def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
+    arguments = _step_back(backwards, base_file, out)
+    assert main([*arguments, "--device", "cpu", "--batch", "16", *more]) == 0
+    return out / "adapter.safetensors"
+
+
+def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base_file, tmp_path):
+    path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--spoil", "0")
+    generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
+    start = generator.start()
+    for told in (0.15, 0.35):
+        future = generator.generate(start, path, (told,), (0,))
+        assert start.root[-1, 2] - future.root[-1, 2] == pytest.approx(told, abs=0.05)
+
+
+def test_the_start_of_an_episode_is_standing_taken_from_the_data(base_file):
+    start = load_base(base_file)
+    np.testing.assert_allclose(start.start_root.numpy(), pose.rest_pose(5).root, atol=1e-6)
+
+
+def test_a_checkpoint_says_what_it_was_trained_on(backwards, base_file, tmp_path):
+    base = load_base(base_file)
+    assert base.card.licences == ("CC0",)
+    assert base.card.data["chunks"] == 2 * COUNT
+    assert base.card.data["real"] == 2 * COUNT // 4
+    assert base.card.data["sources"] == {"a studio": 2 * COUNT}
+    assert base.card.recipe["done_steps"] == 400
+    adapter = load_adapter(_adapter(backwards, base_file, tmp_path, "--steps", "1"), base, "step_back")
+    assert adapter.config.encoder == "mlp"
+    assert adapter.config.params == ("z",)
+    assert adapter.config.centre[0] == pytest.approx(0.25, abs=0.01)
+
+
+def _tree(*folders: Path) -> dict[Path, str]:
+    files = [
+        file for folder in folders for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts
+    ]
+    return {file: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def test_training_an_adapter_changes_no_file_but_those_of_its_own_run(backwards, base_file, tmp_path):
+    repository = Path(__file__).parents[2]
+    watched = (repository / "core", repository / "skills", backwards, base_file.parent)
+    before = _tree(*watched)
+    adapter = _adapter(backwards, base_file, tmp_path / "run", "--steps", "2")
+    assert _tree(*watched) == before
+    assert adapter in _tree(tmp_path)
+    assert all(file.parent == tmp_path / "run" for file in _tree(tmp_path))
+
+
+def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, base_file, tmp_path, monkeypatch):
+    whole = _adapter(backwards, base_file, tmp_path / "whole", "--steps", "12")
+    advance, calls = train.Trainer.advance, []
+
+    def cut_short(self, *arguments):
+        calls.append(1)
+        if len(calls) == 8:
+            raise KeyboardInterrupt
+        return advance(self, *arguments)
+
+    monkeypatch.setattr(train, "_SAVE_SECONDS", 0)
+    monkeypatch.setattr(train.Trainer, "advance", cut_short)
+    with pytest.raises(KeyboardInterrupt):
+        _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
+    resumed = _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
+    assert len(calls) == 8 + (12 - 7)
+    assert resumed.read_bytes() == whole.read_bytes()
+
+
+def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(backwards, base_file, tmp_path, capsys):
+    first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "2").read_bytes()
+    assert _adapter(backwards, base_file, tmp_path / "second", "--steps", "2", "--seed", "1").read_bytes() != first
+    arguments = _step_back(backwards, base_file, tmp_path / "first")
+    assert main([*arguments, "--steps", "4", "--seed", "1"]) == 2
+    assert "seed 0" in capsys.readouterr().err
+
+
+def test_training_does_not_touch_the_base(backwards, base_file, tmp_path):
+    before = base_file.read_bytes()
+    _adapter(
+        backwards, base_file, tmp_path, "--steps", "2", "--export", str(tmp_path / "skill" / "adapter.safetensors")
+    )
+    assert base_file.read_bytes() == before
+    assert (tmp_path / "skill" / "adapter.safetensors").read_bytes() == (tmp_path / "adapter.safetensors").read_bytes()
+
+
+def test_missing_chunks_are_an_error_with_a_remedy(base_file, tmp_path, capsys):
+    arguments = ["adapter", "walk", "--data", str(tmp_path), "--base", str(base_file), "--out", str(tmp_path)]
+    assert main(arguments) == 2
+    assert "no walk.npz" in capsys.readouterr().err
+
+
+# -- histories ---------------------------------------------------------------------------------------------------------
+def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
+    clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.linspace(0.05, 0.45, COUNT)))
+    off = spoilt(*clean, torch.Generator().manual_seed(0), strength)
+    return tuple(part.numpy().astype(float) for part in (*clean, *off))
+
+
+def test_a_spoilt_history_stays_in_its_canonical_frame():
+    *_, root, rotations = _spoilt()
+    for one in zip(root, rotations, strict=True):
+        frame = pose.Frame.of_history(pose.Motion(one[0][:5], one[1][:5]))
+        assert (frame.x, frame.z, frame.floor) == pytest.approx((0, 0, 0), abs=1e-5)
+        assert frame.yaw == pytest.approx(0, abs=0.02)
+
+
+def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
+    clean_root, clean_rotations, root, rotations = _spoilt()
+    np.testing.assert_allclose(root[:, -1], clean_root[:, -1], atol=2e-3)
+    np.testing.assert_allclose(rotations[:, -1], clean_rotations[:, -1], atol=5e-3)
+    offset = rotations - clean_rotations
+    assert np.abs(offset[:, :5]).max() > 0.1
+    jump = np.abs(np.diff(offset, axis=1))
+    assert jump[:, 4:].max() < 0.1
+
+
+def test_no_strength_leaves_chunks_as_they_are():
+    clean_root, clean_rotations, root, rotations = _spoilt(0.0)
+    np.testing.assert_allclose(root, clean_root, atol=1e-5)
+    np.testing.assert_array_equal(rotations, clean_rotations)
+
+
+def test_a_rise_is_measured_from_where_the_spoilt_pelvis_is():
+    clean, spoilt_root = torch.zeros(1, 20, 3), torch.zeros(1, 20, 3)
+    clean[:, 4, 1], spoilt_root[:, 4, 1] = 0.95, 0.93
+
+    def asked(skill: str, *params: float) -> list[float]:
+        return commanded(skill, torch.tensor([params]), clean, spoilt_root)[0].tolist()
+
+    assert asked("climb_upstairs", 0.15, 0.3) == pytest.approx([0.17, 0.3])
+    assert asked("walk_downstairs", 0.15, 0.3) == pytest.approx([0.13, 0.3])
+    assert asked("walk", 0.1, 0.3, 0.2) == pytest.approx([0.1, 0.3, 0.2])
+
+
+# -- the loss ----------------------------------------------------------------------------------------------------------
+def _loss_of(shift, **weights: float) -> float:
+    root, rotations = (torch.from_numpy(part).float() for part in _gliding(np.array([0.3])))
+    states = kinematics.encode(root, rotations)
+    normaliser = data.normaliser(data.ChunkTensors("x", root, rotations, torch.zeros(1, 0), {}))
+    future = states[:, 5:].clone()
+    shift(future)
+    normal = normaliser.forward(future)
+    return float(Loss(normaliser, Weights(**weights))(normal, normaliser.forward(states[:, 5:]), normal, states))
+
+
+def test_the_loss_of_the_truth_is_nothing():
+    assert _loss_of(lambda future: None) == pytest.approx(0, abs=1e-4)
+
+
+def test_only_a_wrong_end_is_a_wrong_outcome():
+    def price(frame: int) -> float:
+        def shift(future):
+            future[:, frame, 2] += 0.02
+
+        return _loss_of(shift, outcome=0.2) - _loss_of(shift, outcome=0.0)
+
+    assert price(7) == pytest.approx(0, abs=1e-5)
+    assert price(14) == pytest.approx(0.2 * 1.5 / 6, rel=0.01)  # 2 cm in one of six numbers: |2| - 1/2
+
+
+def test_unknown_data_is_refused_before_anything_is_trained(tmp_path):
+    with pytest.raises(HumanclawError, match="no chunks"):
+        data.load_all([tmp_path])
+
+
+def test_a_sliding_foot_costs_more_than_a_sliding_hand():
+    def turn(joint):
+        def shift(future):
+            future[:, 7, 3 + 3 * joint] += 0.1
+
+        return shift
+
+    ankle, wrist = 7, 20
+    assert _loss_of(turn(ankle)) > _loss_of(turn(wrist))

@@ -1,0 +1,82 @@
+"""Stairs in half-physics: a body goes up and down those of a generated house, by the skills that a model would call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from humanclaw import Body, Plugins
+from humanclaw.episode import EpisodeSpec
+from humanclaw.geometry import distance_to_box
+from humanclaw.interfaces import EpisodeContext, Observation, Past
+from humanclaw.loop import check_call
+from humanclaw.navigation.routes import Storeys
+from humanclaw.scene import Placement, Scene
+from humanclaw_scripted.agents import OracleAgent
+
+HOUSE = "house:3"
+NOTHING = np.zeros((2, 2, 3), np.uint8)
+
+
+@pytest.fixture(scope="module")
+def body() -> Iterator[Body]:
+    with Body(HOUSE, plugins=Plugins.discover()) as made:
+        yield made
+
+
+def go(body: Body, start: Placement, target: int) -> list[str]:
+    """Names of the skills that the oracle calls from a start until it stops at a target. No pictures are drawn."""
+    body.reset(body.scene, start, seed=1)
+    category = body.scene.by_id[target].category
+    spec = EpisodeSpec(id="x", instruction="x", scene=HOUSE, target_category=category, target_ids=(target,))
+    oracle, history = OracleAgent(), list[Past]()
+    oracle.begin(EpisodeContext(spec, body.skills, 1, body.scene, body.state))
+    for step in range(60):
+        decision = oracle.decide(Observation(step, "x", NOTHING), history)
+        call = check_call(decision.calls[0], body.skills)
+        body.execute(call)
+        history.append(Past(step, decision, call, "", NOTHING))
+        if call.skill == "stop":
+            break
+    return [past.executed.skill for past in history if past.executed]
+
+
+def near_stairs(scene: Scene, upper: bool) -> Placement:
+    """The roomiest place within two metres of the stairs, on the floor below or above."""
+    start = np.array([scene.start.x, 0.0, scene.start.z])
+    places = Storeys.of(scene).solid().starts(start, room=0.45)[upper]
+    (stairs,) = scene.of_category("stairs")
+    x, y, z = places[int(np.argmin(np.abs(np.linalg.norm((places - stairs.position)[:, [0, 2]], axis=1) - 2.8)))]
+    return Placement(float(x), float(z), 0.0, float(y))
+
+
+def nearest(scene: Scene, place: Placement, upper: bool) -> int:
+    """Id of the chair, plant or bed with the shortest way, on one storey."""
+    storeys, here = Storeys.of(scene), np.array([place.x, place.floor, place.z])
+    things = [thing for kind in ("potted_plant", "chair", "bed") for thing in scene.of_category(kind)]
+    there = [thing.id for thing in things if (thing.position[1] > 2) == upper]
+    return min(there, key=lambda key: storeys.geodesic(here, storeys.near(scene, key)))
+
+
+def test_a_body_climbs_the_stairs_to_a_thing_on_the_upper_floor(body: Body) -> None:
+    start = near_stairs(body.scene, upper=False)
+    target = nearest(body.scene, start, upper=True)
+    skills = go(body, start, target)
+    assert skills[-1] == "stop"
+    assert skills.count("climb_upstairs") >= 16
+    joints = body.state().body.joints()[-1]
+    assert joints[:, 1].min() > 2.6
+    assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2
+
+
+def test_a_body_walks_down_the_stairs_to_a_thing_on_the_lower_floor(body: Body) -> None:
+    start = near_stairs(body.scene, upper=True)
+    target = nearest(body.scene, start, upper=False)
+    skills = go(body, start, target)
+    assert skills[-1] == "stop"
+    assert skills.count("walk_downstairs") >= 16
+    joints = body.state().body.joints()[-1]
+    assert joints[:, 1].min() < 0.2
+    assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2

@@ -1,0 +1,111 @@
+"""Episode records made of a walker's steps, for the tests of reports."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from rooms import two_rooms
+from walker import PICTURE, SKILLS, Walker
+
+from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw.geometry import distance_to_box
+from humanclaw.interfaces import EpisodeContext, Observation, Past
+from humanclaw.pose import HISTORY, Motion, rest_pose
+from humanclaw.recorder import attempt_record
+from humanclaw.records import (
+    AnswerRecord,
+    CallRecord,
+    ContactRecord,
+    EpisodeRecord,
+    EpisodeWriter,
+    StepRecord,
+    VerdictRecord,
+)
+from humanclaw.scene import GROUND, Scene
+from humanclaw_scripted.agents import OracleAgent
+
+
+def picture(step: int) -> bytes:
+    """A view that differs from step to step."""
+    ramp = np.linspace(40, 220, 256)
+    rgb = np.stack([np.tile(ramp, (256, 1)), np.tile(ramp[:, None], (1, 256)), np.full((256, 256), 9 * step % 256)], -1)
+    buffer = io.BytesIO()
+    Image.fromarray(rgb.astype(np.uint8)).save(buffer, "JPEG")
+    return buffer.getvalue()
+
+
+def foot(thing: int, height: float) -> ContactRecord:
+    """The left ankle touches a thing at this height in the world."""
+    return ContactRecord(
+        joint="left_ankle", group="leg_foot", object_id=thing, movable=False, frames=(14,), depth=0.004, height=height
+    )
+
+
+def record_episode(
+    folder: Path,
+    scene: Scene | None = None,
+    *,
+    instruction: str = "",
+    name: str = "couch-0",
+    targets: tuple[int, ...] = (20,),
+    settings: dict[str, dict[str, object]] | None = None,
+) -> Scene:
+    """Let the oracle walk to a seat, sit down and stop, and write it down as the loop would."""
+    scene = scene or two_rooms()
+    spec = EpisodeSpec(
+        id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
+        scene=scene.name, target_category=scene.by_id[targets[0]].category, target_ids=targets, interact=True,
+        start=StartPose(**vars(scene.start)),
+    )  # fmt: skip
+    boxes, nearest = {key: scene.aabb(key) for key in targets}, targets[0]
+    record = EpisodeRecord(
+        spec=spec, start=StartPose(**vars(scene.start)), agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
+        weights={"base": "abc"}, scene_digest=scene.digest,
+        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=tuple(SKILLS),
+        created="2026-01-01T00:00:00+00:00", settings=settings or {},
+        ground=tuple(o.id for o in scene.objects if o.category in GROUND),
+    )  # fmt: skip
+    writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, targets), OracleAgent()
+    oracle.begin(EpisodeContext(spec, SKILLS, 0, scene, walker.state))
+    history: list[Past] = []
+    heights = [walker.ground + walker.height] * HISTORY
+    for number in range(100):
+        before, first = walker.state().body, len(walker.track)
+        decision = oracle.decide(Observation(number, spec.instruction, PICTURE), history)
+        walker.execute(decision.calls[0])
+        history.append(Past(number, decision, decision.calls[0], "", PICTURE))
+        walker.track += [(walker.x, walker.z)] * max(0, 15 - len(walker.track) + first)
+        walker.track[first:] = walker.track[first:][-15:]
+        heights += [walker.ground + walker.height] * 15
+        after = walker.state().body
+        call = decision.calls[0]
+        writer.step(
+            StepRecord(
+                step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(attempt_record(decision),),
+                verdict=VerdictRecord(verifier="geometry", accepted=number != 3,
+                                      replacement=None if number != 3 else CallRecord(skill="walk", params={"z_cm": 60}),
+                                      answers=(AnswerRecord(check="clear", passed=number != 3, note="too far"),)),
+                call=CallRecord(skill=call.skill, params=dict(call.params) if number != 3 else {"z_cm": 60}), motion_frames=15,
+                frame_file=writer.frame(f"{number:04d}.jpg", picture(number)),
+                start=tuple(before.root[-1]), end=tuple(after.root[-1]),
+                yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),
+                target_pixels={nearest: 3000 if "A couch" in decision.visible_state else 0},
+                target_distance=float(distance_to_box(after.joints()[-1], *boxes[nearest]).min()),
+                pelvis_contacts=(nearest,) if walker.sat else (),
+                contacts=(foot(record.ground[0], walker.ground), *([foot(nearest, 0.3)] if number > 17 else [])),
+                seconds={"observe": 0.08, "decide": 0.01, "verify": 0.02, "generate": 0.09, "simulate": 0.12},
+            )
+        )  # fmt: skip
+        if call.skill == "stop":
+            break
+    track = np.array([(scene.start.x, scene.start.z)] * HISTORY + walker.track)
+    still = rest_pose(len(track))
+    motion = Motion(np.stack([track[:, 0], heights, track[:, 1]], -1), still.rotations)
+    arrays = {
+        f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "realised") for part in ("root", "rotations")
+    }
+    writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}), arrays)
+    return scene

@@ -1,0 +1,134 @@
+"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, walls stop it, and only the
+skills for stairs take it from one step to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw.contract import Skill
+from humanclaw.episode import EpisodeSpec
+from humanclaw.interfaces import Call, Decision, DecisionMaker, EpisodeContext, Observation, Past, WorldState
+from humanclaw.navigation.routes import STEP, FloorPlan, Storeys
+from humanclaw.pose import STANDING_HEIGHT, Motion, rest_pose
+from humanclaw.scene import Scene
+
+ROOT = Path(__file__).parents[2]
+_FOLDERS = [path.parent for path in sorted(ROOT.glob("skills/*/*/*/schema.json"))]
+# A walker needs no adapters.
+SKILLS = {folder.name: replace(Skill.from_folder(folder), adapter=None) for folder in _FOLDERS}
+PICTURE = np.zeros((2, 2, 3), np.uint8)
+
+
+@dataclass
+class Walker:
+    """Displacements and turns come out at 0.9 to 1.1 of what was asked, plus a centimetre and a degree of noise."""
+
+    scene: Scene
+    targets: tuple[int, ...] = ()
+    seed: int = 0
+    noise: float = 1.0
+    x: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    height: float = STANDING_HEIGHT
+    ground: float = 0.0
+    """Height of what it stands on."""
+    sat: bool = False
+    solid: FloorPlan | None = None
+    """What really is in the way, where that differs from the scene."""
+    track: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        start = self.scene.start
+        self.x, self.z, self.yaw, self.ground = start.x, start.z, start.yaw, start.floor
+        self.rng = np.random.default_rng(self.seed)
+        self.storeys = Storeys((self.solid,)) if self.solid else Storeys.of(self.scene)
+        mine = [np.isin(plan.owners, self.targets) & (plan.slope is None) for plan in self.storeys.plans]
+        # Legs may touch the target itself; everything else keeps the shoulders off.
+        self._target = [replace(plan, blocked=own) for plan, own in zip(self.storeys.plans, mine, strict=True)]
+        self._rest = [
+            replace(plan, blocked=plan.blocked & ~own) for plan, own in zip(self.storeys.plans, mine, strict=True)
+        ]
+
+    def state(self) -> WorldState:
+        body = rest_pose()
+        rotations = body.rotations.copy()
+        rotations[:, 0] = (0.0, self.yaw, 0.0)
+        return WorldState(Motion(np.array([[self.x, self.ground + self.height, self.z]]), rotations), {})
+
+    def execute(self, call: Call) -> None:
+        if self.sat and call.skill != "stop":
+            self.sat, self.height = False, STANDING_HEIGHT
+            self._go(0.0, 0.36, 0.0, through=True)
+        params = {key: value * self._gain() for key, value in call.params.items()}
+        left, forward = params.get("x_cm", 0.0) / 100, params.get("z_cm", 0.0) / 100
+        if call.skill == "sit_in_place":
+            self._go(0.0, -0.36, 0.0, through=True)
+            self.sat, self.height = True, max(params["h_cm"] / 100, self._seat() + 0.14)
+        elif call.skill in ("climb_upstairs", "walk_downstairs"):
+            self._go(0.0, params["d_cm"] / 100 - 0.02, 0.0, through=True)
+            self._step(1.0 if call.skill == "climb_upstairs" else -1.0)
+        elif call.skill != "stop":
+            jitter = self.rng.normal(0, 0.01 * self.noise, 2) if params else np.zeros(2)
+            turn = np.radians(params.get("yaw_deg", 0.0) + self.rng.normal(0, self.noise))
+            self._go(left + jitter[0], (-forward if call.skill == "step_back" else forward) + jitter[1], turn)
+
+    def _gain(self) -> float:
+        return 1 + self.noise * float(self.rng.uniform(-0.1, 0.1))
+
+    def _go(self, left: float, forward: float, turn: float, through: bool = False) -> None:
+        ahead, beside = (np.array([np.sin(self.yaw + a), np.cos(self.yaw + a)]) for a in (0.0, np.pi / 2))
+        for _ in range(15):
+            step = (forward * ahead + left * beside) / 15
+            for share in (step, step * [1, 0], step * [0, 1]):
+                if through or self._fits(share):
+                    self.x, self.z = self.x + share[0], self.z + share[1]
+                    break
+            self.yaw += turn / 15
+            self.track.append((self.x, self.z))
+
+    def _step(self, way: float) -> None:
+        """Onto the step that is there now, up or down; on the level where there is none."""
+        grounds = [float(plan.at(plan.ground, np.array([self.x, self.z]))) for plan in self.storeys.plans]
+        near = [ground for ground in grounds if 0 <= way * (ground - self.ground) <= STEP]
+        self.ground = max(near, key=lambda ground: way * ground, default=self.ground)
+
+    def _fits(self, step: np.ndarray) -> bool:
+        here = np.array([self.x, self.z])
+        k = int(self.storeys.level(np.array([self.x, self.ground, self.z])))
+        plans = ((self._target[k], 0.06), (self._rest[k], 0.17))
+        return all(
+            plan.at(plan.clearance, here + step) >= min(radius, plan.at(plan.clearance, here) - 1e-9)
+            for plan, radius in plans
+        )
+
+    def _seat(self) -> float:
+        """Height of the seat below the hips, 0 over the floor."""
+        for key in self.targets:
+            low, high = self.scene.aabb(key)
+            if low[0] < self.x < high[0] and low[2] < self.z < high[2]:
+                return float(self.scene.assets[self.scene.by_id[key].asset].seat_height or 0.0)
+        return 0.0
+
+
+def play(
+    maker: DecisionMaker, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
+) -> list[tuple[Decision, Call]]:
+    """The loop, without pictures and records: decisions and the checked calls, up to the active stop."""
+    context = EpisodeContext(spec, skills, spec.seed)
+    if maker.privileged:
+        context = replace(context, scene=walker.scene, state=walker.state)
+    maker.begin(context)
+    history: list[Past] = []
+    for step in range(spec.max_steps):
+        decision = maker.decide(Observation(step, spec.instruction, PICTURE), history)
+        (proposed,) = decision.calls
+        call = Call(proposed.skill, skills[proposed.skill].check(proposed.params))
+        walker.execute(call)
+        history.append(Past(step, decision, call, "", PICTURE))
+        if skills[call.skill].ends_episode:
+            break
+    return [(past.decision, past.executed) for past in history if past.executed]
