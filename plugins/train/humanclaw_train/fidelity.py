@@ -286,9 +286,8 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
         rows = [replace(row, realised=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
     values = Command.of(first, paths[first]).draw(1, np.random.default_rng(0))[0].tolist()
-    solver = f"{generator.solver.method}, {generator.solver.steps} steps"
     time_of_one = milliseconds(generator, paths[first], values)
-    return Report(generator.digest, solver, options.rollouts, options.seed, time_of_one, tuple(rows))
+    return Report(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
