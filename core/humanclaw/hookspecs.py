@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from humanclaw.contract import Skill
     from humanclaw.interfaces import DecisionMaker, MotionGenerator, Renderer, Reporter, Simulator, Verifier
+    from humanclaw.measures import Measure
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
@@ -31,6 +32,11 @@ F = TypeVar("F", contravariant=True)
 class RegisterSkill(Protocol):
     def __call__(self, skill: Skill | Path) -> None:
         """Register a skill, or a folder that holds schema.json, checklist.toml and adapter.safetensors."""
+
+
+class RegisterMeasure(Protocol):
+    def __call__(self, measure: Measure) -> None:
+        """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
 
 
 class Register(Protocol[F]):
@@ -58,6 +64,11 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 @hookspec
 def humanclaw_skills(register: RegisterSkill) -> None:
     """Register skills."""
+
+
+@hookspec
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
 
 
 @hookspec

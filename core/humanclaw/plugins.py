@@ -26,6 +26,7 @@ import humanclaw
 from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
+from humanclaw.measures import MEASURES, Measure
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
@@ -102,6 +103,9 @@ class Plugins:
         self._infos: list[PluginInfo] = []
         self._found: dict[str, dict[str, Registration]] = {}
         self._extend(hookspecs)
+        self._found["measures"] = {
+            one.name: Registration(one.name, hookspecs.PROJECT, one) for one in MEASURES.values()
+        }
 
     @classmethod
     def discover(cls, files: Sequence[Path] = ()) -> Plugins:
@@ -141,6 +145,11 @@ class Plugins:
     @property
     def skills(self) -> dict[str, Skill]:
         return {name: one.value for name, one in self._found["skills"].items()}
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Every measure that a parameter can command, by name."""
+        return {name: one.value for name, one in self._found["measures"].items()}
 
     def owner(self, skill: str) -> str:
         return self._found["skills"][skill].owner
