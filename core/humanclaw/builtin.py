@@ -27,9 +27,10 @@ def humanclaw_measures(register: RegisterMeasure) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import run, show
+    from humanclaw.cli import physics, run, show
 
-    for command in (run.run, show.skills, show.plugins_command, show.tools):
+    commands = (run.run, show.skills, show.plugins_command, show.tools, physics.physics, physics.bench_world)
+    for command in commands:
         cli.add_command(command)
 
 
