@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from humanclaw.contract import Skill
     from humanclaw.interfaces import DecisionMaker, MotionGenerator, Renderer, Simulator, Verifier
+    from humanclaw.measures import Measure
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
@@ -29,6 +30,11 @@ class RegisterSkill(Protocol):
         """Offer a skill, or a folder that holds schema.json, checklist.toml and adapter.safetensors."""
 
 
+class RegisterMeasure(Protocol):
+    def __call__(self, measure: Measure) -> None:
+        """Offer a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
+
+
 class RegisterFactory(Protocol):
     def __call__(self, name: str, factory: Callable[..., Any], description: str = "") -> None:
         """Offer something under a name; the factory is called when it is asked for."""
@@ -37,6 +43,11 @@ class RegisterFactory(Protocol):
 @hookspec
 def humanclaw_skills(register: RegisterSkill) -> None:
     """Register skills."""
+
+
+@hookspec
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
 
 
 @hookspec

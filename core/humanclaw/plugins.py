@@ -23,6 +23,7 @@ import humanclaw
 from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
+from humanclaw.measures import MEASURES, Measure
 
 KINDS: Final[Mapping[str, str]] = {
     "scenes": "scene source",
@@ -67,6 +68,7 @@ class _Shelf:
 
     owner: str
     skills: list[Offer] = field(default_factory=list)
+    measures: list[Offer] = field(default_factory=list)
     factories: dict[str, list[Offer]] = field(default_factory=dict)
 
     def skill(self, skill: Skill | Path) -> None:
@@ -76,6 +78,9 @@ class _Shelf:
                 f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
             )
         self.skills.append(Offer(loaded.name, self.owner, loaded, loaded.description))
+
+    def measure(self, measure: Measure) -> None:
+        self.measures.append(Offer(measure.name, self.owner, measure, measure.description))
 
     def factory(self, kind: str) -> Callable[..., None]:
         def register(name: str, factory: Callable[..., Any], description: str = "") -> None:
@@ -92,6 +97,7 @@ class Plugins:
         self._manager.add_hookspecs(hookspecs)
         self._infos: list[PluginInfo] = []
         self._skills: dict[str, Offer] = {}
+        self._measures = {name: Offer(name, hookspecs.PROJECT, measure) for name, measure in MEASURES.items()}
         self._factories: dict[str, dict[str, Offer]] = {kind: {} for kind in KINDS}
 
     @classmethod
@@ -110,9 +116,11 @@ class Plugins:
         shelf = self._gather(plugin, name)
         self._refuse_duplicates(shelf)
         self._skills |= {offer.name: offer for offer in shelf.skills}
+        self._measures |= {offer.name: offer for offer in shelf.measures}
         for kind, offers in shelf.factories.items():
             self._factories[kind] |= {offer.name: offer for offer in offers}
         provides = [f"skill {offer.name}" for offer in shelf.skills]
+        provides += [f"measure {offer.name}" for offer in shelf.measures]
         provides += [f"{KINDS[kind]} {offer.name}" for kind, offers in shelf.factories.items() for offer in offers]
         self._infos.append(PluginInfo(name, version, origin, tuple(provides)))
 
@@ -128,6 +136,11 @@ class Plugins:
     @property
     def skills(self) -> dict[str, Skill]:
         return {name: offer.value for name, offer in self._skills.items()}
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Every measure that a parameter can command, by name."""
+        return {name: offer.value for name, offer in self._measures.items()}
 
     def owner(self, skill: str) -> str:
         return self._skills[skill].owner
@@ -185,12 +198,13 @@ class Plugins:
         shelf = _Shelf(name)
         others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
         self._manager.subset_hook_caller("humanclaw_skills", others)(register=shelf.skill)
+        self._manager.subset_hook_caller("humanclaw_measures", others)(register=shelf.measure)
         for kind in KINDS:
             self._manager.subset_hook_caller(f"humanclaw_{kind}", others)(register=shelf.factory(kind))
         return shelf
 
     def _refuse_duplicates(self, shelf: _Shelf) -> None:
-        pairs = [(self._skills, "skill", shelf.skills)]
+        pairs = [(self._skills, "skill", shelf.skills), (self._measures, "measure", shelf.measures)]
         pairs += [(self._factories[kind], KINDS[kind], offers) for kind, offers in shelf.factories.items()]
         for known, kind, offers in pairs:
             for offer in offers:

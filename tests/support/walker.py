@@ -129,6 +129,6 @@ def play(
         call = Call(proposed.skill, skills[proposed.skill].check(proposed.params))
         walker.execute(call)
         history.append(Past(step, decision, call, "", PICTURE))
-        if skills[call.skill].ends_episode:
+        if skills[call.skill].role == "stop":
             break
     return [(past.decision, past.executed) for past in history if past.executed]

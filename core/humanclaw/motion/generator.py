@@ -5,7 +5,7 @@ Its product is kinematic: what the body then really does, the simulator decides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -70,10 +70,13 @@ class DiTGenerator:
         """The five frames of standing that every episode begins from, at the origin facing +Z."""
         return Motion(self.base.start_root.astype(float), self.base.start_rotations.astype(float))
 
-    def generate(self, history: Motion, adapter: Path | None, values: Sequence[float], key: Sequence[int]) -> Motion:
+    def generate(
+        self, history: Motion, adapter: Path | None, values: Mapping[str, float], key: Sequence[int]
+    ) -> Motion:
         """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
 
-        adapter: a skill's checkpoint, or None for the prior alone. values: its parameters in SI. key: non-negative integers.
+        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header names, in
+        SI; their order says nothing. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]
@@ -82,7 +85,7 @@ class DiTGenerator:
         self,
         histories: Sequence[Motion],
         adapter: Path | None,
-        values: Sequence[Sequence[float]],
+        values: Sequence[Mapping[str, float]],
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
@@ -96,7 +99,7 @@ class DiTGenerator:
             futures = [lock_feet(history, future) for history, future in zip(local, futures, strict=True)]
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
-    def _sample(self, history: Array, path: Path | None, values: Sequence[Sequence[float]], noise: Array) -> Array:
+    def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:
         model = self.base.model
         branch = self._branch(path) if path is not None else None
         condition = branch.adapter.condition(_conditions(branch.adapter, values)) if branch else None
@@ -128,16 +131,21 @@ def _at(modulations: Modulations, index: int) -> Modulations:
     return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
 
 
-def _conditions(adapter: Adapter, values: Sequence[Sequence[float]]) -> Array:
+def _conditions(adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Array:
+    """(B, k) in the order in which the adapter was trained, whatever the order of the names."""
     params = adapter.config.params
     for row in values:
-        if len(row) != len(params):
-            names = ", ".join(params) or "none"
+        if set(row) != set(params):
             raise CheckpointError(
-                f"The adapter of {adapter.config.skill} takes {len(params)} values ({names}); it got {len(row)}.",
-                "Give one value for each parameter of the skill's schema, in its order.",
+                f"The adapter of {adapter.config.skill} takes {_listed(params)}; it got {_listed(row)}.",
+                "Give one value for each parameter that its header names.",
             )
-    return np.array([list(row) for row in values], np.float32).reshape(len(values), len(params))
+    rows = [[row[name] for name in params] for row in values]
+    return np.array(rows, np.float32).reshape(len(values), len(params))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no parameter"
 
 
 def _checked(history: Motion) -> Motion:

@@ -238,7 +238,7 @@ def skill_sheet(skill: Skill) -> TextResourceContents:
         "description": skill.description,
         "parameters": parameter_schema(skill),
         "checks": [check.question for check in skill.checks],
-        "ends_episode": skill.ends_episode,
+        "role": skill.role,
     }
     text = json.dumps(sheet, ensure_ascii=False, indent=1)
     return TextResourceContents(uri=SKILL + skill.name, mime_type="application/json", text=text)
@@ -345,7 +345,7 @@ def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
     return _template().render(
         instruction=instruction,
         skills=[_sheet(skill) for skill in ready],
-        endings=[skill.name for skill in ready if skill.ends_episode],
+        endings=[skill.name for skill in ready if skill.role == "stop"],
         max_steps=settings.max_steps,
         envelope=settings.envelope,
     )

@@ -98,7 +98,7 @@ def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
 
 def ending(skills: Mapping[str, Skill]) -> str:
     """Name of the skill that ends an episode."""
-    found = [name for name, skill in skills.items() if skill.ends_episode]
+    found = [name for name, skill in skills.items() if skill.role == "stop"]
     if not found:
         raise HumanclawError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
     return found[0]

@@ -207,7 +207,7 @@ class OracleVerifier:
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
         lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
-        accepted = not skill.ends_episode or self._senses.reach() <= REACHED or lets_pass
+        accepted = skill.role != "stop" or self._senses.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
         self._history.append(Past(observation.step, advice, done, "", observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")

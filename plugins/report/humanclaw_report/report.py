@@ -208,7 +208,7 @@ def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *,
 
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("humanclaw_bench", "templates"),
+        loader=jinja2.PackageLoader("humanclaw_report", "templates"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
