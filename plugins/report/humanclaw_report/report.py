@@ -21,7 +21,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.navigation.routes import OBSTACLE_HEIGHTS, STEP, floors_of
+from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.outcomes import REACHED, footing, in_view
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
 from humanclaw.records import CallRecord, ContactRecord, RecordedEpisode, StepRecord, Vec3, load_run
