@@ -85,13 +85,16 @@ def test_an_untrained_clean_model_holds_the_last_pose():
     assert torch.equal(model(history, noisy, model.modulations(tau)), history[:, -1:].expand(-1, 15, -1))
 
 
-def _defined(history: Motion, adapter_file: Path | None, values: tuple[float, ...], key: int, solver: Solver) -> Motion:
+def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float], key: int, solver: Solver) -> Motion:
     """What the definition generates. history: five frames at the origin facing +Z."""
     base, times = load_base(shipped_base()), torch.tensor(solver.times)
     own, branch = base.model.modulations(times), None
     if adapter_file is not None:
         adapter = load_adapter(adapter_file, base)
-        condition, branch = adapter.condition(torch.tensor([values])), adapter.modulations(base.model, times)
+        condition, branch = (
+            adapter.condition(torch.tensor([[values[name] for name in adapter.config.params]])),
+            adapter.modulations(base.model, times),
+        )
     state = base.normaliser.forward(torch.from_numpy(encode(history)).float())[None]
 
     def field(index: int, noisy: torch.Tensor) -> torch.Tensor:
@@ -108,7 +111,8 @@ def _defined(history: Motion, adapter_file: Path | None, values: tuple[float, ..
 @pytest.mark.parametrize("skill", [*SHIPPED, "base"])
 def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_millimetre(skill, profile):
     path, solver = SHIPPED.get(skill), PROFILES[profile]
-    values = tuple(Command.of(skill, path).draw(1, np.random.default_rng(0))[0].tolist()) if path else ()
+    command = Command.of(skill, path) if path else None
+    values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}
     generator = DiTGenerator(DiTGenerator.shipped().base, solver, foot_locking=False)
     run = generator.generate(generator.start(), path, values, (3,))
     defined = _defined(generator.start(), path, values, 3, solver)
