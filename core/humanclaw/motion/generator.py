@@ -6,7 +6,7 @@ Its product is kinematic: what the body then really does, the simulator decides.
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,10 +73,13 @@ class DiTGenerator:
         root, rotations = self.base.start_root.numpy(), self.base.start_rotations.numpy()
         return Motion(root.astype(float), rotations.astype(float))
 
-    def generate(self, history: Motion, adapter: Path | None, values: Sequence[float], key: Sequence[int]) -> Motion:
+    def generate(
+        self, history: Motion, adapter: Path | None, values: Mapping[str, float], key: Sequence[int]
+    ) -> Motion:
         """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
 
-        adapter: a skill's checkpoint, or None for the prior alone. values: its parameters in SI. key: non-negative integers.
+        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header names, in
+        SI; their order says nothing. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]
@@ -85,7 +88,7 @@ class DiTGenerator:
         self,
         histories: Sequence[Motion],
         adapter: Path | None,
-        values: Sequence[Sequence[float]],
+        values: Sequence[Mapping[str, float]],
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
@@ -101,7 +104,9 @@ class DiTGenerator:
             futures = [planted(history, future) for history, future in zip(local, futures, strict=True)]
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
-    def _sample(self, history: Tensor, path: Path | None, values: Sequence[Sequence[float]], noise: Tensor) -> Tensor:
+    def _sample(
+        self, history: Tensor, path: Path | None, values: Sequence[Mapping[str, float]], noise: Tensor
+    ) -> Tensor:
         model = self.base.model
         branch = self._branch(path) if path is not None else None
         condition = branch.adapter.condition(_conditions(branch.adapter, values)) if branch else None
@@ -151,16 +156,21 @@ def _at(modulations: Modulations, index: int) -> Modulations:
     return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
 
 
-def _conditions(adapter: Adapter, values: Sequence[Sequence[float]]) -> Tensor:
+def _conditions(adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Tensor:
+    """(B, k) in the order in which the adapter was trained, whatever the order of the names."""
     params = adapter.config.params
     for row in values:
-        if len(row) != len(params):
-            names = ", ".join(params) or "none"
+        if set(row) != set(params):
             raise CheckpointError(
-                f"The adapter of {adapter.config.skill} takes {len(params)} values ({names}); it got {len(row)}.",
-                "Give one value for each parameter of the skill's schema, in its order.",
+                f"The adapter of {adapter.config.skill} takes {_listed(params)}; it got {_listed(row)}.",
+                "Give one value for each parameter that its header names.",
             )
-    return torch.tensor([list(row) for row in values], dtype=torch.float32).reshape(len(values), len(params))
+    rows = [[row[name] for name in params] for row in values]
+    return torch.tensor(rows, dtype=torch.float32).reshape(len(values), len(params))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no parameter"
 
 
 def _checked(history: Motion) -> Motion:

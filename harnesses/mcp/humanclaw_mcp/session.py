@@ -26,7 +26,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.hookspecs import hookimpl
 from humanclaw.interfaces import Decision, EpisodeContext, Observation, Past, WorldState
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import Outcome, StepRecord
 from humanclaw.scene import Placement

@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib.util
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw.half_physics import Profile
+    from humanclaw.hookspecs import Register, SimulatorFactory
     from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
@@ -21,7 +22,7 @@ def _simulator(profile: str | Profile = "default") -> Simulator:
 
 
 @hookimpl
-def humanclaw_simulators(register: RegisterFactory) -> None:
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
     # PyBullet has no wheels for the newest Pythons; where it is not installed there is no such simulator.
     if importlib.util.find_spec("pybullet"):
         register(

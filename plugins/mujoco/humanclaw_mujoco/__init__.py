@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw.half_physics import Profile
+    from humanclaw.hookspecs import Register, SimulatorFactory
     from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
@@ -20,5 +21,5 @@ def _simulator(profile: str | Profile = "default") -> Simulator:
 
 
 @hookimpl
-def humanclaw_simulators(register: RegisterFactory) -> None:
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
     register("mujoco", _simulator, "Half-physics on MuJoCo: the same laws, for every Python and system.")

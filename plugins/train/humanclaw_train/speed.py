@@ -252,7 +252,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         generator, paths = DiTGenerator.shipped(), adapters(options.adapters)
         skill = next(iter(paths))
-        values = Command.of(skill, paths[skill]).draw(1, np.random.default_rng(0))[0].tolist()
+        command = Command.of(skill, paths[skill])
+        values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
         print(f"The shipped generator as episodes run it, {skill}, feet planted: {taken:.1f} ms a chunk.")
     except HumanclawError as error:

@@ -78,7 +78,7 @@ def test_the_baseline_knows_left_from_right(tmp_path):
     rest = pose.rest_pose(20)
     root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
     Chunks.of("side_step", root, rest.rotations[None], "made", real=True).save(tmp_path / "side_step.npz")
-    command = Command("side_step", tmp_path / "adapter.safetensors", np.array([-0.3]), np.array([-0.299]))
+    command = Command("side_step", tmp_path / "adapter.safetensors", ("x",), np.array([-0.3]), np.array([-0.299]))
     assert baseline([tmp_path], command).mean == pytest.approx(1, abs=0.01)
 
 
@@ -135,7 +135,7 @@ def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
 def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_scene(simulator, still):
     actor = Actor(_backwards(0.2), simulator)
     actor.stand(flat())
-    actor.act(Command.of("step_back", still[1]), [0.2], (0,))
+    actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
     assert actor.realised.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
     actor.move_to(stage("sit_in_place", [0.5]))
     assert actor.realised.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)

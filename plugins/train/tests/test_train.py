@@ -95,7 +95,7 @@ def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base
     generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
     start = generator.start()
     for told in (0.15, 0.35):
-        future = generator.generate(start, path, (told,), (0,))
+        future = generator.generate(start, path, {"z": told}, (0,))
         assert start.root[-1, 2] - future.root[-1, 2] == pytest.approx(told, abs=0.05)
 
 
