@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     import click
 
+    from humanclaw.hookspecs import GeneratorFactory, Register
     from humanclaw.interfaces import MotionGenerator
 
 
 @hookimpl
-def humanclaw_motion_generators(register: RegisterFactory) -> None:
+def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
     register("dit", _dit, "flow-matching DiT with ControlNet adapters (paper, section 3.3)")
 
 

@@ -70,7 +70,7 @@ def run_command(
         tuple(str(file.resolve()) for file in files),
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
-    if wanted == "ray" and "ray" not in {offer.name for offer in plugins.offers("executors")}:
+    if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
         raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(console(), out) as progress:

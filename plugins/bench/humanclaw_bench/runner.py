@@ -22,7 +22,7 @@ import humanclaw
 from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.files import write_atomically
-from humanclaw.plugins import KINDS, Plugins
+from humanclaw.plugins import Plugins, noun
 from humanclaw.records import EpisodeRecord, Outcome
 from humanclaw_bench.executors import Backlog, Executor
 from humanclaw_bench.metrics import FINISHED
@@ -171,12 +171,12 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
     """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
     engines = job.engines
     used = {
-        f"{KINDS['simulators']} {engines.simulator}",
-        f"{KINDS['renderers']} {engines.renderer}",
-        f"{KINDS['motion_generators']} {engines.generator}",
-        f"{KINDS['decision_makers']} {job.agent}",
-        f"{KINDS['verifiers']} {job.verifier}",
-        *(f"{KINDS['scenes']} {spec.scene.partition(':')[0]}" for spec in specs),
+        f"{noun('simulators')} {engines.simulator}",
+        f"{noun('renderers')} {engines.renderer}",
+        f"{noun('motion_generators')} {engines.generator}",
+        f"{noun('decision_makers')} {job.agent}",
+        f"{noun('verifiers')} {job.verifier}",
+        *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),
     }
     found = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}

@@ -31,7 +31,7 @@ from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, Ways, measure, overall, tiers
 
 SPLITS: Final = ("val", "mini", "smoke")
-DATA: Final = Path(str(importlib.resources.files("humanclaw"))) / "bench" / "data"
+DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Where the splits lie that come with the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     import click
 
+    from humanclaw.hookspecs import Register, SimulatorFactory
     from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
@@ -21,7 +22,7 @@ def _simulator(profile: str = "default") -> Simulator:
 
 
 @hookimpl
-def humanclaw_simulators(register: RegisterFactory) -> None:
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
     register("bullet", _simulator, "Half-physics on Bullet: driven by pose velocities, carried by contact and gravity.")
 
 

@@ -16,12 +16,11 @@ from humanclaw.contract import Control
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Execution, MotionGenerator
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, anchored, matrix_from_vector, rest_pose
 from humanclaw.scene import Scene
 from humanclaw_bullet.profile import Profile, find_profile
 from humanclaw_bullet.simulator import HalfPhysics
 from humanclaw_bullet.workshop import Workshop
-from humanclaw_train.realised import anchored
 
 Calls = Sequence[tuple[str, dict[str, float]]]
 Tick = Callable[[], object]

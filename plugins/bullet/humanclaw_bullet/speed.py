@@ -11,12 +11,11 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from humanclaw.pose import HISTORY, Array
+from humanclaw.pose import HISTORY, Array, anchored
 from humanclaw.scene import Scene, SceneObject
 from humanclaw_bullet.laws import Lab, Tick
 from humanclaw_bullet.profile import Profile
 from humanclaw_bullet.simulator import HalfPhysics
-from humanclaw_train.realised import anchored
 
 T = TypeVar("T")
 FIXED, MOVABLE = 300, 60
