@@ -98,16 +98,10 @@ class Declaration:
     @classmethod
     def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:
         """Read a schema. Raises PluginError for an unknown role."""
-        role = schema.get("x-role", "gesture")
-        if role not in ROLES:
-            raise PluginError(
-                f"skill {skill!r} has the role {role!r}.",
-                f"Set x-role in its schema.json to one of: {', '.join(ROLES)}.",
-            )
         parameters = parameters_of(schema)
         first = next(iter(schema.get("required", ())), None)
         primary = next((one for one in parameters if one.key == first), parameters[0] if parameters else None)
-        return cls(skill, role, parameters, primary)
+        return cls(skill, role_of(skill, schema), parameters, primary)
 
     @classmethod
     def read(cls, folder: Path) -> Declaration:
@@ -137,6 +131,16 @@ def read_schema(folder: Path) -> dict[str, Any]:
     return schema
 
 
+def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
+    """The role that a schema declares; a skill that declares none is a gesture. Raises PluginError for an unknown one."""
+    role: Role = schema.get("x-role", "gesture")
+    if role not in ROLES:
+        raise PluginError(
+            f"skill {skill!r} has the role {role!r}.", f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        )
+    return role
+
+
 def parameters_of(schema: Mapping[str, Any]) -> tuple[Parameter, ...]:
     """The parameters of a schema, in its order."""
     return tuple(_parameter(key, part) for key, part in schema.get("properties", {}).items())
@@ -154,7 +158,16 @@ def si_name(key: str) -> str:
 
 def to_si(key: str, value: float) -> float:
     """A parameter in SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
-    return float(value) * next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
+    return float(value) * _scale(key)
+
+
+def from_si(key: str, value: float) -> float:
+    """A parameter in the unit of its name: the inverse of to_si."""
+    return float(value) / _scale(key)
+
+
+def _scale(key: str) -> float:
+    return next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
 
 
 def outcomes(
