@@ -26,7 +26,7 @@ import humanclaw
 from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
-from humanclaw.measures import MEASURES, Measure
+from humanclaw.measures import Measure
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
@@ -103,9 +103,6 @@ class Plugins:
         self._infos: list[PluginInfo] = []
         self._found: dict[str, dict[str, Registration]] = {}
         self._extend(hookspecs)
-        self._found["measures"] = {
-            one.name: Registration(one.name, hookspecs.PROJECT, one) for one in MEASURES.values()
-        }
 
     @classmethod
     def discover(cls, files: Sequence[Path] = ()) -> Plugins:

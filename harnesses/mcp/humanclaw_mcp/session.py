@@ -215,7 +215,8 @@ class Session:
         reference, seed = self._episode.scene, self._episode.seed
         if self._body is None:
             self._doing = "The body is being made."
-            engines = Engines(profile=self._settings.profile, senses=self._settings.senses)
+            asked = self._settings
+            engines = Engines(asked.simulator, Engines.renderer, asked.generator, asked.profile, asked.senses)
             self._body = Body(reference, seed=seed, plugins=self._plugins, engines=engines)
             self._doing = _MOVING
         elif self._body.scene.name != reference:

@@ -67,7 +67,7 @@ def run_command(
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, engines, deciders.limits,
+        deciders.agent, deciders.options, deciders.verifier, engines.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files),
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
