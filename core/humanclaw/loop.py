@@ -237,7 +237,7 @@ def _step(run: Run, film: Film, number: int) -> StepRecord:
     _remember(run, number, decision, call, feedback, view)
     return StepRecord(
         step=number,
-        status="stopped" if run.skills[call.skill].ends_episode else "executed",
+        status="stopped" if run.skills[call.skill].role == "stop" else "executed",
         attempts=attempts,
         verdict=verdict_record(run.verifier, verdict),
         call=CallRecord(skill=call.skill, params=dict(call.params)),

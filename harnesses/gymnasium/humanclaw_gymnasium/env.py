@@ -16,7 +16,7 @@ from humanclaw.errors import CallError
 from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Call
 from humanclaw.loop import check_call
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.recorder import outcome
 from humanclaw.scene import Scene
@@ -109,7 +109,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         seated, left = self._seated, self._left
         error = self._attempt(call)
         self._left = self._way_left()
-        terminated = not error and body.skills[call.skill].ends_episode
+        terminated = not error and body.skills[call.skill].role == "stop"
         success = terminated and self._succeeded(seated)
         shorter = 0.0 if left is None or self._left is None else left - self._left
         reward = self.shaping * shorter + float(success)
