@@ -91,7 +91,7 @@ class Reaching:
 
 
 def test_a_plugin_adds_a_measure_and_no_two_share_a_name():
-    plugins = Plugins()
+    plugins = Plugins.discover()
     plugins.add(Reaching(), "reaching")
     assert plugins.measures["root.up"](*_chunk(up=0.1)) == pytest.approx([rest_pose().root[0, 1] + 0.1])
     assert set(MEASURES) < set(plugins.measures)

@@ -133,9 +133,6 @@ class Plugins:
         self._infos: list[PluginInfo] = []
         self._found: dict[str, dict[str, Registration]] = {}
         self._extend(hookspecs)
-        self._found["measures"] = {
-            name: Registration(name, hookspecs.PROJECT, one, one.description) for name, one in MEASURES.items()
-        }
         self._base: str = read_header(shipped_base())["digest"]
 
     @classmethod
@@ -163,7 +160,7 @@ class Plugins:
         A plugin with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         registry = self._gather(plugin, name)
-        known = self.measures | {one.name: one.value for one in registry.found.get("measures", [])}
+        known = {**MEASURES, **self.measures} | {one.name: one.value for one in registry.found.get("measures", [])}
         registry.disable_faulty_skills(known, self._base)
         self._refuse_duplicates(registry)
         for kind, found in registry.found.items():

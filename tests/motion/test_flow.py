@@ -60,3 +60,14 @@ def test_noise_depends_on_its_own_key_alone():
     assert not torch.equal(together[0], together[1])
     assert abs(float(together.mean())) < 0.05
     assert abs(float(together.std()) - 1) < 0.05
+
+
+def test_a_power_above_one_makes_the_first_steps_short():
+    solver = Solver("midpoint", 2, power=2.0)
+    assert solver.edges == (0.0, 0.25, 1.0)
+    assert solver.times == (0.0, 0.125, 0.25, 0.625)
+    assert str(solver) == "midpoint, 2 steps, grid power 2"
+
+
+def test_the_default_asks_the_field_at_most_half_as_often_again_as_four_euler_steps():
+    assert len(PROFILES["default"].times) <= 6

@@ -12,7 +12,7 @@ from humanclaw.episode import EpisodeSpec
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import EpisodeContext, Observation, Past
 from humanclaw.loop import check_call
-from humanclaw.navigation.routes import Storeys
+from humanclaw.navigation import MultiFloorMap, goals_at
 from humanclaw.scene import Placement, Scene
 from humanclaw_scripted.agents import OracleAgent
 
@@ -46,7 +46,7 @@ def go(body: Body, start: Placement, target: int) -> list[str]:
 def near_stairs(scene: Scene, upper: bool) -> Placement:
     """The roomiest place within two metres of the stairs, on the floor below or above."""
     start = np.array([scene.start.x, 0.0, scene.start.z])
-    places = Storeys.of(scene).solid().starts(start, room=0.45)[upper]
+    places = MultiFloorMap.of(scene).solid().starts(start, room=0.45)[upper]
     (stairs,) = scene.of_category("stairs")
     x, y, z = places[int(np.argmin(np.abs(np.linalg.norm((places - stairs.position)[:, [0, 2]], axis=1) - 2.8)))]
     return Placement(float(x), float(z), 0.0, float(y))
@@ -54,10 +54,10 @@ def near_stairs(scene: Scene, upper: bool) -> Placement:
 
 def nearest(scene: Scene, place: Placement, upper: bool) -> int:
     """Id of the chair, plant or bed with the shortest way, on one storey."""
-    storeys, here = Storeys.of(scene), np.array([place.x, place.floor, place.z])
+    storeys, here = MultiFloorMap.of(scene), np.array([place.x, place.floor, place.z])
     things = [thing for kind in ("potted_plant", "chair", "bed") for thing in scene.of_category(kind)]
     there = [thing.id for thing in things if (thing.position[1] > 2) == upper]
-    return min(there, key=lambda key: storeys.geodesic(here, storeys.near(scene, key)))
+    return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
 
 
 def test_a_body_climbs_the_stairs_to_a_thing_on_the_upper_floor(body: Body) -> None:

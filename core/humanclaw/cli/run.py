@@ -15,7 +15,7 @@ from humanclaw.episode import name_of
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode
 from humanclaw.scene import Scene

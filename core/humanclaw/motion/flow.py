@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -27,23 +28,34 @@ Field = Callable[[int, Tensor], Tensor]
 
 @dataclass(frozen=True)
 class Solver:
-    """A fixed-step integrator of dx/dtau = v from tau 0 to 1."""
+    """A fixed-step integrator of dx/dtau = v from tau 0 to 1.
+
+    power: the i-th of n steps begins at tau (i / n) ** power. Steps that are short at first let the model choose between
+    outcomes, such as which foot goes first, before it commits to their average.
+    """
 
     method: Method
     steps: int
+    power: float = 1.0
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """The steps + 1 flow times at which steps begin and end."""
+        return tuple((step / self.steps) ** self.power for step in range(self.steps + 1))
 
     @property
     def times(self) -> tuple[float, ...]:
         """The flow times at which the field is asked, in order."""
-        starts = [step / self.steps for step in range(self.steps)]
+        edges = self.edges
         if self.method == "euler":
-            return tuple(starts)
-        return tuple(tau for start in starts for tau in (start, start + 0.5 / self.steps))
+            return edges[:-1]
+        return tuple(tau for start, end in pairwise(edges) for tau in (start, (start + end) / 2))
 
     def solve(self, field: Field, noise: Tensor) -> Tensor:
         """Carry (B, 15, 219) noise to tau 1."""
-        x, width = noise, 1 / self.steps
-        for step in range(self.steps):
+        x = noise
+        for step, (start, end) in enumerate(pairwise(self.edges)):
+            width = end - start
             if self.method == "euler":
                 x = x + width * field(step, x)
             else:
@@ -51,8 +63,13 @@ class Solver:
                 x = x + width * field(2 * step + 1, middle)
         return x
 
+    def __str__(self) -> str:
+        grid = f", grid power {self.power:g}" if self.power != 1 else ""
+        return f"{self.method}, {self.steps} steps{grid}"
 
-PROFILES: Final = {"default": Solver("euler", 4), "paper": Solver("midpoint", 30)}
+
+PROFILES: Final = {"default": Solver("midpoint", 3, power=1.5), "paper": Solver("midpoint", 30)}
+"""`default`: as few evaluations as the feet allow; four uniform Euler steps average a left-first and a right-first step."""
 
 
 def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from humanclaw.errors import CallError
 from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import Call
 from humanclaw.loop import check_call
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.recorder import outcome
 from humanclaw.scene import Scene

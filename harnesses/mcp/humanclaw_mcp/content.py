@@ -34,7 +34,7 @@ from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.pose import Frame
 from humanclaw.records import StepRecord
-from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw.tasks import ALIASES, SEATS
 from humanclaw.tools import parameter_schema, publish
 from humanclaw_mcp.session import Moment
 from humanclaw_mcp.settings import Settings
@@ -49,8 +49,7 @@ SKILL: Final = "humanclaw://skill/"
 BODY_RESOURCES: Final = (STATE, VIEW, LOG)
 """Those that a step changes."""
 INSTRUCTIONS: Final = tuple(
-    f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SIT_CATEGORIES else ".")
-    for category in TARGET_CATEGORIES
+    f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SEATS else ".") for category in ALIASES
 )
 """What a body may be asked to do, as the benchmark asks it."""
 _FLOOR_CONTACT: Final = 0.0205

@@ -26,7 +26,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.hookspecs import hookimpl
 from humanclaw.interfaces import Decision, EpisodeContext, Observation, Past, WorldState
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import Outcome, StepRecord
 from humanclaw.scene import Placement
@@ -215,7 +215,8 @@ class Session:
         reference, seed = self._episode.scene, self._episode.seed
         if self._body is None:
             self._doing = "The body is being made."
-            engines = Engines(profile=self._settings.profile, senses=self._settings.senses)
+            asked = self._settings
+            engines = Engines(asked.simulator, Engines.renderer, asked.generator, asked.profile, asked.senses)
             self._body = Body(reference, seed=seed, plugins=self._plugins, engines=engines)
             self._doing = _MOVING
         elif self._body.scene.name != reference:

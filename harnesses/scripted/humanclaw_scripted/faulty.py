@@ -24,7 +24,7 @@ from humanclaw.interfaces import Answer as CheckAnswer
 from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
 from humanclaw.outcomes import REACHED, acknowledges
 from humanclaw.pose import Array
-from humanclaw.tasks import SIT_CATEGORIES
+from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import OracleAgent, ending
 from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
 
@@ -107,7 +107,7 @@ class FaultyAgent:
         """Who sits down on the nearest seat that is none of the targets' kind."""
         context, scene = self._senses.context, self._senses.context.scene
         assert scene is not None
-        others = set(SIT_CATEGORIES) - {context.spec.target_category}
+        others = set(SEATS) - {context.spec.target_category}
         seats = tuple(thing.id for thing in scene.objects if thing.category in others)
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 

@@ -17,7 +17,7 @@ from humanclaw.hookspecs import hookimpl
 from humanclaw.interfaces import Usage
 from humanclaw.limits import Meter
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.recorder import usage_of
 from humanclaw.records import EpisodeRecord, Outcome, RecordedEpisode, StepRecord

@@ -11,7 +11,7 @@ from rooms import two_rooms
 
 from humanclaw.interfaces import Call
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.records import RecordedEpisode, StepRecord
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent

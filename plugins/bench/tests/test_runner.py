@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+import rooms
 import toy_world
 from click.testing import CliRunner
 
@@ -217,7 +218,7 @@ def test_two_runs_never_write_to_one_folder(play, tmp_path):
 SCRIPT = """
 import sys
 from pathlib import Path
-sys.path.insert(0, {here!r})
+sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
@@ -241,7 +242,9 @@ def process(tmp_path):
 
     def start(pause=0.15):
         script = tmp_path / "script.py"
-        script.write_text(SCRIPT.format(here=str(Path(__file__).parent), pause=pause))
+        script.write_text(
+            SCRIPT.format(paths=[str(Path(__file__).parent), str(Path(rooms.__file__).parent)], pause=pause)
+        )
         running = subprocess.Popen(
             [sys.executable, str(script), str(tmp_path / "run")],
             stdout=subprocess.PIPE,

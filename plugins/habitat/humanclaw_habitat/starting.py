@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.navigation.routes import FloorPlan
+from humanclaw.navigation import OccupancyGrid
 from humanclaw.scene import Placement, Scene
 
 
 def roomiest(scene: Scene, floor: float) -> Placement:
     """The place on a floor that is farthest from everything, facing the way, of eight, in which one sees farthest."""
-    plan = FloorPlan.of(scene, floor)
+    plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
     cell = np.unravel_index(int(np.where(blocked, 0.0, plan.clearance).argmax()), blocked.shape)
     place = plan.point(np.array(cell))

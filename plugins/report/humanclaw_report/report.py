@@ -21,7 +21,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.navigation.routes import OBSTACLE_HEIGHTS, STEP, floors_of
+from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.outcomes import REACHED, footing, in_view
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
 from humanclaw.records import CallRecord, ContactRecord, RecordedEpisode, StepRecord, Vec3, load_run
@@ -208,7 +208,7 @@ def write_report(run: Path, out: Path | None, scenes: Callable[[str], Scene], *,
 
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("humanclaw_bench", "templates"),
+        loader=jinja2.PackageLoader("humanclaw_report", "templates"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -287,9 +287,8 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
     first = next(iter(paths))
     command = Command.of(first, paths[first])
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
-    solver = f"{generator.solver.method}, {generator.solver.steps} steps"
     time_of_one = milliseconds(generator, paths[first], values)
-    return Report(generator.digest, solver, options.rollouts, options.seed, time_of_one, tuple(rows))
+    return Report(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:

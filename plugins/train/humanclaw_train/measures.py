@@ -44,6 +44,11 @@ def slower_toe(joints: Array) -> float:
     return float(_toe_speed(joints).min(-1).mean())
 
 
+def slide(joints: Array) -> Array:
+    """(..., T, 24, 3) to (...) path that the slower toe slides over the T frames, centimetres: nought for whoever steps cleanly."""
+    return np.asarray(_toe_speed(joints).min(-1).sum(-1) / FPS)
+
+
 def _toe_speed(joints: Array) -> Array:
     steps = np.diff(joints[..., _TOES, :], axis=-3)[..., [0, 2]]
     return np.asarray(100 * FPS * np.linalg.norm(steps, axis=-1))

@@ -364,7 +364,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"\n{generator.solver.method}, {generator.solver.steps} steps; base {generator.digest}")
+    print(f"\n{generator.solver}; base {generator.digest}")
     return 0
 
 

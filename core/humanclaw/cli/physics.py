@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from typing import Any, Final
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from humanclaw_bullet.profile import PROFILES
+from humanclaw.cli.options import SIMULATOR_HELP
+from humanclaw.half_physics.profile import PROFILES
 
-_LAWS = ("free-space", "walls", "ledge", "stairs", "boxes", "door", "seats", "rates", "wild")
+_LAWS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
 
 
 def _bar() -> Progress:
@@ -20,47 +23,53 @@ def _bar() -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
+def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    simulator = click.option("--simulator", default="", help=SIMULATOR_HELP)
+    profile = click.option("--profile", type=click.Choice(list(PROFILES)), default="default", show_default=True)
+    return simulator(profile(function))
+
+
 @click.command()
-@click.option("--profile", type=click.Choice(list(PROFILES)), default="default", show_default=True)
+@_world_options
 @click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @click.argument("laws", nargs=-1, type=click.Choice(_LAWS))
-def physics(profile: str, samples: int, chunks: int, seed: int, laws: tuple[str, ...]) -> None:
+def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, laws: tuple[str, ...]) -> None:
     """Measure the laws of half-physics and print them as a table; exit code 1 if one does not hold.
 
     LAWS: some of them; all without.
     """
-    from humanclaw_bullet.laws import LAWS, Lab, table, ticks
+    from humanclaw.testing.physics import LAWS, Fixture, table, ticks
 
-    lab = Lab.of(profile, samples=samples, chunks=chunks, seed=seed)
+    fixture = Fixture.of(simulator, profile, samples=samples, chunks=chunks, seed=seed)
     names, findings = laws or _LAWS, []
     with _bar() as bar:
-        task = bar.add_task("", total=ticks(lab, names))
+        task = bar.add_task("", total=ticks(fixture, names))
         for name in names:
             bar.update(task, description=name)
-            findings += list(LAWS[name](lab, lambda: bar.advance(task)))
+            findings += list(LAWS[name](fixture, lambda: bar.advance(task)))
     click.echo(table(findings))
     sys.exit(not all(finding.holds for finding in findings))
 
 
 @click.command("bench-world")
+@_world_options
 @click.option("--scene", default="house:0", show_default=True, help="A house, filled up from itself.")
-@click.option("--profile", type=click.Choice(list(PROFILES)), default="default", show_default=True)
 @click.option("--chunks", type=click.IntRange(1), default=100, show_default=True, help="Half seconds of walking.")
 @click.option("--resets", type=click.IntRange(2), default=200, show_default=True)
-def bench_world(scene: str, profile: str, chunks: int, resets: int) -> None:
+def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int) -> None:
     """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
-    from humanclaw_bullet.laws import Lab
-    from humanclaw_bullet.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
+    from humanclaw.testing.physics import Fixture
+    from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
 
-    lab = Lab.of(profile)
-    house = crowded(lab.plugins.scene(scene))
+    fixture = Fixture.of(simulator, profile)
+    house = crowded(fixture.plugins.scene(scene))
     with _bar() as bar:
         task = bar.add_task("walking", total=chunks + resets)
-        walking = Quartiles.of(chunk_times(lab, house, chunks, lambda: bar.advance(task)))
+        walking = Quartiles.of(chunk_times(fixture, house, chunks, lambda: bar.advance(task)))
         bar.update(task, description="resetting")
-        loading, memory = reset_times(lab.profile, house, resets, lambda: bar.advance(task))
+        loading, memory = reset_times(fixture.simulator(), house, resets, lambda: bar.advance(task))
     rows = (
         (f"0.5 s in {scene}, {FIXED} fixed and {MOVABLE} movable objects", f"{walking} ms", "< 100 ms"),
         ("loading it", f"{Quartiles.of(loading)} ms", "< 2000 ms"),

@@ -45,6 +45,8 @@ class Profile:
     """A foot held back by an edge that is no more than this above its sole is lifted over it, metres; 0: never."""
     yielding: float = 2.0
     """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do not."""
+    exertion: float = 500.0
+    """The body pushes movable objects with no more force than this, newtons: what a grown person can bring to bear."""
     friction: float = 0.4
     """Of the body's surface."""
     stiffness: float = 1.0

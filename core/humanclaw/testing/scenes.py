@@ -1,11 +1,13 @@
-"""Small scenes of boxes: for the laws of half-physics, for tests, and to try things out."""
+"""Small scenes of boxes: for physics checks, for tests, and to try things out."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject, Vec3
 
@@ -29,8 +31,15 @@ def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:
     return Mesh(np.array(corners, np.float32), np.array(faces, np.int32), uv, np.full((2, 2, 3), colour, np.uint8))
 
 
+def block(low: Vec3, high: Vec3) -> NDArray[np.float32]:
+    """(8, 3) corners of a box, as a hull."""
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], np.float32
+    )
+
+
 @dataclass
-class Workshop:
+class SceneBuilder:
     """Boxes put together to a scene; ids count from 1. Metres; a position is the centre of a box's underside."""
 
     assets: dict[str, Asset] = field(default_factory=dict)
@@ -42,14 +51,24 @@ class Workshop:
         if name not in self.assets:
             mesh = box_mesh(size, colour)
             self.assets[name] = Asset(name, category, mesh, (np.unique(mesh.vertices, axis=0),))
-        self.objects.append(SceneObject(len(self.objects) + 1, name, category, position, **facts))
-        return len(self.objects)
+        return self._put(name, category, position, facts)
 
     def mesh(self, category: str, mesh: Mesh, position: Vec3, **facts: Any) -> int:
         """Put something without a body somewhere. Returns its id."""
         self.assets[category] = Asset(category, category, mesh, ())
-        self.objects.append(SceneObject(len(self.objects) + 1, category, category, position, **facts))
+        return self._put(category, category, position, facts)
+
+    def _put(self, asset: str, category: str, position: Vec3, facts: Mapping[str, Any]) -> int:
+        self.objects.append(SceneObject(len(self.objects) + 1, asset, category, position, **facts))
         return len(self.objects)
+
+    def solid(self, category: str, hulls: Sequence[NDArray[np.float32]], position: Vec3, **facts: Any) -> int:
+        """Put something of several convex pieces somewhere; it looks like its bounding box. Returns its id."""
+        low, high = np.concatenate(hulls).min(axis=0), np.concatenate(hulls).max(axis=0)
+        x, y, z = (float(edge) for edge in high - low)
+        name = f"{category} {len(self.assets)}"
+        self.assets[name] = Asset(name, category, box_mesh((x, y, z)), tuple(hulls))
+        return self._put(name, category, position, facts)
 
     def floor(self, y: float = 0.0) -> int:
         return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))
@@ -79,4 +98,4 @@ class Workshop:
 
     def scene(self, floor: float = 0.0) -> Scene:
         """What has been put together; the body starts at the origin, facing +Z."""
-        return Scene("workshop", dict(self.assets), tuple(self.objects), (), Placement(0, 0, 0, floor))
+        return Scene("boxes", dict(self.assets), tuple(self.objects), (), Placement(0, 0, 0, floor))

@@ -11,11 +11,10 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from humanclaw.interfaces import Simulator
 from humanclaw.pose import HISTORY, Array, anchored
 from humanclaw.scene import Scene, SceneObject
-from humanclaw_bullet.laws import Lab, Tick
-from humanclaw_bullet.profile import Profile
-from humanclaw_bullet.simulator import HalfPhysics
+from humanclaw.testing.physics import FORWARD, TURN, Fixture, Tick
 
 T = TypeVar("T")
 FIXED, MOVABLE = 300, 60
@@ -41,28 +40,28 @@ class Quartiles:
 
 def crowded(scene: Scene, fixed: int = FIXED, movable: int = MOVABLE) -> Scene:
     """A house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them next door."""
-    counts, objects = {False: fixed, True: movable}, []
+    counts, objects = {False: fixed, True: movable}, list[SceneObject]()
     for copy in range(100):
-        for thing in scene.objects:
-            if counts[thing.movable]:
-                counts[thing.movable] -= 1
-                objects.append(_copy(thing, len(objects) + 1, copy * _APART))
+        for obj in scene.objects:
+            if counts[obj.movable]:
+                counts[obj.movable] -= 1
+                objects.append(_copy(obj, len(objects) + 1, copy * _APART))
     return replace(scene, name=f"{scene.name}, crowded", objects=tuple(objects))
 
 
-def _copy(thing: SceneObject, number: int, shift: float) -> SceneObject:
-    x, y, z = thing.position
-    return replace(thing, id=number, position=(x + shift, y, z))
+def _copy(obj: SceneObject, number: int, shift: float) -> SceneObject:
+    x, y, z = obj.position
+    return replace(obj, id=number, position=(x + shift, y, z))
 
 
-def chunk_times(lab: Lab, scene: Scene, count: int, tick: Tick) -> list[float]:
+def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[float]:
     """CPU milliseconds of half a second of walking about, contacts included."""
-    simulator, times = HalfPhysics(lab.profile), []
+    simulator, times = fixture.simulator(), []
     body = simulator.reset(scene, scene.start).body
-    history = anchored(lab.start(), body)
+    history = anchored(fixture.start(), body)
     for number in range(count):
-        turn = {"z_cm": 40, "yaw_deg": 20 if number % 8 < 4 else -20}
-        motion = lab.generate(history, "walk", turn, number)
+        command = {FORWARD: 0.4, TURN: np.radians(20 if number % 8 < 4 else -20)}
+        motion = fixture.generate(history, command, number)
         milliseconds, execution = _timed(lambda motion=motion: simulator.execute(motion))  # type: ignore[misc]
         times.append(milliseconds)
         history = anchored(history.then(motion)[-HISTORY:], execution.realised)
@@ -71,9 +70,9 @@ def chunk_times(lab: Lab, scene: Scene, count: int, tick: Tick) -> list[float]:
     return times
 
 
-def reset_times(profile: Profile, scene: Scene, count: int, tick: Tick) -> tuple[list[float], Array]:
+def reset_times(simulator: Simulator, scene: Scene, count: int, tick: Tick) -> tuple[list[float], Array]:
     """CPU milliseconds of loading the scene, and (count,) resident megabytes after each time."""
-    simulator, times, memory = HalfPhysics(profile), [], []
+    times, memory = [], []
     for _ in range(count):
         times.append(_timed(lambda: simulator.reset(scene, scene.start))[0])
         memory.append(resident())
