@@ -55,7 +55,7 @@ class Engines:
 
 def default_simulator(plugins: Plugins) -> str:
     """The first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
-    installed = [offer.name for offer in plugins.offers("simulators")]
+    installed = [offer.name for offer in plugins.registered("simulators")]
     preferred = [name for name in SIMULATORS if name in installed] or installed
     if not preferred:
         raise PluginError("no simulator is installed.", "Run `pip install humanclaw-mujoco`.")

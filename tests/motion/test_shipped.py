@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from humanclaw.measures import Declaration, outcomes
-from humanclaw.motion.checkpoint import load_adapter, read_header
-from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
+from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import STANDING_HEIGHT, Frame, Motion, support_height
 from humanclaw_train.chunks import canonical
 

@@ -1,8 +1,8 @@
-"""Flow matching on the fifteen future frames (paper, section 3.3); the five history frames stay clean.
+"""Solve the flow of the fifteen future frames (paper, section 3.3); the five history frames stay clean.
 
     x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
 
-A model may answer with v or with the clean future; the two say the same, and `velocity` and `clean` turn each into the other.
+A model may answer with v or with the clean future; `velocity` turns either into v.
 """
 
 from __future__ import annotations
@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from humanclaw.motion.dit import Prediction
+from humanclaw.motion.dit import Array, Prediction
 from humanclaw.pose import FUTURE, STATE_SIZE
 
 SIGMA_MIN: Final = 1e-4
 Method = Literal["euler", "midpoint"]
 
-Field = Callable[[int, Tensor], Tensor]
+Field = Callable[[int, Any], Any]
 """The velocity at the i-th of a solver's times, given the noisy future."""
 
 
@@ -51,8 +49,8 @@ class Solver:
             return edges[:-1]
         return tuple(tau for start, end in pairwise(edges) for tau in (start, (start + end) / 2))
 
-    def solve(self, field: Field, noise: Tensor) -> Tensor:
-        """Carry (B, 15, 219) noise to tau 1."""
+    def solve(self, field: Field, noise: Any) -> Any:
+        """Carry (B, 15, 219) noise to tau 1. Arrays and tensors alike."""
         x = noise
         for step, (start, end) in enumerate(pairwise(self.edges)):
             width = end - start
@@ -72,32 +70,16 @@ PROFILES: Final = {"default": Solver("midpoint", 3, power=1.5), "paper": Solver(
 """`default`: as few evaluations as the feet allow; four uniform Euler steps average a left-first and a right-first step."""
 
 
-def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
-    """x(tau); tau (B,) against (B, 15, 219)."""
-    tau = tau[:, None, None]
-    return (1 - (1 - SIGMA_MIN) * tau) * noise + tau * clean
-
-
-def target(clean: Tensor, noise: Tensor) -> Tensor:
-    """The velocity that carries this noise to this future."""
-    return clean - (1 - SIGMA_MIN) * noise
-
-
-def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """The velocity that a model's output means. tau (B,) below 1."""
+def velocity(prediction: Prediction, output: Array, noisy: Array, tau: float) -> Array:
+    """The velocity that a model's output means. tau: below 1."""
     if prediction == "velocity":
         return output
-    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
+    # In single precision: numpy's stubs promote by a Python float, numpy does not.
+    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau)  # type: ignore[return-value]
 
 
-def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """The clean future that a model's output means."""
-    if prediction == "clean":
-        return output
-    return (1 - (1 - SIGMA_MIN) * tau[:, None, None]) * output + (1 - SIGMA_MIN) * noisy
-
-
-def noise_of(keys: Sequence[Sequence[int]]) -> Tensor:
+def noise_of(keys: Sequence[Sequence[int]]) -> Array:
     """(B, 15, 219) standard normal numbers; each row depends on its own key of non-negative integers alone."""
-    rows = [np.random.default_rng(tuple(key)).standard_normal((FUTURE, STATE_SIZE), np.float32) for key in keys]
-    return torch.from_numpy(np.stack(rows))
+    return np.stack(
+        [np.random.default_rng(tuple(key)).standard_normal((FUTURE, STATE_SIZE), np.float32) for key in keys]
+    )

@@ -6,7 +6,6 @@ last recorded step.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import signal
@@ -17,6 +16,8 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
+
+from filelock import FileLock, Timeout
 
 import humanclaw
 from humanclaw.episode import EpisodeSpec
@@ -216,12 +217,15 @@ def _short(value: Any) -> str:
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Hold the folder's lock. The system frees it when this process ends, however that happens."""
-    with (out / ".lock").open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise RecordError(f"another run is writing to {out}.", "Wait for it, or name another folder.") from None
+    lock = FileLock(out / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise RecordError(f"another run is writing to {out}.", "Wait for it, or name another folder.") from None
+    try:
         yield
+    finally:
+        lock.release()
 
 
 @contextmanager

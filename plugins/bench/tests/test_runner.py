@@ -12,6 +12,7 @@ import pytest
 import rooms
 import toy_world
 from click.testing import CliRunner
+from filelock import FileLock
 
 from humanclaw.embodiment import Engines
 from humanclaw.errors import HumanclawError, PluginError, RecordError
@@ -205,13 +206,9 @@ def test_a_budget_ends_the_run_and_another_sitting_goes_on(play):
 
 
 def test_two_runs_never_write_to_one_folder(play, tmp_path):
-    import fcntl
-
     (tmp_path / "run").mkdir()
-    with (tmp_path / "run" / ".lock").open("w") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        with pytest.raises(RecordError, match="another run is writing"):
-            play(toy_world.specs(1))
+    with FileLock(tmp_path / "run" / ".lock"), pytest.raises(RecordError, match="another run is writing"):
+        play(toy_world.specs(1))
 
 
 # -- signals -----------------------------------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ from tqdm import tqdm
 
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import load_base
+from humanclaw.motion.checkpoint import load_base, shipped_base
 from humanclaw.motion.flow import PROFILES, Solver
-from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import Array, wrap_angle
 from humanclaw_train.chunks import PARAMETERS, Chunks, outcomes
 from humanclaw_train.realised import Actor, roll_realised
@@ -294,7 +294,7 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
     """The generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, plant=options.profile != "paper")
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:

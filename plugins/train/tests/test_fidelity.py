@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tiny_motion import write_adapter
 
 from humanclaw import pose
 from humanclaw.errors import CheckpointError
-from humanclaw.motion.checkpoint import Card, save_adapter
-from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.plugins import Plugins
@@ -23,11 +23,9 @@ from humanclaw_train.rollouts import Command, Rollouts
 def still(tmp_path_factory, still_base):
     """A generator that holds the last pose, and an adapter of step_back that changes nothing."""
     folder = tmp_path_factory.mktemp("still")
-    base = still_base(folder)
-    path = folder / "step_back" / "adapter.safetensors"
-    save_adapter(
-        path, Adapter(base.model, AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))), base.digest, Card()
-    )
+    base = still_base(folder / "base.safetensors")
+    config = AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))
+    path = write_adapter(folder / "step_back" / "adapter.safetensors", base, config, scale=0.0)
     return DiTGenerator(base, Solver("midpoint", 2)), path
 
 

@@ -1,8 +1,10 @@
 import numpy as np
-import torch
+import pytest
+
+torch = pytest.importorskip("torch")
 
 from humanclaw import pose
-from humanclaw.motion import kinematics
+from humanclaw_train import kinematics
 
 
 def _motions(count: int = 3) -> tuple[np.ndarray, np.ndarray]:

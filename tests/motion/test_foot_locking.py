@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE
-from humanclaw.motion.plant import planted
+from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.pose import Motion, forward_kinematics, rest_pose
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
@@ -28,13 +28,13 @@ def _moved(motion: Motion, per_frame: tuple[float, float, float]) -> Motion:
 
 def test_a_body_that_creeps_over_its_feet_keeps_them_where_they_stand():
     history, creeping = _standing(5), _moved(_standing(15), (0.0, 0.0, 0.005))  # 15 cm/s
-    feet = planted(history, creeping).joints()[:, [LEFT_ANKLE, LEFT_TOE]]
+    feet = lock_feet(history, creeping).joints()[:, [LEFT_ANKLE, LEFT_TOE]]
     assert np.abs(feet - history.joints()[-1, [LEFT_ANKLE, LEFT_TOE]]).max() < 1e-3
 
 
 def test_the_pelvis_and_all_above_it_stay_as_the_model_wrote_them():
     creeping = _moved(_standing(15), (0.003, 0.0, 0.003))
-    result = planted(_standing(5), creeping)
+    result = lock_feet(_standing(5), creeping)
     others = [joint for joint in range(24) if joint not in LEGS]
     assert np.array_equal(result.root, creeping.root)
     assert np.array_equal(result.rotations[:, others], creeping.rotations[:, others])
@@ -42,14 +42,14 @@ def test_the_pelvis_and_all_above_it_stay_as_the_model_wrote_them():
 
 def test_a_body_that_stands_still_is_left_alone():
     standing = _standing(15)
-    assert planted(_standing(5), standing).rotations == pytest.approx(standing.rotations, abs=1e-6)
+    assert lock_feet(_standing(5), standing).rotations == pytest.approx(standing.rotations, abs=1e-6)
 
 
 def test_a_foot_in_flight_is_left_alone():
     """The whole body glides at 1.5 m/s: no foot stands."""
     gliding = _moved(_standing(15), (0.0, 0.0, 0.05))
     history = _moved(Motion(_standing(5).root - [0, 0, 0.25], _standing(5).rotations), (0.0, 0.0, 0.05))
-    assert planted(history, gliding).rotations == pytest.approx(gliding.rotations, abs=1e-6)
+    assert lock_feet(history, gliding).rotations == pytest.approx(gliding.rotations, abs=1e-6)
 
 
 def test_a_foot_that_stands_with_raised_toes_is_laid_level():
@@ -58,7 +58,7 @@ def test_a_foot_that_stands_with_raised_toes_is_laid_level():
         rotations[:, LEFT_ANKLE, 0] -= 0.15
         return Motion(motion.root, rotations)
 
-    result = planted(askew(_standing(5)), askew(_standing(15)))
+    result = lock_feet(askew(_standing(5)), askew(_standing(15)))
     positions, turns = forward_kinematics(result.root, result.rotations)
     assert turns[-1, LEFT_ANKLE, 1, 1] == pytest.approx(1.0, abs=1e-4)
     assert positions[-1, LEFT_ANKLE, 1] == pytest.approx(SOLE, abs=1e-3)
@@ -70,13 +70,13 @@ def test_a_foot_on_a_stair_stays_on_its_stair():
     """Thirty centimetres above the floor of the history is no mistake to be put right."""
     history = _standing(5)
     above = Motion(_standing(15).root + [0, 0.3, 0], _standing(15).rotations)
-    assert planted(history, above).joints()[5:, LEFT_TOE, 1] == pytest.approx(0.3 + TOE_SOLE, abs=1e-3)
+    assert lock_feet(history, above).joints()[5:, LEFT_TOE, 1] == pytest.approx(0.3 + TOE_SOLE, abs=1e-3)
 
 
 def test_a_leg_too_short_for_its_stance_lets_the_foot_follow():
     """At 21 cm/s the body outruns its feet: the knee must not lock, nor the foot be torn off."""
     fleeing = _moved(_standing(15), (0.0, 0.012, 0.007))
-    joints = planted(_standing(5), fleeing).joints()
+    joints = lock_feet(_standing(5), fleeing).joints()
     hip = joints[:, JOINT_INDEX["left_hip"]]
     assert np.linalg.norm(joints[:, LEFT_ANKLE] - hip, axis=-1).max() < 0.82
     assert np.isfinite(joints).all()

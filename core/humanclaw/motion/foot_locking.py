@@ -40,17 +40,17 @@ class _Stance:
     held: bool
 
 
-def planted(history: Motion, future: Motion) -> Motion:
+def lock_feet(history: Motion, future: Motion) -> Motion:
     """The future with its standing feet held still. Both in the canonical frame of the chunk (floor of the history at 0)."""
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     rotations = whole.rotations.copy()
     for side in SIDES:
-        _plant_leg(side, positions, turns, rotations)
+        _lock_foot(side, positions, turns, rotations)
     return Motion(future.root, rotations[HISTORY:])
 
 
-def _plant_leg(side: str, positions: Array, turns: Array, rotations: Array) -> None:
+def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> None:
     """Bend one leg, in place, so that its foot stands where its stances are. positions (T, 24, 3), turns (T, 24, 3, 3)."""
     hip, knee, ankle, toe = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
     stances = _stances(positions[:, toe])
