@@ -27,7 +27,7 @@ from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.measures import MEASURES, Measure
-from humanclaw.motion.header import read_header, shipped_base
+from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.skill_check import skill_faults
 
 T = TypeVar("T")
