@@ -10,7 +10,7 @@ that scores, trains or calls skills reads that and never a skill's name. Plugins
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -108,6 +108,15 @@ class Declaration:
         """Read the schema.json of a skill's folder, which names the skill. Raises PluginError."""
         return cls.of(folder.name, read_schema(folder))
 
+    def commands(self, measure: str) -> Parameter | None:
+        """The parameter that commands a measure, or None."""
+        return next((one for one in self.parameters if one.measure == measure), None)
+
+    @property
+    def climbs(self) -> bool:
+        """Whether it takes the body up or down a step."""
+        return any(one.measure in ("hips.rise", "hips.drop") for one in self.parameters)
+
     def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """The parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
         known = {one.name: one for one in self.parameters}
@@ -118,6 +127,12 @@ class Declaration:
                 f"Mend schema.json, or train it again with `humanclaw train adapter {self.skill}`.",
             )
         return tuple(known[name] for name in names)
+
+
+def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
+    """Of the skills of a role that command all these measures the one that commands least besides; the first of equals."""
+    fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
+    return min(fitting, key=lambda one: len(one.parameters), default=None)
 
 
 def read_schema(folder: Path) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.measures import MEASURES, Measure
-from humanclaw.motion.header import read_header, shipped_base
+from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.skill_check import skill_faults
 
 T = TypeVar("T")
@@ -163,7 +163,7 @@ class Plugins:
         A plugin with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         registry = self._gather(plugin, name)
-        known = self.measures | {one.name: one.value for one in registry.found.get("measures", [])}
+        known = {**MEASURES, **self.measures} | {one.name: one.value for one in registry.found.get("measures", [])}
         registry.disable_faulty_skills(known, self._base)
         self._refuse_duplicates(registry)
         for kind, found in registry.found.items():

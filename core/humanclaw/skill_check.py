@@ -14,7 +14,7 @@ import jsonschema
 from humanclaw.contract import Skill
 from humanclaw.errors import CheckpointError, PluginError
 from humanclaw.measures import MEASURES, Measure, Parameter, from_si
-from humanclaw.motion.header import non_finite, read_header
+from humanclaw.motion.checkpoint import read_checkpoint, read_header
 from humanclaw.tools import Format, publish
 
 _SLACK: Final = 0.05
@@ -45,10 +45,8 @@ def _faults(skill: Skill, measures: Mapping[str, Measure], base: str, weights: b
     yield from _bad_conditions(skill, measures)
     if skill.adapter.is_file():
         yield from _misfits(skill, base)
-        if weights and (broken := non_finite(skill.adapter)):
-            yield PluginError(
-                f"the adapter of skill {skill.name!r} holds numbers that are none in {broken[0]}.", _train(skill)
-            )
+        if weights:
+            yield from _bad_weights(skill)
 
 
 def _properties(skill: Skill) -> Mapping[str, Any]:
@@ -115,6 +113,14 @@ def _bad_conditions(skill: Skill, measures: Mapping[str, Measure]) -> Iterator[P
     for name, count in Counter(one.name for one in skill.parameters).items():
         if count > 1:
             yield PluginError(f"skill {skill.name!r} has {count} parameters {name!r} but for the unit.", "Rename them.")
+
+
+def _bad_weights(skill: Skill) -> Iterator[PluginError]:
+    assert skill.adapter is not None
+    try:
+        read_checkpoint(skill.adapter, "adapter", _train(skill))
+    except CheckpointError as error:
+        yield PluginError(error.message, error.remedy)
 
 
 def _misfits(skill: Skill, base: str) -> Iterator[PluginError]:

@@ -11,7 +11,7 @@ import pytest
 from humanclaw.contract import Control, Keyframes, Skill
 from humanclaw.errors import CallError
 from humanclaw.measures import MEASURES, Measure
-from humanclaw.motion.header import read_header, shipped_base
+from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.skill_check import skill_faults
 
 
