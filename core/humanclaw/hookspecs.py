@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.contract import Skill
-    from humanclaw.interfaces import DecisionMaker, MotionGenerator, Renderer, Simulator, Verifier
+    from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Simulator, Verifier
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
@@ -60,8 +60,8 @@ def humanclaw_motion_generators(register: RegisterFactory) -> None:
 
 
 @hookspec
-def humanclaw_decision_makers(register: RegisterFactory) -> None:
-    """Register decision makers: factory(options: Mapping[str, Any]) -> DecisionMaker, with the options of the run."""
+def humanclaw_agents(register: RegisterFactory) -> None:
+    """Register decision makers: factory(options: Mapping[str, Any]) -> Agent, with the options of the run."""
 
 
 @hookspec
@@ -111,5 +111,5 @@ if TYPE_CHECKING:
     SimulatorFactory = Callable[..., Simulator]
     RendererFactory = Callable[[], Renderer]
     GeneratorFactory = Callable[..., MotionGenerator]
-    DecisionMakerFactory = Callable[[Options], DecisionMaker]
+    DecisionMakerFactory = Callable[[Options], Agent]
     VerifierFactory = Callable[[Options], Verifier]

@@ -29,7 +29,7 @@ KINDS: Final[Mapping[str, str]] = {
     "simulators": "simulator",
     "renderers": "renderer",
     "motion_generators": "motion generator",
-    "decision_makers": "decision maker",
+    "agents": "agent",
     "verifiers": "verifier",
     "executors": "executor",
     "metrics": "metric",

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 
 TARGET_CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
@@ -46,7 +46,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         instruction=instruction,
         scene=scene.name,
         scene_digest=scene.digest,
-        start=StartPose(**vars(scene.start)),
+        start=scene.start,
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)) if category else (),
         interact=category in SIT_CATEGORIES and wants_to_sit(instruction),

@@ -9,7 +9,7 @@ from humanclaw.motion.checkpoint import Card, save_adapter
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import Frame, Motion
+from humanclaw.pose import Motion, Pose2D
 
 AHEAD = (0.0, 0.4, 0.0)
 
@@ -45,7 +45,7 @@ def test_an_untrained_adapter_moves_as_the_base_does_bit_for_bit(generator, untr
 
 
 def test_motion_does_not_depend_on_where_in_the_world_the_body_is(generator, walk_file, swaying):
-    away = Frame(3.0, -7.0, 2.5, 1.5)
+    away = Pose2D(3.0, -7.0, 2.5, 1.5)
     here = generator.generate(swaying, walk_file, AHEAD, (1,))
     there = generator.generate(away.to_world(swaying), walk_file, AHEAD, (1,))
     back = away.to_local(there)

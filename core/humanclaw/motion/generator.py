@@ -22,7 +22,7 @@ from humanclaw.motion.control import Adapter
 from humanclaw.motion.dit import Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.plant import planted
-from humanclaw.pose import HISTORY, Frame, Motion, decode, encode
+from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
 
 SHIPPED: Final = "motion/weights/base.safetensors"
 
@@ -89,7 +89,7 @@ class DiTGenerator:
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
-        frames = [Frame.of_history(_checked(history)) for history in histories]
+        frames = [Pose2D.of_history(_checked(history)) for history in histories]
         local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
         states = [encode(history) for history in local]
         with torch.inference_mode(), _one_thread():

@@ -9,13 +9,13 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw.hookspecs import RegisterFactory
-    from humanclaw.interfaces import DecisionMaker, Verifier
+    from humanclaw.interfaces import Agent, Verifier
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_decision_makers(register: RegisterFactory) -> None:
+def humanclaw_agents(register: RegisterFactory) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")
@@ -27,25 +27,25 @@ def humanclaw_verifiers(register: RegisterFactory) -> None:
     register("oracle", _oracle_verifier, "privileged: lets nobody stop out of reach of the target")
 
 
-def _oracle(options: Mapping[str, Any]) -> DecisionMaker:
+def _oracle(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import OracleAgent
 
     return OracleAgent()
 
 
-def _random(options: Mapping[str, Any]) -> DecisionMaker:
+def _random(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import RandomAgent
 
     return RandomAgent()
 
 
-def _still(options: Mapping[str, Any]) -> DecisionMaker:
+def _still(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import StillAgent
 
     return StillAgent()
 
 
-def _faulty(options: Mapping[str, Any]) -> DecisionMaker:
+def _faulty(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted import faulty
 
     return faulty.FaultyAgent(faulty.options(options))

@@ -10,9 +10,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from humanclaw.episode import Difficulty
 from humanclaw.navigation.routes import OBSTACLE_HEIGHTS, RADIUS, Storeys, room_at, turns
 from humanclaw.pose import Array
+from humanclaw.records import Difficulty
 from humanclaw.scene import Scene
 
 Tier = Literal["easy", "medium", "hard"]

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from humanclaw.episode import EpisodeSpec
+from humanclaw.records import EpisodeSpec
 from humanclaw_bench.attribution import CAUSES, Cause
 from humanclaw_bench.metrics import Scores
 from humanclaw_scripted.faults import FAULTS, drawn

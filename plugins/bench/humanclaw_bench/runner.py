@@ -19,11 +19,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import humanclaw
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.files import write_atomically
 from humanclaw.plugins import KINDS, Plugins
-from humanclaw.records import EpisodeRecord, Outcome
+from humanclaw.records import EpisodeRecord, EpisodeSpec, Outcome
 from humanclaw_bench.executors import Backlog, Executor
 from humanclaw_bench.metrics import FINISHED
 from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
@@ -148,7 +147,7 @@ def _keep(out: Path, report: Report) -> None:
 # -- what a run is made of ---------------------------------------------------------------------------------------------
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
     """All that must be the same for two sittings to be one run. Raises HumanclawError if the job names what is not there."""
-    plugins.make("decision_makers", job.agent, job.options)
+    plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
     base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
@@ -174,7 +173,7 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
         f"{KINDS['simulators']} {engines.simulator}",
         f"{KINDS['renderers']} {engines.renderer}",
         f"{KINDS['motion_generators']} {engines.generator}",
-        f"{KINDS['decision_makers']} {job.agent}",
+        f"{KINDS['agents']} {job.agent}",
         f"{KINDS['verifiers']} {job.verifier}",
         *(f"{KINDS['scenes']} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),

@@ -21,11 +21,11 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
-from humanclaw.episode import EpisodeSpec, StartPose, name_of
 from humanclaw.errors import HumanclawError
 from humanclaw.files import write_atomically
 from humanclaw.navigation.routes import CELL, FloorPlan, Storeys
-from humanclaw.pose import Array
+from humanclaw.pose import Array, Pose2D
+from humanclaw.records import EpisodeSpec, name_of
 from humanclaw.scene import Scene
 from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, Ways, measure, overall, tiers
@@ -132,7 +132,7 @@ def _candidate(scene: Scene, ways: Ways, category: str, place: Array, yaw: float
         instruction=instruction(category),
         scene=scene.name,
         scene_digest=scene.digest,
-        start=StartPose(x=x, z=z, yaw=yaw, floor=floor),
+        start=Pose2D(x=x, z=z, yaw=yaw, floor=floor),
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)),
         interact=category in SIT_CATEGORIES,

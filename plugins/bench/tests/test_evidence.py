@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from importlib.resources import files
 
-from humanclaw.episode import EpisodeSpec
+from humanclaw.records import EpisodeSpec
 from humanclaw_bench import ablation, rescue
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.metrics import Scores

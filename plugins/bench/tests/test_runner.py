@@ -12,7 +12,7 @@ import pytest
 import toy_world
 from click.testing import CliRunner
 
-from humanclaw.embodiment import Engines
+from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError, PluginError, RecordError
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode, load_run
@@ -21,7 +21,7 @@ from humanclaw_bench.executors import Backlog, LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 
-TOY = Engines("toy", "toy", "toy")
+TOY = Backends("toy", "toy", "toy")
 
 
 class Here:
@@ -223,11 +223,11 @@ from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw_bench.cli import bench
-from humanclaw.embodiment import Engines
+from humanclaw.embodiment import Backends
 from humanclaw.plugins import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, engines=Engines("toy", "toy", "toy"), files=(toy_world.FILE,))
+    job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
     tally = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
     print(tally)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from rooms import two_rooms
 
-from humanclaw.episode import Difficulty, EpisodeSpec
 from humanclaw.errors import HumanclawError
 from humanclaw.navigation.routes import Storeys
+from humanclaw.records import Difficulty, EpisodeSpec
 from humanclaw_bench.difficulty import Ways, measure, overall, tiers
 from humanclaw_bench.splits import (
     DATA,

@@ -10,9 +10,10 @@ import numpy as np
 
 from humanclaw.body import JOINTS
 from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.interfaces import Contact, Execution, WorldState
-from humanclaw.pose import FPS, Array, Frame, Motion, rest_pose
-from humanclaw.scene import STRUCTURE, Placement, Scene
+from humanclaw.interfaces import Execution, WorldState
+from humanclaw.pose import FPS, Array, Motion, Pose2D, rest_pose
+from humanclaw.records import Contact
+from humanclaw.scene import STRUCTURE, Scene
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.profile import Profile, find_profile
 from humanclaw_bullet.puppet import LINK_OF, Pose, Puppet, motion_of, poses_of
@@ -51,7 +52,7 @@ class HalfPhysics:
         self._profile = find_profile(profile) if isinstance(profile, str) else profile
         self._client: Client | None = None
 
-    def reset(self, scene: Scene, start: Placement) -> WorldState:
+    def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         """Load a scene, stand the body on its start and let everything settle for half a second.
 
         Raises SceneError if the body overlaps something there, is pushed aside, or finds no floor under it.
@@ -62,7 +63,7 @@ class HalfPhysics:
         self._building = {thing.id for thing in scene.objects if thing.category in STRUCTURE}
         self._parts, self._reflex = 1, CALM
         self._things = Things(self._client, scene)
-        (pose,) = poses_of(Frame(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
+        (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         self._puppet = Puppet(self._client, self._profile, pose)
         self._refuse_overlap(start)
         self._settle(pose, start)
@@ -146,7 +147,7 @@ class HalfPhysics:
     def _contact(self, frame: int, link: int, thing: int, row: Any) -> Contact:
         joint = JOINTS[link + 1]
         return Contact(
-            frame, joint, LINK_OF[joint].group, thing, self._scene.by_id[thing].movable,
+            (frame,), joint, LINK_OF[joint].group, thing, self._scene.by_id[thing].movable,
             depth=max(0.0, -row[_DISTANCE]), height=row[_POINT][1],
         )  # fmt: skip
 
@@ -160,7 +161,7 @@ class HalfPhysics:
                 found.add((frame, min(a, b), max(a, b)))
         return sorted(found)
 
-    def _settle(self, pose: Pose, start: Placement) -> None:
+    def _settle(self, pose: Pose, start: Pose2D) -> None:
         for _ in range(_SETTLE_FRAMES):
             self._frame(pose, np.zeros(3))
         drift = self._puppet.pose().root - pose.root
@@ -171,7 +172,7 @@ class HalfPhysics:
                 "Start on a free, level floor.",
             )
 
-    def _refuse_overlap(self, start: Placement) -> None:
+    def _refuse_overlap(self, start: Pose2D) -> None:
         assert self._client is not None
         self._client.performCollisionDetection()
         rows = self._client.getContactPoints(self._puppet.body)
@@ -218,5 +219,5 @@ def _turned(path: Array, first: Array) -> bool:
     return bool((np.abs(path @ first) < 1 - 1e-5).any())
 
 
-def _say(start: Placement) -> str:
+def _say(start: Pose2D) -> str:
     return f"(x {start.x:.2f}, z {start.z:.2f}, floor {start.floor:.2f})"

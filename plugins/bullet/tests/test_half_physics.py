@@ -5,8 +5,7 @@ import pytest
 
 from humanclaw.body import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.pose import FPS, Frame, Motion, heading, matrix_from_vector, rest_pose
-from humanclaw.scene import Placement
+from humanclaw.pose import FPS, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw_bullet.simulator import HalfPhysics
 
 PROFILES = ("default", "paper", "reference")
@@ -222,7 +221,7 @@ def test_walking_anywhere_in_a_closed_room_never_leaves_it_and_ends_on_both_feet
     simulator, scene, random = HalfPhysics(), workshop.scene(), np.random.default_rng(seed)
     here = simulator.reset(scene, scene.start).body
     for _ in range(10):
-        walk = Frame(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
+        walk = Pose2D(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
         for first in range(0, len(walk), 15):
             gap = (here.root[-1] - walk.root[max(first - 1, 0)]) * [1, 0, 1]
             here = simulator.execute(
@@ -250,32 +249,32 @@ def test_contacts_say_who_touched_what_when_and_where(workshop, glide):
     simulator, scene = HalfPhysics(), workshop.scene()
     simulator.reset(scene, scene.start)
     contacts = simulator.execute(glide((0.0, 1.0))).contacts
-    assert {contact.frame for contact in contacts} <= set(range(15))
+    assert {frame for contact in contacts for frame in contact.frames} <= set(range(15))
     assert {contact.group for contact in contacts} <= set(BODY_GROUPS)
     feet = [contact for contact in contacts if contact.object_id == 1]
     assert {contact.joint for contact in feet} == {"left_ankle", "right_ankle", "left_foot", "right_foot"}
     assert all(abs(contact.height) < 0.01 for contact in feet)
-    assert min(contact.frame for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
+    assert min(contact.frames[0] for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
 
 
 def test_a_start_inside_something_is_refused_with_a_remedy(workshop):
     workshop.floor()
     workshop.box("table", (1, 0.8, 1), (2, 0, 0))
     with pytest.raises(SceneError, match=r"does not fit .* inside table 2") as raised:
-        HalfPhysics().reset(workshop.scene(), Placement(2.0, 0.0, 0.0))
+        HalfPhysics().reset(workshop.scene(), Pose2D(2.0, 0.0, 0.0))
     assert raised.value.remedy
 
 
 def test_a_start_without_a_floor_is_refused_with_a_remedy(workshop):
     workshop.floor()
     with pytest.raises(SceneError, match="does not stay on its start") as raised:
-        HalfPhysics().reset(workshop.scene(), Placement(0.0, 0.0, 0.0, floor=1.0))
+        HalfPhysics().reset(workshop.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
     assert raised.value.remedy
 
 
 def test_a_start_may_lie_on_an_upper_floor_and_face_anywhere(workshop):
     workshop.floor(y=2.9)
-    state = HalfPhysics().reset(workshop.scene(), Placement(1.0, -2.0, 1.5, floor=2.9))
+    state = HalfPhysics().reset(workshop.scene(), Pose2D(1.0, -2.0, 1.5, floor=2.9))
     assert state.body.root[0] == pytest.approx([1.0, 2.9 + STANDING_HEIGHT, -2.0], abs=0.005)
     assert state.body.yaw()[0] == pytest.approx(1.5, abs=0.001)
 
