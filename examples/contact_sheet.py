@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from humanclaw import Plugins
 from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
-from humanclaw.navigation.routes import Storeys
+from humanclaw.navigation import MultiFloorMap
 from humanclaw.pose import Pose2D, matrix_from_quaternion, rest_pose
 from humanclaw.scene import Scene
 from humanclaw_scripted.agents import in_view
@@ -68,9 +68,9 @@ def standing(place: Pose2D) -> WorldState:
 
 def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
     """Somewhere one can walk to, 2 to 4 m from a thing of this category, facing it, with nothing between."""
-    storeys = Storeys.of(scene)
+    floors = MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
-    places = np.concatenate(storeys.starts(start, room=0.4))
+    places = np.concatenate(floors.starts(start, room=0.4))
     for thing in scene.of_category(category):
         goal = _front(scene, thing.id, 1.0)
         away = np.linalg.norm(places - goal, axis=1)
@@ -78,7 +78,7 @@ def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
             towards = np.array(thing.position) - place
             yaw = float(np.arctan2(towards[0], towards[2]))
             here = Pose2D(float(place[0]), float(place[2]), yaw, float(place[1]))
-            plan = storeys.plans[int(storeys.level(place))]
+            plan = floors.grids[int(floors.level(place))]
             if in_view(plan, scene, standing(here), thing.id) and np.linalg.norm(towards) < 4.0:
                 return here
     return scene.start

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from humanclaw import Body, Plugins
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.records import RecordedEpisode
 from humanclaw.tasks import free_episode
 

@@ -67,7 +67,7 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
 @pytest.mark.parametrize(
     ("args", "message", "remedy"),
     [
-        (["run", "--scene", "hause:0"], "there is no scene source 'hause'", "Did you mean house?"),
+        (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
         (["run", "--agent", "oracel"], "there is no decision maker 'oracel'", "Did you mean oracle?"),
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),

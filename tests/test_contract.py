@@ -1,6 +1,8 @@
 """The skill contract: what a skill is, what it refuses, and what it says."""
 
+import json
 import math
+import shutil
 import subprocess
 import sys
 
@@ -31,11 +33,11 @@ def test_importing_humanclaw_loads_neither_torch_nor_pybullet_nor_litellm():
     assert not {"torch", "pybullet", "litellm", "trimesh"} & set(loaded)
 
 
-def test_parameters_become_metres_and_radians_in_the_order_of_the_schema(plugins):
+def test_parameters_become_metres_and_radians_by_their_names_without_the_unit(plugins):
     walk = plugins.skill("walk")
     plan = walk.plan(walk.check({"yaw_deg": 30, "z_cm": 40, "x_cm": -5}))
     assert isinstance(plan, Control)
-    assert plan.values == pytest.approx((-0.05, 0.4, math.pi / 6))
+    assert plan.values == pytest.approx({"x": -0.05, "z": 0.4, "yaw": math.pi / 6})
 
 
 def test_parameters_left_out_take_their_defaults(plugins):
@@ -102,3 +104,39 @@ def test_a_skill_without_its_adapter_says_so(tmp_path):
     folder.mkdir()
     (folder / "schema.json").write_text('{"type": "object", "properties": {}, "description": "Hop once."}')
     assert not Skill.from_folder(folder).trained
+
+
+def test_swapping_two_properties_of_a_schema_changes_nothing_in_the_motion(plugins, tmp_path):
+    shipped = plugins.skill("walk")
+    folder = tmp_path / "walk"
+    shutil.copytree(shipped.adapter.parent, folder)
+    schema = json.loads((folder / "schema.json").read_text())
+    schema["properties"] = {key: schema["properties"][key] for key in ("z_cm", "yaw_deg", "x_cm")}
+    (folder / "schema.json").write_text(json.dumps(schema))
+    generator = plugins.make("motion_generators", "dit")
+    moved = []
+    for one in (shipped, Skill.from_folder(folder)):
+        plan = one.plan(one.check({"z_cm": 40}))
+        moved.append(generator.generate(generator.start(), plan.adapter, plan.values, (0, 0)))
+    assert list(Skill.from_folder(folder).check({"z_cm": 40})) == ["z_cm", "yaw_deg", "x_cm"]
+    assert moved[0].root[-1, 2] == pytest.approx(0.4, abs=0.05)
+    np.testing.assert_array_equal(moved[0].root, moved[1].root)
+
+
+def test_the_eight_skills_say_what_they_are_and_what_their_parameters_command(plugins):
+    found = {name: (one.role, {p.name: p.measure for p in one.parameters}) for name, one in plugins.skills.items()}
+    assert found == {
+        "walk": ("locomotion", {"x": "hips.left", "z": "hips.forward", "yaw": "heading.left"}),
+        "side_step": ("locomotion", {"x": "hips.left"}),
+        "step_back": ("locomotion", {"z": "hips.back"}),
+        "turn_in_place": ("locomotion", {"yaw": "heading.left"}),
+        "climb_upstairs": ("locomotion", {"h": "hips.rise", "d": "hips.forward"}),
+        "walk_downstairs": ("locomotion", {"h": "hips.drop", "d": "hips.forward"}),
+        "sit_in_place": ("sit", {"h": "hips.height"}),
+        "stop": ("stop", {}),
+    }
+
+
+def test_a_skill_made_of_a_function_is_a_gesture_unless_it_says_otherwise():
+    assert skill()(nod).role == "gesture"
+    assert skill(role="posture")(nod).role == "posture"

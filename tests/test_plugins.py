@@ -1,4 +1,4 @@
-"""The plugin host: what is broken is named and set aside, what is ambiguous is refused, what is misspelt is guessed."""
+"""The plugin host: what is broken is named and disabled, what is ambiguous is refused, what is misspelt is guessed."""
 
 import importlib.metadata
 import textwrap
@@ -37,7 +37,7 @@ def site(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_plugin_that_fails_to_import_is_named_and_set_aside(site):
+def test_a_plugin_that_fails_to_import_is_named_and_disabled(site):
     write_distribution(site, "humanclaw-broken", "hc_broken_import", "import a_module_that_nobody_has")
     info = next(info for info in Plugins.discover().infos if info.name == "hc_broken_import")
     assert "No module named 'a_module_that_nobody_has'" in info.error
@@ -55,7 +55,7 @@ def test_a_run_that_needs_a_broken_plugin_is_told_why(site):
         Plugins.discover().scene("moon:0")
 
 
-def test_a_plugin_made_for_another_version_is_set_aside(site):
+def test_a_plugin_made_for_another_version_is_disabled(site):
     write_distribution(site, "humanclaw-old", "hc_old", "", requires="humanclaw<0.0.5")
     info = next(info for info in Plugins.discover().infos if info.name == "hc_old")
     assert "needs humanclaw<0.0.5" in info.error
@@ -94,7 +94,7 @@ def test_a_plugin_that_fails_half_way_leaves_nothing_behind():
 def test_an_unknown_name_suggests_the_nearest(plugins):
     with pytest.raises(PluginError, match=r"there is no skill 'wlak'. Did you mean walk"):
         plugins.skill("wlak")
-    with pytest.raises(PluginError, match=r"there is no scene source 'hose'. Did you mean house"):
+    with pytest.raises(PluginError, match=r"there is no scene 'hose'. Did you mean house"):
         plugins.scene("hose:0")
 
 

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw.hookspecs import hookimpl
+from humanclaw.measures import MEASURES
 
 if TYPE_CHECKING:
     import click
 
+    from humanclaw.hookspecs import GeneratorFactory, Register, RegisterMeasure
     from humanclaw.interfaces import MotionGenerator
 
 
 @hookimpl
-def humanclaw_motion_generators(register: RegisterFactory) -> None:
+def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
     register("dit", _dit, "flow-matching DiT with ControlNet adapters (paper, section 3.3)")
 
 
 @hookimpl
-def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import run, show
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    for measure in MEASURES.values():
+        register(measure)
 
-    for command in (run.run, show.skills, show.plugins_command, show.tools):
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw.cli import physics, run, show
+
+    commands = (run.run, show.skills, show.plugins_command, show.tools, physics.physics, physics.bench_world)
+    for command in commands:
         cli.add_command(command)
 
 

@@ -1,4 +1,4 @@
-"""The skill contract: a name, a JSON schema, a checklist, and a way from parameters to motion.
+"""The skill contract: a name, a role, a JSON schema, a checklist, and a way from parameters to motion.
 
 A skill is atomic and body-local (paper, section 3.3). It never sees a scene. It turns its parameters into a Control, for the
 motion model with this skill's adapter, or into Keyframes, played as they are.
@@ -7,7 +7,6 @@ motion model with this skill's adapter, or into Keyframes, played as they are.
 from __future__ import annotations
 
 import inspect
-import json
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +20,10 @@ from pydantic import TypeAdapter
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import CallError, PluginError
-from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, vector_from_matrix
+from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, si_name, to_si
+from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
 NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
-_UNITS: Final = {"_cm": 0.01, "_deg": float(np.pi / 180)}
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,8 @@ class Control:
     """Run the motion model for one 0.5 s chunk with this adapter and condition."""
 
     adapter: Path
-    values: tuple[float, ...]
-    """SI: metres and radians, in the order of the schema's properties."""
+    values: Mapping[str, float]
+    """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.measures.si_name)."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
     """Interpolate keys with zero velocity at each of them."""
     index = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, len(times) - 2)
     share = (clock - times[index]) / (times[index + 1] - times[index])
-    ease = (share * share * (3 - 2 * share))[:, None]
+    ease = smoothstep(share)[:, None]
     return keys[index] * (1 - ease) + keys[index + 1] * ease
 
 
@@ -118,14 +117,16 @@ class Skill:
     checks: tuple[Check, ...] = ()
     adapter: Path | None = None
     """Checkpoint of the ControlNet branch; None for a skill that plays keyframes."""
-    ends_episode: bool = False
-    """Whether calling it is the active stop of an episode: `x-ends-episode` in schema.json."""
+    role: Role = "gesture"
+    """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
 
     def __post_init__(self) -> None:
         if not NAME_PATTERN.match(self.name):
             raise PluginError(f"skill name {self.name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
         if self.schema.get("type") != "object":
             raise PluginError(f"the schema of skill {self.name!r} must have type 'object'.", "Mend its schema.json.")
+        if self.role not in ROLES:
+            raise PluginError(f"skill {self.name!r} has the role {self.role!r}.", f"Choose from: {', '.join(ROLES)}.")
         try:
             jsonschema.Draft202012Validator.check_schema(dict(self.schema))
         except jsonschema.SchemaError as error:
@@ -135,6 +136,16 @@ class Skill:
     def trained(self) -> bool:
         """Whether the skill can run: it needs no adapter, or its adapter is there."""
         return self.adapter is None or self.adapter.is_file()
+
+    @property
+    def declaration(self) -> Declaration:
+        """What the skill says of itself: its role, and the measures that its parameters command."""
+        return Declaration.of(self.name, {**self.schema, "x-role": self.role})
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters with the measures that they command, in the order of the schema."""
+        return self.declaration.parameters
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
         """The parameters with defaults filled in. Raises CallError, written for the model, if the schema refuses them."""
@@ -155,24 +166,16 @@ class Skill:
     @classmethod
     def from_folder(cls, folder: Path) -> Skill:
         """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the skill."""
-        try:
-            schema = json.loads((folder / "schema.json").read_text("utf-8"))
-        except (OSError, ValueError) as error:
-            raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
-        adapter = folder / "adapter.safetensors"
-        description, ends = schema.pop("description", ""), bool(schema.pop("x-ends-episode", False))
-        order = tuple(schema.get("properties", {}))
+        schema = read_schema(folder)
+        role = Declaration.of(folder.name, schema).role
+        adapter, checks = folder / "adapter.safetensors", _load_checks(folder / "checklist.toml")
+        description = schema.pop("description", "")
+        schema.pop("x-role", None)
 
         def plan(params: Mapping[str, Any]) -> Control:
-            return Control(adapter, tuple(to_si(key, params[key]) for key in order))
+            return Control(adapter, {si_name(key): to_si(key, value) for key, value in params.items()})
 
-        checks = _load_checks(folder / "checklist.toml")
-        return cls(folder.name, description, schema, plan, checks, adapter, ends)
-
-
-def to_si(name: str, value: float) -> float:
-    """A parameter in SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
-    return float(value) * next((scale for suffix, scale in _UNITS.items() if name.endswith(suffix)), 1.0)
+        return cls(folder.name, description, schema, plan, checks, adapter, role)
 
 
 def _load_checks(path: Path) -> tuple[Check, ...]:
@@ -199,7 +202,7 @@ def _bounds(part: Mapping[str, Any]) -> str:
 F = TypeVar("F", bound=Callable[..., Plan])
 
 
-def skill(checks: Sequence[str | Check] = (), name: str | None = None) -> Callable[[F], Skill]:
+def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Role = "gesture") -> Callable[[F], Skill]:
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the motion."""
 
     def wrap(function: F) -> Skill:
@@ -209,7 +212,9 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None) -> Callab
             item if isinstance(item, Check) else Check(f"{title}_{number}", item)
             for number, item in enumerate(checks, start=1)
         )
-        return Skill(title, inspect.getdoc(function) or "", schema, lambda params: function(**params), listed)
+        return Skill(
+            title, inspect.getdoc(function) or "", schema, lambda params: function(**params), listed, None, role
+        )
 
     return wrap
 

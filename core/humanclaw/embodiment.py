@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 import numpy as np
 
 from humanclaw.contract import Control, Plan, Skill
-from humanclaw.errors import CheckpointError
+from humanclaw.errors import CheckpointError, PluginError
 from humanclaw.feedback import Feedback, Proprioception, Touch
 from humanclaw.interfaces import (
     Execution,
@@ -32,18 +32,35 @@ from humanclaw.records import Call
 from humanclaw.scene import Scene
 from humanclaw.senses import check_senses, proprioception, tactile
 
+SIMULATORS: Final = ("bullet", "mujoco")
+"""Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest Pythons."""
+
 
 @dataclass(frozen=True)
 class Backends:
     """Names of the implementations to use, as plugins registered them."""
 
-    simulator: str = "bullet"
+    simulator: str = ""
+    """Empty: the first of SIMULATORS that is installed, or else whatever is."""
     renderer: str = "raster"
     generator: str = "dit"
     profile: str = "default"
     """'default' or 'paper': settings of the simulator and the motion solver."""
     senses: tuple[str, ...] = ("vision",)
     """What an observation tells of the last call (humanclaw.senses); vision is the picture, and always on."""
+
+    def chosen(self, plugins: Plugins) -> Self:
+        """The same with every name filled in: what records and versions name."""
+        return replace(self, simulator=self.simulator or default_simulator(plugins))
+
+
+def default_simulator(plugins: Plugins) -> str:
+    """The first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
+    installed = [offer.name for offer in plugins.registered("simulators")]
+    preferred = [name for name in SIMULATORS if name in installed] or installed
+    if not preferred:
+        raise PluginError("no simulator is installed.", "Run `pip install humanclaw-mujoco`.")
+    return preferred[0]
 
 
 @dataclass(frozen=True)
@@ -88,7 +105,7 @@ class Body:
         seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
         """
         self.plugins = plugins or Plugins.discover()
-        self.engines = engines or Backends()
+        self.engines = (engines or Backends()).chosen(self.plugins)
         self.senses = check_senses(self.engines.senses)
         self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
         self._simulator: Simulator = self._make("simulators", self.engines.simulator)

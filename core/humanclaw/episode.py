@@ -291,7 +291,7 @@ class Episode:
         )
 
     def _status(self, call: Call) -> Literal["executed", "stopped"]:
-        return "stopped" if self.body.skills[call.skill].ends_episode else "executed"
+        return "stopped" if self.body.skills[call.skill].role == "stop" else "executed"
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
         """A step is over: record it, remember it, tell the observers."""

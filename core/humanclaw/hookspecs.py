@@ -1,13 +1,16 @@
 """Everything a plugin can add, one function each. A plugin implements the hooks it needs with @humanclaw.hookimpl.
 
 Factories are registered by name and run only when something asks for that name, so a plugin's module stays cheap to import.
+A plugin may specify hooks of its own (humanclaw_hookspecs); those who implement them say @hookimpl(optionalhook=True), so that
+they also work where that plugin is not installed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, TypeVar
 
 import pluggy
 
@@ -15,23 +18,47 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.contract import Skill
-    from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Simulator, Verifier
+    from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Reporter, Simulator, Verifier
+    from humanclaw.measures import Measure
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
 PROJECT: Final = "humanclaw"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
+F = TypeVar("F", contravariant=True)
 
 
 class RegisterSkill(Protocol):
     def __call__(self, skill: Skill | Path) -> None:
-        """Offer a skill, or a folder that holds schema.json, checklist.toml and adapter.safetensors."""
+        """Register a skill, or a folder that holds schema.json, checklist.toml and adapter.safetensors."""
 
 
-class RegisterFactory(Protocol):
-    def __call__(self, name: str, factory: Callable[..., Any], description: str = "") -> None:
-        """Offer something under a name; the factory is called when it is asked for."""
+class RegisterMeasure(Protocol):
+    def __call__(self, measure: Measure) -> None:
+        """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
+
+
+class Register(Protocol[F]):
+    def __call__(self, name: str, value: F, description: str = "") -> None:
+        """Register something under a name; a factory is called when it is asked for."""
+
+
+Options: TypeAlias = Mapping[str, Any]
+if TYPE_CHECKING:
+    SceneFactory: TypeAlias = Callable[[str], Scene]
+    SimulatorFactory: TypeAlias = Callable[..., Simulator]
+    RendererFactory: TypeAlias = Callable[[], Renderer]
+    GeneratorFactory: TypeAlias = Callable[..., MotionGenerator]
+    DecisionMakerFactory: TypeAlias = Callable[[Options], Agent]
+    VerifierFactory: TypeAlias = Callable[[Options], Verifier]
+    ReporterFactory: TypeAlias = Callable[..., Reporter]
+
+
+@hookspec
+def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
+    """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a kind
+    of things that have a name: Plugins.registered(kind) and Plugins.make(kind, name) know them."""
 
 
 @hookspec
@@ -40,53 +67,42 @@ def humanclaw_skills(register: RegisterSkill) -> None:
 
 
 @hookspec
-def humanclaw_scenes(register: RegisterFactory) -> None:
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
+
+
+@hookspec
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument."""
 
 
 @hookspec
-def humanclaw_simulators(register: RegisterFactory) -> None:
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
     """Register simulators: factory(profile: str = "default") -> Simulator."""
 
 
 @hookspec
-def humanclaw_renderers(register: RegisterFactory) -> None:
+def humanclaw_renderers(register: Register[RendererFactory]) -> None:
     """Register renderers: factory() -> Renderer."""
 
 
 @hookspec
-def humanclaw_motion_generators(register: RegisterFactory) -> None:
+def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
     """Register motion generators: factory(profile: str = "default") -> MotionGenerator."""
 
 
 @hookspec
-def humanclaw_agents(register: RegisterFactory) -> None:
+def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
     """Register decision makers: factory(options: Mapping[str, Any]) -> Agent, with the options of the run."""
 
 
 @hookspec
-def humanclaw_verifiers(register: RegisterFactory) -> None:
+def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     """Register verifiers: factory(options: Mapping[str, Any]) -> Verifier, with the options of the run."""
 
 
 @hookspec
-def humanclaw_executors(register: RegisterFactory) -> None:
-    """Register executors, which play the episodes of a run somewhere: factory(workers: int, address: str) -> Executor.
-
-    humanclaw_bench.executors tells what one does; plugins/ray is one for a cluster.
-    """
-
-
-@hookspec
-def humanclaw_metrics(register: RegisterFactory) -> None:
-    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
-
-    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load.
-    """
-
-
-@hookspec
-def humanclaw_reports(register: RegisterFactory) -> None:
+def humanclaw_reports(register: Register[ReporterFactory]) -> None:
     """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") -> Reporter."""
 
 
@@ -103,13 +119,3 @@ def humanclaw_step(episode: EpisodeRecord, step: StepRecord) -> None:
 @hookspec
 def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
     """Called when an episode's record is complete; folder is where it was written, if anywhere."""
-
-
-Options = Mapping[str, Any]
-if TYPE_CHECKING:
-    SceneFactory = Callable[[str], Scene]
-    SimulatorFactory = Callable[..., Simulator]
-    RendererFactory = Callable[[], Renderer]
-    GeneratorFactory = Callable[..., MotionGenerator]
-    DecisionMakerFactory = Callable[[Options], Agent]
-    VerifierFactory = Callable[[Options], Verifier]

@@ -124,8 +124,11 @@ class MotionGenerator(Protocol):
     def start(self) -> Motion:
         """The five frames of standing that every episode begins from, at the origin facing +Z."""
 
-    def generate(self, history: Motion, adapter: Path, values: Sequence[float], key: Sequence[int]) -> Motion:
-        """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit."""
+    def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
+        """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
+
+        values: each parameter that the adapter's header names, in SI; their order says nothing.
+        """
 
     @property
     def digest(self) -> str:

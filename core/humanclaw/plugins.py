@@ -1,7 +1,8 @@
 """The plugin host: finds plugins, keeps broken ones apart, and answers by name.
 
 A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file. Each is
-loaded in its own try: one that cannot be used is named and set aside, and only a run that needs it fails.
+loaded in its own try: one that cannot be used is named and disabled, and only a run that needs it fails. A plugin can extend the
+host with hooks of its own (hook humanclaw_hookspecs).
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ from __future__ import annotations
 import difflib
 import importlib.metadata
 import importlib.util
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import pluggy
 from packaging.requirements import Requirement
@@ -23,19 +26,11 @@ import humanclaw
 from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
+from humanclaw.measures import Measure
 
-KINDS: Final[Mapping[str, str]] = {
-    "scenes": "scene source",
-    "simulators": "simulator",
-    "renderers": "renderer",
-    "motion_generators": "motion generator",
-    "agents": "agent",
-    "verifiers": "verifier",
-    "executors": "executor",
-    "metrics": "metric",
-    "reports": "reporter",
-}
-"""What can be registered under a name besides skills: hook suffix to what a person calls one of them."""
+T = TypeVar("T")
+PREFIX: Final = "humanclaw_"
+EXTENSION: Final = "humanclaw_hookspecs"
 
 
 @dataclass(frozen=True)
@@ -48,12 +43,12 @@ class PluginInfo:
     """The distribution or file it came from."""
     provides: tuple[str, ...] = ()
     error: str = ""
-    """Why it was set aside; empty if it is in use."""
+    """Why it is disabled; empty if it is in use."""
 
 
 @dataclass(frozen=True)
-class Offer:
-    """Something registered under a name: a skill or a factory."""
+class Registration:
+    """Something registered under a name: a skill, a factory, or what else a hook takes."""
 
     name: str
     owner: str
@@ -62,26 +57,42 @@ class Offer:
 
 
 @dataclass
-class _Shelf:
+class Registry:
     """What one plugin registers, gathered apart so that a plugin that fails half-way leaves nothing behind."""
 
     owner: str
-    skills: list[Offer] = field(default_factory=list)
-    factories: dict[str, list[Offer]] = field(default_factory=dict)
+    found: dict[str, list[Registration]] = field(default_factory=dict)
+    """By kind: the name of the hook without `humanclaw_`."""
 
-    def skill(self, skill: Skill | Path) -> None:
-        loaded = Skill.from_folder(skill) if isinstance(skill, Path) else skill
-        if not isinstance(loaded, Skill):
-            raise PluginError(
-                f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
-            )
-        self.skills.append(Offer(loaded.name, self.owner, loaded, loaded.description))
+    def register(self, kind: str) -> Callable[..., None]:
+        """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them itself."""
 
-    def factory(self, kind: str) -> Callable[..., None]:
-        def register(name: str, factory: Callable[..., Any], description: str = "") -> None:
-            self.factories.setdefault(kind, []).append(Offer(name, self.owner, factory, description))
+        def register(named: Any, value: Any = None, description: str = "") -> None:
+            if value is None:
+                value = _skill(named) if kind == "skills" else named
+                named, description = value.name, value.description
+            self.found.setdefault(kind, []).append(Registration(named, self.owner, value, description))
 
         return register
+
+    @property
+    def provides(self) -> tuple[str, ...]:
+        """Such as "skill walk" and "motion generator dit"."""
+        return tuple(f"{noun(kind)} {one.name}" for kind, found in self.found.items() for one in found)
+
+
+def _skill(given: Skill | Path) -> Skill:
+    skill = Skill.from_folder(given) if isinstance(given, Path) else given
+    if not isinstance(skill, Skill):
+        raise PluginError(
+            f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
+        )
+    return skill
+
+
+def noun(kind: str) -> str:
+    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
+    return kind.removesuffix("s").replace("_", " ")
 
 
 class Plugins:
@@ -89,32 +100,35 @@ class Plugins:
 
     def __init__(self) -> None:
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
-        self._manager.add_hookspecs(hookspecs)
         self._infos: list[PluginInfo] = []
-        self._skills: dict[str, Offer] = {}
-        self._factories: dict[str, dict[str, Offer]] = {kind: {} for kind in KINDS}
+        self._found: dict[str, dict[str, Registration]] = {}
+        self._extend(hookspecs)
 
     @classmethod
     def discover(cls, files: Sequence[Path] = ()) -> Plugins:
         """Every installed plugin, and then the given files. A file that cannot be used raises, since it was asked for by name."""
         host = cls()
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
-        for point in sorted(points, key=lambda point: (point.name != hookspecs.PROJECT, point.name)):
-            host._try_entry_point(point)
+        loaded = [(point, host._load(point)) for point in sorted(points, key=lambda point: point.name)]
+        # The core first, then those that others may extend.
+        loaded.sort(key=lambda pair: (pair[0].name != hookspecs.PROJECT, not hasattr(pair[1], EXTENSION)))
+        for point, plugin in loaded:
+            if plugin is not None:
+                host._try(point, partial(host.add, plugin, *_origin(point)))
         for path in files:
             host.add(load_file(path), path.stem, origin=str(path))
         return host
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
-        """Register one plugin. Raises PluginError, and changes nothing, if it cannot be used."""
-        shelf = self._gather(plugin, name)
-        self._refuse_duplicates(shelf)
-        self._skills |= {offer.name: offer for offer in shelf.skills}
-        for kind, offers in shelf.factories.items():
-            self._factories[kind] |= {offer.name: offer for offer in offers}
-        provides = [f"skill {offer.name}" for offer in shelf.skills]
-        provides += [f"{KINDS[kind]} {offer.name}" for kind, offers in shelf.factories.items() for offer in offers]
-        self._infos.append(PluginInfo(name, version, origin, tuple(provides)))
+        """Register one plugin. Raises PluginError, and registers nothing of it, if it cannot be used.
+
+        A plugin with the hook humanclaw_hookspecs comes before those that implement what it specifies.
+        """
+        registry = self._gather(plugin, name)
+        self._refuse_duplicates(registry)
+        for kind, found in registry.found.items():
+            self._found[kind] |= {one.name: one for one in found}
+        self._infos.append(PluginInfo(name, version, origin, registry.provides))
 
     @property
     def infos(self) -> tuple[PluginInfo, ...]:
@@ -127,51 +141,60 @@ class Plugins:
 
     @property
     def skills(self) -> dict[str, Skill]:
-        return {name: offer.value for name, offer in self._skills.items()}
+        return {name: one.value for name, one in self._found["skills"].items()}
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Every measure that a parameter can command, by name."""
+        return {name: one.value for name, one in self._found["measures"].items()}
 
     def owner(self, skill: str) -> str:
-        return self._skills[skill].owner
+        return self._found["skills"][skill].owner
 
     def skill(self, name: str) -> Skill:
         """Raises PluginError with the nearest names if there is no such skill."""
-        return self._find(self._skills, "skill", name).value  # type: ignore[no-any-return]
+        return self._find("skills", name).value  # type: ignore[no-any-return]
 
-    def offers(self, kind: str) -> tuple[Offer, ...]:
-        return tuple(self._factories[kind].values())
+    def registered(self, kind: str) -> tuple[Registration, ...]:
+        """All that is registered through the hook `humanclaw_<kind>`; none if no plugin specifies such a hook."""
+        return tuple(self._found.get(kind, {}).values())
 
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
         """Call the factory registered under a name. Raises PluginError with the nearest names if there is none."""
-        return self._find(self._factories[kind], KINDS[kind], name).value(*args, **options)
+        return self._find(kind, name).value(*args, **options)
 
     def scene(self, reference: str) -> Any:
         """The scene that `source:argument` names."""
         source, _, argument = reference.partition(":")
         return self.make("scenes", source, argument)
 
-    def _find(self, offers: Mapping[str, Offer], kind: str, name: str) -> Offer:
-        if name in offers:
-            return offers[name]
-        near = difflib.get_close_matches(name, offers, n=3, cutoff=0.5)
-        hint = f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(offers) or 'none'}."
-        aside = [f"{info.name} ({info.error})" for info in self._infos if info.error]
-        lost = f" Plugins that were set aside: {'; '.join(aside)}." if aside else ""
-        raise PluginError(f"there is no {kind} {name!r}.", hint + lost)
+    def _find(self, kind: str, name: str) -> Registration:
+        known = self._found.get(kind, {})
+        if name in known:
+            return known[name]
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(known) or 'none'}."
+        disabled = [f"{info.name} ({info.error})" for info in self._infos if info.error]
+        lost = f" Plugins that are disabled: {'; '.join(disabled)}." if disabled else ""
+        raise PluginError(f"there is no {noun(kind)} {name!r}.", hint + lost)
 
-    def _try_entry_point(self, point: importlib.metadata.EntryPoint) -> None:
-        dist = point.dist
-        version, origin = (dist.version, dist.name) if dist else ("", "")
+    def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
+        """The plugin's module; None, and the reason among the infos, if it cannot be imported or is for another version."""
+        return self._try(point, lambda: _checked(point).load())
+
+    def _try(self, point: importlib.metadata.EntryPoint, use: Callable[[], T]) -> T | None:
         try:
-            if dist:
-                _check_requirement(dist)
-            self.add(point.load(), point.name, version, origin)
-        except Exception as error:
+            return use()
+        except (Exception, SystemExit) as error:
             reason = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
-            self._infos.append(PluginInfo(point.name, version, origin, error=reason.rstrip(".")))
+            self._infos.append(PluginInfo(*_origin(point), error=reason.rstrip(".")))
+            return None
 
-    def _gather(self, plugin: object, name: str) -> _Shelf:
+    def _gather(self, plugin: object, name: str) -> Registry:
         try:
             if self._manager.register(plugin, name) is None:
                 raise PluginError(f"plugin {name!r} is blocked.")
+            self._only(plugin, EXTENSION)(register=self._extend)
             self._manager.check_pending()
             return self._call_hooks(plugin, name)
         except Exception as error:
@@ -179,33 +202,65 @@ class Plugins:
                 self._manager.unregister(name=name)
             if isinstance(error, PluginError):
                 raise
-            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", _hook_hint(error)) from error
+            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", self._hint(error)) from error
 
-    def _call_hooks(self, plugin: object, name: str) -> _Shelf:
-        shelf = _Shelf(name)
+    def _call_hooks(self, plugin: object, name: str) -> Registry:
+        registry = Registry(name)
+        for kind in self._found:
+            self._only(plugin, PREFIX + kind)(register=registry.register(kind))
+        return registry
+
+    def _only(self, plugin: object, hook: str) -> Any:
+        """A caller of one plugin's implementation of a hook."""
         others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
-        self._manager.subset_hook_caller("humanclaw_skills", others)(register=shelf.skill)
-        for kind in KINDS:
-            self._manager.subset_hook_caller(f"humanclaw_{kind}", others)(register=shelf.factory(kind))
-        return shelf
+        return self._manager.subset_hook_caller(hook, others)
 
-    def _refuse_duplicates(self, shelf: _Shelf) -> None:
-        pairs = [(self._skills, "skill", shelf.skills)]
-        pairs += [(self._factories[kind], KINDS[kind], offers) for kind, offers in shelf.factories.items()]
-        for known, kind, offers in pairs:
-            for offer in offers:
-                first = known.get(offer.name) or _twice(offers, offer)
+    def _extend(self, specs: ModuleType) -> None:
+        """Add the hook specifications of a module; those that take `register` alone are kinds of things that have a name."""
+        self._manager.add_hookspecs(specs)
+        for name, spec in vars(specs).items():
+            if (
+                name.startswith(PREFIX)
+                and name != EXTENSION
+                and list(inspect.signature(spec).parameters) == ["register"]
+            ):
+                self._found.setdefault(name.removeprefix(PREFIX), {})
+
+    def _refuse_duplicates(self, registry: Registry) -> None:
+        for kind, found in registry.found.items():
+            for one in found:
+                first = self._found[kind].get(one.name) or _twice(found, one)
                 if first:
-                    self._manager.unregister(name=shelf.owner)
+                    self._manager.unregister(name=registry.owner)
                     raise PluginError(
-                        f"{kind} {offer.name!r} of plugin {shelf.owner!r} is already registered by {first.owner!r}.",
+                        f"{noun(kind)} {one.name!r} of plugin {registry.owner!r} is already registered by {first.owner!r}.",
                         "Uninstall one of the two or rename it.",
                     )
 
+    def _hint(self, error: Exception) -> str:
+        """For a misspelt hook, the hook that was probably meant."""
+        known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
+        specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
+        words = [word.strip("'\":,.") for word in _reason(error).split()]
+        wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
+        near = difflib.get_close_matches(wrong[0], specified, n=1, cutoff=0.5) if wrong else []
+        return f"Did you mean {near[0]}?" if near else ""
 
-def _twice(offers: Iterable[Offer], offer: Offer) -> Offer | None:
-    same = [other for other in offers if other.name == offer.name]
+
+def _twice(found: Iterable[Registration], one: Registration) -> Registration | None:
+    same = [other for other in found if other.name == one.name]
     return same[0] if len(same) > 1 else None
+
+
+def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
+    """Name, version and distribution of a plugin."""
+    return (point.name, point.dist.version, point.dist.name) if point.dist else (point.name, "", "")
+
+
+def _checked(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPoint:
+    if point.dist:
+        _check_requirement(point.dist)
+    return point
 
 
 def _check_requirement(dist: importlib.metadata.Distribution) -> None:
@@ -223,15 +278,6 @@ def _reason(error: Exception) -> str:
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
     return f"{type(error).__name__}: {error}"
-
-
-def _hook_hint(error: Exception) -> str:
-    """For a misspelt hook, the hook that was probably meant."""
-    known = [name for name in vars(hookspecs) if name.startswith("humanclaw_")]
-    words = [word.strip("'\":,.") for word in _reason(error).split()]
-    wrong = [word for word in words if word.startswith("humanclaw_") and word not in known]
-    near = difflib.get_close_matches(wrong[0], known, n=1, cutoff=0.5) if wrong else []
-    return f"Did you mean {near[0]}?" if near else ""
 
 
 def load_file(path: Path) -> ModuleType:

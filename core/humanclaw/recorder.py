@@ -110,7 +110,7 @@ def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
 
 
 def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
-    return SkillInfo("stop" if skill.ends_episode else "", owner, versions.get(owner, ""), _digest(skill))
+    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill))
 
 
 def _digest(skill: Skill) -> str:

@@ -1,16 +1,21 @@
-"""What can be asked for: target categories, the words that name them, and the episode that an instruction means."""
+"""What can be asked for: the words that name things, the episode that an instruction means, and files of episodes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
+from pydantic import ValidationError
+
+from humanclaw.errors import HumanclawError
+from humanclaw.files import write_atomically
 from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 
-TARGET_CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
-SIT_CATEGORIES: Final = ("bed", "couch", "toilet")
+SEATS: Final = ("bed", "couch", "toilet")
+"""What a body sits down on when it is asked to: what stays where it is under its weight."""
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "chair": ("chair", "armchair", "seat", "stool"),
     "couch": ("couch", "sofa", "settee", "loveseat"),
@@ -19,7 +24,7 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "tv": ("tv", "television", "tv screen", "monitor"),
     "toilet": ("toilet", "lavatory", "wc"),
 }
-"""Words by which a sentence names a target category."""
+"""Words by which a sentence names what is to be found, by its category; a category without any is named by itself."""
 
 
 def category_of(instruction: str) -> str:
@@ -49,7 +54,38 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         start=scene.start,
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)) if category else (),
-        interact=category in SIT_CATEGORIES and wants_to_sit(instruction),
+        interact=category in SEATS and wants_to_sit(instruction),
         max_steps=max_steps,
         seed=seed,
     )
+
+
+def instruction(category: str) -> str:
+    """What an agent is asked to do with the nearest object of a category, in the words of the paper (section 4.1)."""
+    noun = ALIASES.get(category, (category.replace("_", " "),))[0]
+    if category in SEATS:
+        return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
+    return f"find a {noun} and navigate to it with zero distance."
+
+
+def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
+    """The episodes of a file, one a line. Raises HumanclawError if it cannot be read or a line is none."""
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except OSError as error:
+        raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
+    return tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
+
+
+def _spec(line: str, where: str) -> EpisodeSpec:
+    try:
+        return EpisodeSpec.model_validate_json(line)
+    except ValidationError as error:
+        raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the file again.") from error
+
+
+def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:
+    """Write episodes to a file, one a line."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
+    write_atomically(path, "".join(lines).encode())

@@ -164,7 +164,8 @@ def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: 
     if depth > _MAX_DEPTH:
         raise PluginError(f"{where} is nested too deeply or refers to itself.", "Give it a flat type.")
     flat = _one_type(_merge_alternatives(dict(part), defs, where), where)
-    flat.pop("title", None)
+    # Names that begin with x- are for us, and providers refuse words that they do not know.
+    flat = {word: value for word, value in flat.items() if word != "title" and not word.startswith("x-")}
     if "const" in flat:
         flat["enum"] = [flat.pop("const")]
     if "properties" in flat:

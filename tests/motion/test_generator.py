@@ -1,17 +1,21 @@
+import hashlib
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
-import torch
+from threadpoolctl import threadpool_info, threadpool_limits
+from tiny_motion import write_adapter
 
 from humanclaw.errors import CheckpointError, HumanclawError
-from humanclaw.motion.checkpoint import Card, save_adapter
-from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import Motion, Pose2D
 
-AHEAD = (0.0, 0.4, 0.0)
+AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
+TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +43,7 @@ def test_the_same_key_gives_the_same_motion_bit_for_bit_and_another_key_another(
 
 def test_an_untrained_adapter_moves_as_the_base_does_bit_for_bit(generator, untrained_file, swaying):
     alone, adapted = (
-        generator.generate(swaying, path, values, (4,)) for path, values in ((None, ()), (untrained_file, AHEAD))
+        generator.generate(swaying, path, values, (4,)) for path, values in ((None, {}), (untrained_file, AHEAD))
     )
     assert _same(alone, adapted)
 
@@ -54,40 +58,69 @@ def test_motion_does_not_depend_on_where_in_the_world_the_body_is(generator, wal
 
 
 def test_many_bodies_at_once_move_as_each_would_alone(generator, walk_file, swaying):
-    histories, values, keys = [swaying, generator.start()], [AHEAD, (0.1, 0.2, 0.3)], [(1,), (2,)]
+    histories, values, keys = [swaying, generator.start()], [AHEAD, TURNING], [(1,), (2,)]
     together = generator.generate_batch(histories, walk_file, values, keys)
     for index, motion in enumerate(together):
         assert _same(motion, generator.generate(histories[index], walk_file, values[index], keys[index]), 1e-4)
 
 
 def test_parameters_change_the_motion(generator, walk_file, swaying):
-    motions = [generator.generate(swaying, walk_file, values, (1,)) for values in (AHEAD, (0.0, 0.1, 0.3))]
+    motions = [generator.generate(swaying, walk_file, values, (1,)) for values in (AHEAD, TURNING)]
     assert not _same(*motions)
 
 
-def test_generating_touches_neither_torchs_threads_nor_its_random_numbers(generator, walk_file, swaying):
-    threads, state = torch.get_num_threads(), torch.get_rng_state()
-    generator.generate(swaying, walk_file, AHEAD, (1,))
-    assert torch.get_num_threads() == threads
-    assert torch.equal(torch.get_rng_state(), state)
+def test_generating_leaves_numpys_threads_and_random_numbers_as_they_were(generator, walk_file, swaying):
+    state = np.random.get_state()[1].copy()
+    with threadpool_limits(2, user_api="blas"):
+        before = threadpool_info()
+        generator.generate(swaying, walk_file, AHEAD, (1,))
+        assert threadpool_info() == before
+    assert np.array_equal(np.random.get_state()[1], state)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_motion_is_the_same_whatever_the_number_of_threads_that_numpy_may_use(
+    generator, walk_file, swaying, threads
+):
+    once = generator.generate(swaying, walk_file, AHEAD, (1,))
+    with threadpool_limits(threads, user_api="blas"):
+        assert _same(generator.generate(swaying, walk_file, AHEAD, (1,)), once)
+
+
+def test_another_process_generates_the_same_bits(generator, base_file, walk_file):
+    here = generator.generate(generator.start(), walk_file, AHEAD, (1,)).rotations.tobytes()
+    script = (
+        "import hashlib, sys; from pathlib import Path; from humanclaw.motion.checkpoint import load_base;"
+        "from humanclaw.motion.flow import Solver; from humanclaw.motion.generator import DiTGenerator;"
+        "generator = DiTGenerator(load_base(Path(sys.argv[1])), Solver('midpoint', 2));"
+        f"motion = generator.generate(generator.start(), Path(sys.argv[2]), {AHEAD}, (1,));"
+        "print(hashlib.sha256(motion.rotations.tobytes()).hexdigest())"
+    )
+    there = subprocess.run(
+        [sys.executable, "-c", script, str(base_file), str(walk_file)], capture_output=True, text=True, check=True
+    )
+    assert there.stdout.strip() == hashlib.sha256(here).hexdigest()
 
 
 def test_an_adapter_that_was_trained_again_is_read_again(base, generator, swaying, tmp_path):
     path = tmp_path / "adapter.safetensors"
-    config = AdapterConfig("stop", "token")
-    adapter = Adapter(base.model, config)
-    save_adapter(path, adapter, base.digest, Card())
-    before = generator.generate(swaying, path, (), (1,))
-    with torch.no_grad():
-        adapter.weights[0].weight.add_(0.1)
-    save_adapter(path, adapter, base.digest, Card())
+    write_adapter(path, base, AdapterConfig("stop", "token"), seed=3)
+    before = generator.generate(swaying, path, {}, (1,))
+    write_adapter(path, base, AdapterConfig("stop", "token"), seed=4)
     os.utime(path, ns=(1, 1))
-    assert not _same(before, generator.generate(swaying, path, (), (1,)))
+    assert not _same(before, generator.generate(swaying, path, {}, (1,)))
 
 
-def test_a_wrong_number_of_values_is_refused_with_the_names_that_are_expected(generator, walk_file):
-    with pytest.raises(CheckpointError, match=r"walk takes 3 values \(x, z, yaw\); it got 1"):
-        generator.generate(generator.start(), walk_file, (0.4,), (0,))
+def test_values_go_by_name_and_their_order_says_nothing(generator, walk_file, swaying):
+    turned_round = dict(reversed(TURNING.items()))
+    motions = [generator.generate(swaying, walk_file, values, (1,)) for values in (TURNING, turned_round)]
+    assert list(turned_round) == ["yaw", "z", "x"]
+    assert _same(*motions)
+
+
+def test_other_names_than_those_of_the_header_are_refused_and_both_are_told(generator, walk_file):
+    with pytest.raises(CheckpointError, match=r"walk takes x, z, yaw; it got h"):
+        generator.generate(generator.start(), walk_file, {"h": 0.4}, (0,))
 
 
 def test_a_missing_adapter_is_an_error_with_its_remedy(generator, tmp_path):

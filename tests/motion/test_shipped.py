@@ -5,22 +5,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw.motion.checkpoint import load_adapter, read_header
-from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.measures import Declaration, outcomes
+from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
+from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import STANDING_HEIGHT, Motion, Pose2D, support_height
-from humanclaw_train.chunks import outcome
+from humanclaw_train.chunks import canonical
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {
-    "walk": (0.0, 0.5, np.radians(10)),
-    "side_step": (0.25,),
-    "step_back": (0.3,),
-    "turn_in_place": (np.radians(-50),),
-    "climb_upstairs": (0.17, 0.28),
-    "walk_downstairs": (0.17, 0.28),
-    "sit_in_place": (0.55,),
-    "stop": (),
+    "walk": {"x": 0.0, "z": 0.5, "yaw": np.radians(10)},
+    "side_step": {"x": 0.25},
+    "step_back": {"z": 0.3},
+    "turn_in_place": {"yaw": np.radians(-50)},
+    "climb_upstairs": {"h": 0.17, "d": 0.28},
+    "walk_downstairs": {"h": 0.17, "d": 0.28},
+    "sit_in_place": {"h": 0.55},
+    "stop": {},
 }
+AHEAD = ("walk", {"x": 0.0, "z": 0.4, "yaw": 0.0})
 
 
 def _adapter(skill: str) -> Path:
@@ -33,11 +35,18 @@ def generator():
     return DiTGenerator.shipped()
 
 
-def _rollout(generator: DiTGenerator, *calls: tuple[str, tuple[float, ...]], seed: int = 0) -> Motion:
+def _rollout(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed: int = 0) -> Motion:
     motion = generator.start()
     for step, (skill, values) in enumerate(calls):
         motion = motion.then(generator.generate(motion[-5:], _adapter(skill), values, (seed, step)))
     return motion
+
+
+def _outcome(skill: str, motion: Motion) -> dict[str, float]:
+    """What a chunk achieves of each parameter, by the measures that the skill's schema declares."""
+    parameters = Declaration.read(_adapter(skill).parent).parameters
+    found = outcomes(parameters, *canonical(motion.root[None], motion.rotations[None]))[0]
+    return {one.name: value for one, value in zip(parameters, found, strict=True)}
 
 
 def test_an_episode_starts_upright_and_still_on_the_floor_facing_ahead(generator):
@@ -65,26 +74,25 @@ def test_all_weights_together_stay_small():
 @pytest.mark.parametrize("skill", [skill for skill, values in COMMANDS.items() if values])
 def test_a_skill_does_what_it_is_told_from_standing(generator, skill):
     motion = _rollout(generator, (skill, COMMANDS[skill]))
-    assert outcome(skill, motion) == pytest.approx(COMMANDS[skill], abs=0.04)
+    assert _outcome(skill, motion) == pytest.approx(COMMANDS[skill], abs=0.04)
 
 
 @pytest.mark.parametrize("skill", [skill for skill, values in COMMANDS.items() if values])
 def test_a_skill_does_what_it_is_told_after_two_steps_of_walking(generator, skill):
-    ahead = ("walk", (0.0, 0.4, 0.0))
-    motion = _rollout(generator, ahead, ahead, (skill, COMMANDS[skill]))
-    assert outcome(skill, motion[-20:]) == pytest.approx(COMMANDS[skill], abs=0.05)
+    motion = _rollout(generator, AHEAD, AHEAD, (skill, COMMANDS[skill]))
+    assert _outcome(skill, motion[-20:]) == pytest.approx(COMMANDS[skill], abs=0.05)
 
 
 def test_who_walks_and_stops_stands_still(generator):
-    motion = _rollout(generator, ("walk", (0.0, 0.5, 0.0)), *[("stop", ())] * 3)
+    motion = _rollout(generator, ("walk", {"x": 0.0, "z": 0.5, "yaw": 0.0}), *[("stop", {})] * 3)
     assert np.linalg.norm(np.diff(motion.root[-15:], axis=0), axis=1).max() < 0.005
     assert motion.root[-1, 1] > 0.9
 
 
 def test_who_sits_and_stops_stays_seated_and_stands_up_to_walk(generator):
-    calls = [("sit_in_place", (0.55,)), ("stop", ()), ("stop", ())]
+    calls = [("sit_in_place", {"h": 0.55}), ("stop", {}), ("stop", {})]
     assert _rollout(generator, *calls).root[-1, 1] == pytest.approx(0.55, abs=0.05)
-    assert _rollout(generator, *calls, *[("walk", (0.0, 0.4, 0.0))] * 2).root[-1, 1] > 0.88
+    assert _rollout(generator, *calls, *[AHEAD] * 2).root[-1, 1] > 0.88
 
 
 def test_a_long_random_life_stays_human(generator):

@@ -9,34 +9,49 @@ import numpy as np
 import pytest
 from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 
-from humanclaw.navigation.geodesics import geodesics
-from humanclaw.navigation.routes import (
+from humanclaw.navigation import (
     CELL,
     RADIUS,
-    FloorPlan,
+    MultiFloorMap,
+    OccupancyGrid,
     Routes,
-    Storeys,
-    approach,
-    flights,
-    geodesic,
+    geodesics,
+    goals_at,
     length,
-    near,
     room_at,
-    rooms_on,
-    route,
-    turns,
-)
+    route_difficulty,
+    stair_runs,
+    viewpoints,
+)  # fmt: skip
 
 BEDROOM, LIVING = np.array([1.0, 1.0]), np.array([7.0, 1.0])
 
 
+def on_floor(points: np.ndarray) -> np.ndarray:
+    """(..., 2) points on the floor at 0 as (..., 3) points."""
+    return np.insert(np.asarray(points, float), 1, 0.0, axis=-1)
+
+
+def route(grid: OccupancyGrid, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
+    """The polyline (N, 2) from one place on a floor to another; None if there is no way."""
+    segments = Routes.of(MultiFloorMap((grid,)), on_floor(start)).route(on_floor(goal))
+    return segments[0].points if segments else None
+
+
+def geodesic(grid: OccupancyGrid, start: np.ndarray, goal: np.ndarray) -> float:
+    return MultiFloorMap((grid,)).geodesic(on_floor(start), on_floor(goal))
+
+
+def turns(path: np.ndarray) -> int:
+    return route_difficulty(two_rooms(), on_floor(path), 0.0).turns
+
+
 def test_the_way_to_the_next_room_leads_through_the_doorway() -> None:
-    path = route(FloorPlan.of(two_rooms()), BEDROOM, LIVING)
+    path = route(OccupancyGrid.of(two_rooms()), BEDROOM, LIVING)
     assert path is not None
     crossing = [a + (b - a) * (4 - a[0]) / (b[0] - a[0]) for a, b in pairwise(path) if a[0] < 4 <= b[0]]
     assert len(crossing) == 1
     assert crossing[0][1] == pytest.approx(4.5, abs=0.1)
-    assert rooms_on(two_rooms(), path) == ("bedroom", "living room")
 
 
 def test_the_geodesic_distance_is_that_of_the_taut_string_around_the_door_posts() -> None:
@@ -46,15 +61,15 @@ def test_the_geodesic_distance_is_that_of_the_taut_string_around_the_door_posts(
         [post[0] + [-0.28 * np.sin(0.75), 0.28 * np.cos(0.75)], post[1] + [0.28 * np.sin(0.75), 0.28 * np.cos(0.75)]]
     )
     taut = length(np.array([BEDROOM, *inner, LIVING]))
-    assert geodesic(FloorPlan.of(two_rooms()), BEDROOM, LIVING) == pytest.approx(taut, rel=0.03)
+    assert geodesic(OccupancyGrid.of(two_rooms()), BEDROOM, LIVING) == pytest.approx(taut, rel=0.03)
 
 
 def test_a_straight_way_is_as_long_as_it_is() -> None:
-    assert geodesic(FloorPlan.of(two_rooms()), BEDROOM, np.array([3.0, 2.5])) == pytest.approx(2.5, abs=0.03)
+    assert geodesic(OccupancyGrid.of(two_rooms()), BEDROOM, np.array([3.0, 2.5])) == pytest.approx(2.5, abs=0.03)
 
 
 def test_a_route_keeps_off_the_walls_where_there_is_room() -> None:
-    plan = FloorPlan.of(two_rooms())
+    plan = OccupancyGrid.of(two_rooms())
     path = route(plan, BEDROOM, LIVING)
     assert path is not None
     samples = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(path)])
@@ -64,52 +79,52 @@ def test_a_route_keeps_off_the_walls_where_there_is_room() -> None:
 
 
 def test_a_narrow_door_is_passed_only_if_there_is_no_other_way() -> None:
-    plan = FloorPlan.of(two_rooms(door=0.45))
+    plan = OccupancyGrid.of(two_rooms(door=0.45))
     start, goal = (np.array([x, 0.0, z]) for x, z in (BEDROOM, LIVING))
-    assert np.isinf(Routes.of(Storeys((plan,)), start, radius=RADIUS).to(goal))
+    assert np.isinf(Routes.of(MultiFloorMap((plan,)), start, radius=RADIUS).to(goal))
     assert route(plan, BEDROOM, LIVING) is not None
     assert np.isfinite(geodesic(plan, BEDROOM, LIVING))
 
 
 def test_there_is_no_way_through_a_closed_wall() -> None:
-    plan = FloorPlan.of(two_rooms(door=0.1))
+    plan = OccupancyGrid.of(two_rooms(door=0.1))
     assert route(plan, BEDROOM, LIVING) is None
     assert np.isinf(geodesic(plan, BEDROOM, LIVING))
 
 
 def test_what_hangs_above_the_head_or_lies_flat_is_no_obstacle() -> None:
     lamp, rug = asset("lamp", "lamp", block(0.4, 0.4, 0.4)), asset("rug", "rug", block(2, 0.02, 2))
-    plan = FloorPlan.of(two_rooms(0.9, (lamp, thing(30, lamp, 2, 2, y=2.0)), (rug, thing(31, rug, 2, 2))))
+    plan = OccupancyGrid.of(two_rooms(0.9, (lamp, thing(30, lamp, 2, 2, y=2.0)), (rug, thing(31, rug, 2, 2))))
     assert not plan.at(plan.blocked, np.array([2.0, 2.0]))
 
 
 def test_movable_things_are_walked_around_but_do_not_close_a_way() -> None:
     stool = asset("stool", "stool", block(0.4, 0.4, 0.4))
-    free = FloorPlan.of(two_rooms(0.9, (stool, thing(30, stool, 2.5, 1.0, movable=True, mass=2.0))))
+    free = OccupancyGrid.of(two_rooms(0.9, (stool, thing(30, stool, 2.5, 1.0, movable=True, mass=2.0))))
     path = route(free, BEDROOM, np.array([3.5, 1.0]))
     assert path is not None
     assert length(path) > 2.55
-    in_door = FloorPlan.of(two_rooms(0.9, (stool, thing(30, stool, 4.0, 4.5, movable=True, mass=2.0))))
+    in_door = OccupancyGrid.of(two_rooms(0.9, (stool, thing(30, stool, 4.0, 4.5, movable=True, mass=2.0))))
     assert route(in_door, BEDROOM, LIVING) is not None
 
 
 def test_a_movable_thing_is_where_the_state_says_it_is() -> None:
     stool = asset("stool", "stool", block(0.4, 0.4, 0.4))
     scene = two_rooms(0.9, (stool, thing(30, stool, 2.5, 1.0, movable=True, mass=2.0)))
-    plan = FloorPlan.of(scene, moved={30: np.array([3.0, 0, 3.0, 0, 0, 0, 1])})
+    plan = OccupancyGrid.of(scene, moved={30: np.array([3.0, 0, 3.0, 0, 0, 0, 1])})
     assert plan.at(plan.movable, np.array([3.0, 3.0]))
     assert not plan.at(plan.movable, np.array([2.5, 1.0]))
 
 
 def test_an_obstacle_found_on_the_way_closes_it() -> None:
-    plan = FloorPlan.of(two_rooms()).with_obstacle(np.array([4.0, 4.5]), 0.4)
+    plan = OccupancyGrid.of(two_rooms()).with_obstacle(np.array([4.0, 4.5]), 0.4)
     assert route(plan, BEDROOM, LIVING) is None
 
 
 def test_one_stands_in_front_of_a_couch_with_the_back_to_it() -> None:
     # The couch looks along -X; its front edge lies at x = 7.5 - 0.45 and it is 2 m wide about z = 2.5.
     scene = two_rooms()
-    first, *_ = stands = approach(FloorPlan.of(scene), scene, 20, sit=True)
+    first, *_ = stands = viewpoints(MultiFloorMap.of(scene), scene, 20, sit=True)
     assert (first.x, first.z) == pytest.approx((7.05 - first.gap, 2.5), abs=1e-6)
     assert first.yaw == pytest.approx(-np.pi / 2)
     assert first.seat_height == pytest.approx(0.42)
@@ -119,7 +134,7 @@ def test_one_stands_in_front_of_a_couch_with_the_back_to_it() -> None:
 def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:
     box = asset("box", "table", block(0.5, 0.5, 0.5))
     scene = two_rooms(0.9, (box, thing(30, box, 6.6, 2.5)))
-    stands = approach(FloorPlan.of(scene), scene, 20, sit=True)
+    stands = viewpoints(MultiFloorMap.of(scene), scene, 20, sit=True)
     assert stands
     assert all(abs(stand.z - 2.5) > 0.45 for stand in stands)
 
@@ -127,19 +142,21 @@ def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:
 def test_a_bed_is_sat_on_from_the_foot_and_from_the_side_that_no_wall_closes() -> None:
     # The bed's foot looks along +X; one long side is 0.6 m from the wall at z = 6, too near to turn round, the other is free.
     scene = two_rooms()
-    yaws = {round(float(np.degrees(stand.yaw))) % 360 for stand in approach(FloorPlan.of(scene), scene, 22, sit=True)}
+    yaws = {
+        round(float(np.degrees(stand.yaw))) % 360 for stand in viewpoints(MultiFloorMap.of(scene), scene, 22, sit=True)
+    }
     assert yaws == {90, 180}
 
 
 def test_a_target_is_never_approached_through_a_wall() -> None:
     tall = asset("plant", "potted_plant", block(0.3, 1.0, 0.3))
     scene = two_rooms(0.9, (tall, thing(30, tall, 4.25, 1.0)))
-    assert (near(FloorPlan.of(scene), scene, 30)[:, 0] > 4.25).all()
+    assert (goals_at(MultiFloorMap.of(scene), scene, 30)[:, 0] > 4.25).all()
 
 
 def test_a_thing_on_the_wall_is_approached_along_its_whole_width() -> None:
     scene = two_rooms()
-    stands = approach(FloorPlan.of(scene), scene, 21)
+    stands = viewpoints(MultiFloorMap.of(scene), scene, 21)
     assert min(stand.gap for stand in stands) < 0.32
     assert all(stand.seat_height is None for stand in stands)
     assert np.ptp([stand.x for stand in stands]) > 0.9
@@ -156,19 +173,19 @@ def test_rooms_are_found_by_point_and_storey() -> None:
 
 
 def test_a_wall_hides_what_is_behind_it_and_an_open_door_does_not() -> None:
-    plan = FloorPlan.of(two_rooms())
+    plan = OccupancyGrid.of(two_rooms())
     assert not plan.sees(np.array([3.0, 1.6, 2.0]), np.array([6.0, 1.0, 2.0]))
     assert plan.sees(np.array([3.0, 1.6, 4.5]), np.array([6.0, 1.0, 4.5]))
 
 
 def test_a_lintel_hides_what_is_behind_it_and_the_open_door_below_does_not() -> None:
-    plan = FloorPlan.of(two_rooms())
+    plan = OccupancyGrid.of(two_rooms())
     assert not plan.sees(np.array([3.0, 2.9, 4.5]), np.array([6.0, 0.1, 4.5]))
     assert plan.sees(np.array([3.0, 2.4, 4.5]), np.array([6.0, 0.1, 4.5]))
 
 
 def test_sight_is_computed_for_many_points_at_once() -> None:
-    plan = FloorPlan.of(two_rooms())
+    plan = OccupancyGrid.of(two_rooms())
     points = np.array([[6.0, 1.0, 4.5], [6.0, 1.0, 2.0]])
     assert plan.sees(np.array([3.0, 1.6, 4.5]), points).tolist() == [True, False]
 
@@ -181,8 +198,8 @@ SLOPE = float(np.hypot(GOING, RISER) / GOING)
 def test_a_way_up_the_stairs_is_as_long_as_their_slope_and_the_floor_at_both_ends() -> None:
     # 6 m over the floor, of which 15 treads of 25 cm are climbed along the slope of 17 in 25 (the 16th riser is the edge above).
     expected = 6.0 + (STEPS - 1) * GOING * (SLOPE - 1)
-    assert Storeys.of(two_storeys()).geodesic(FOOT, HEAD) == pytest.approx(expected, rel=0.02)
-    assert Storeys.of(two_storeys()).geodesic(HEAD, FOOT) == pytest.approx(expected, rel=0.02)
+    assert MultiFloorMap.of(two_storeys()).geodesic(FOOT, HEAD) == pytest.approx(expected, rel=0.02)
+    assert MultiFloorMap.of(two_storeys()).geodesic(HEAD, FOOT) == pytest.approx(expected, rel=0.02)
 
 
 def test_two_places_above_one_another_are_as_far_apart_as_the_way_round_by_the_stairs() -> None:
@@ -192,15 +209,16 @@ def test_two_places_above_one_another_are_as_far_apart_as_the_way_round_by_the_s
     up = length(np.array([(5.75, 0.72), (6.0, 1.0), (5.85, 1.3), (4.0, 2.0)]))
     expected = down + (STEPS - 1) * GOING * SLOPE + up
     # Eight directions overestimate by up to 8 %.
-    assert 0.99 * expected < Storeys.of(two_storeys()).geodesic(below, above) < 1.08 * expected
-    assert Storeys.of(two_storeys()).geodesic(below, below + [1.0, 0, 0]) == pytest.approx(1.0, abs=0.05)
+    assert 0.99 * expected < MultiFloorMap.of(two_storeys()).geodesic(below, above) < 1.08 * expected
+    assert MultiFloorMap.of(two_storeys()).geodesic(below, below + [1.0, 0, 0]) == pytest.approx(1.0, abs=0.05)
 
 
 def test_storeys_without_stairs_are_apart() -> None:
     whole = two_storeys()
     kept = tuple(one for one in whole.objects if one.asset != "stairs")
     assert (
-        Storeys.of(type(whole)(whole.name, whole.assets, kept, whole.rooms, whole.start)).geodesic(FOOT, HEAD) == np.inf
+        MultiFloorMap.of(type(whole)(whole.name, whole.assets, kept, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
+        == np.inf
     )
 
 
@@ -209,7 +227,7 @@ def test_steps_higher_than_a_leg_can_lift_are_no_stairs() -> None:
     blocks = [block(GOING, 0.34 * ((k + 1) // 2), 1.0, (2.0 + (k - 0.5) * GOING, 0, 0.5)) for k in range(1, STEPS)]
     steep = {**whole.assets, "stairs": asset("stairs", "stairs", *blocks)}
     assert (
-        Storeys.of(type(whole)(whole.name, steep, whole.objects, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
+        MultiFloorMap.of(type(whole)(whole.name, steep, whole.objects, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
         == np.inf
     )
 
@@ -219,11 +237,11 @@ def test_stairs_need_no_label() -> None:
     plain = {name: type(kind)(kind.name, "stage", kind.mesh, kind.hulls) for name, kind in whole.assets.items()}
     things = tuple(type(one)(**{**vars(one), "category": "stage"}) for one in whole.objects)
     unnamed = type(whole)(whole.name, plain, things, whole.rooms, whole.start)
-    assert Storeys.of(unnamed).geodesic(FOOT, HEAD) == Storeys.of(whole).geodesic(FOOT, HEAD)
+    assert MultiFloorMap.of(unnamed).geodesic(FOOT, HEAD) == MultiFloorMap.of(whole).geodesic(FOOT, HEAD)
 
 
 def test_a_point_is_on_the_floor_or_the_step_below_it() -> None:
-    storeys = Storeys.of(two_storeys())
+    storeys = MultiFloorMap.of(two_storeys())
     points = np.array(
         [FOOT, HEAD, HEAD + [0, 0.95, 0], [4.0, 9 * RISER + 0.95, 0.5], [4.0, 0.95, 2.0], [4.0, 3.6, 2.0]]
     )
@@ -231,8 +249,8 @@ def test_a_point_is_on_the_floor_or_the_step_below_it() -> None:
 
 
 def test_the_flight_on_a_route_has_the_steps_that_were_built() -> None:
-    legs = Routes.of(Storeys.of(two_storeys()), FOOT).route(HEAD)
-    (flight,) = [flight for leg in legs for flight in flights(leg)]
+    legs = Routes.of(MultiFloorMap.of(two_storeys()), FOOT).route(HEAD)
+    (flight,) = [flight for leg in legs for flight in stair_runs(leg.grid, leg.samples)]
     assert flight.way == pytest.approx([1.0, 0.0], abs=0.02)
     assert flight.foot == pytest.approx([2.0, 0.5], abs=0.06)
     assert flight.levels == pytest.approx([RISER * k for k in range(STEPS + 1)], abs=1e-5)
@@ -240,22 +258,22 @@ def test_the_flight_on_a_route_has_the_steps_that_were_built() -> None:
 
 
 def test_the_flight_of_a_route_down_runs_the_other_way() -> None:
-    legs = Routes.of(Storeys.of(two_storeys()), HEAD).route(FOOT)
-    (flight,) = [flight for leg in legs for flight in flights(leg)]
+    legs = Routes.of(MultiFloorMap.of(two_storeys()), HEAD).route(FOOT)
+    (flight,) = [flight for leg in legs for flight in stair_runs(leg.grid, leg.samples)]
     assert flight.way == pytest.approx([-1.0, 0.0], abs=0.02)
     assert flight.foot == pytest.approx([5.75, 0.5], abs=0.06)
     assert flight.levels == pytest.approx([RISER * (STEPS - k) for k in range(STEPS + 1)], abs=1e-5)
 
 
 def test_a_target_is_approached_on_its_own_storey() -> None:
-    scene, storeys = two_storeys(), Storeys.of(two_storeys())
-    assert {stand.floor for stand in storeys.approach(scene, 30)} == {0.0}
-    assert {stand.floor for stand in storeys.approach(scene, 31, sit=True)} == {UPSTAIRS}
-    assert all(stand.seat_height == pytest.approx(0.5) for stand in storeys.approach(scene, 31, sit=True))
+    scene, storeys = two_storeys(), MultiFloorMap.of(two_storeys())
+    assert {stand.floor for stand in viewpoints(storeys, scene, 30)} == {0.0}
+    assert {stand.floor for stand in viewpoints(storeys, scene, 31, sit=True)} == {UPSTAIRS}
+    assert all(stand.seat_height == pytest.approx(0.5) for stand in viewpoints(storeys, scene, 31, sit=True))
 
 
 def test_starts_are_found_on_every_storey_with_room_around_them() -> None:
-    below, above = Storeys.of(two_storeys()).starts(FOOT)
+    below, above = MultiFloorMap.of(two_storeys()).starts(FOOT)
     assert set(below[:, 1]) == {0.0}
     assert set(above[:, 1]) == {UPSTAIRS}
     assert below[:, 0].min() >= 0.5 - CELL
@@ -275,10 +293,10 @@ def ramp(points: np.ndarray) -> np.ndarray:
     return np.clip((points[..., 0] - 2.0) * RISER / GOING, 0.0, UPSTAIRS)
 
 
-def a_star(storeys: Storeys, start: tuple[int, int, int], goal: tuple[int, int, int]) -> float:
+def a_star(storeys: MultiFloorMap, start: tuple[int, int, int], goal: tuple[int, int, int]) -> float:
     """Length of the shortest way over the free cells of a grid, by a search of its own."""
-    free = [plan.fits(RADIUS) for plan in storeys.plans]
-    place = lambda node: storeys.plans[0].point(np.array(node[1:]))  # noqa: E731
+    free = [plan.fits(RADIUS) for plan in storeys.grids]
+    place = lambda node: storeys.grids[0].point(np.array(node[1:]))  # noqa: E731
     height = lambda node: float(ramp(place(node))) if node[0] == 1 else (0.0, 0.0, UPSTAIRS)[node[0]]  # noqa: E731
     best, queue = {start: 0.0}, [(0.0, start)]
     while queue:
@@ -289,7 +307,7 @@ def a_star(storeys: Storeys, start: tuple[int, int, int], goal: tuple[int, int, 
         steps = [(k, i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
         steps += [
             (m, i, j) for m in (k - 1, k + 1)
-            if 0 <= m < len(free) and abs(storeys.plans[m].ground[i, j] - storeys.plans[k].ground[i, j]) < 0.01
+            if 0 <= m < len(free) and abs(storeys.grids[m].ground[i, j] - storeys.grids[k].ground[i, j]) < 0.01
         ]  # fmt: skip
         for step in steps:
             if not free[step[0]][step[1:]]:
@@ -305,11 +323,11 @@ def a_star(storeys: Storeys, start: tuple[int, int, int], goal: tuple[int, int, 
 
 @pytest.mark.parametrize("make", [two_rooms, two_storeys])
 def test_geodesics_agree_with_an_independent_a_star(make) -> None:
-    storeys = Storeys.of(make())
+    storeys = MultiFloorMap.of(make())
     rng, ratios = np.random.default_rng(5), []
     places = np.concatenate(storeys.starts(np.array([1.0, 0.0, 0.5 if make is two_storeys else 1.0]), room=RADIUS))
     for start, goal in places[rng.integers(len(places), size=(12, 2))]:
-        nodes = [(int(storeys.level(p)), *map(int, storeys.plans[0].cell(p[[0, 2]]))) for p in (start, goal)]
+        nodes = [(int(storeys.level(p)), *map(int, storeys.grids[0].cell(p[[0, 2]]))) for p in (start, goal)]
         ratios.append(float(Routes.of(storeys, start, radius=RADIUS).to(goal)) / a_star(storeys, *nodes))
         # Pulled straight, a way is shorter than over eight directions, by 8 % at most.
         assert 0.92 < storeys.geodesic(start, goal) / a_star(storeys, *nodes) < 1.01

@@ -11,7 +11,7 @@ from humanclaw import Body, Plugins
 from humanclaw.calls import check_call
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.navigation.routes import Storeys
+from humanclaw.navigation import MultiFloorMap, goals_at
 from humanclaw.pose import Pose2D
 from humanclaw.records import EpisodeSpec, Feedback
 from humanclaw.scene import Scene
@@ -47,7 +47,7 @@ def go(body: Body, start: Pose2D, target: int) -> list[str]:
 def near_stairs(scene: Scene, upper: bool) -> Pose2D:
     """The roomiest place within two metres of the stairs, on the floor below or above."""
     start = np.array([scene.start.x, 0.0, scene.start.z])
-    places = Storeys.of(scene).solid().starts(start, room=0.45)[upper]
+    places = MultiFloorMap.of(scene).solid().starts(start, room=0.45)[upper]
     (stairs,) = scene.of_category("stairs")
     x, y, z = places[int(np.argmin(np.abs(np.linalg.norm((places - stairs.position)[:, [0, 2]], axis=1) - 2.8)))]
     return Pose2D(float(x), float(z), 0.0, float(y))
@@ -55,10 +55,10 @@ def near_stairs(scene: Scene, upper: bool) -> Pose2D:
 
 def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     """Id of the chair, plant or bed with the shortest way, on one storey."""
-    storeys, here = Storeys.of(scene), np.array([place.x, place.floor, place.z])
+    storeys, here = MultiFloorMap.of(scene), np.array([place.x, place.floor, place.z])
     things = [thing for kind in ("potted_plant", "chair", "bed") for thing in scene.of_category(kind)]
     there = [thing.id for thing in things if (thing.position[1] > 2) == upper]
-    return min(there, key=lambda key: storeys.geodesic(here, storeys.near(scene, key)))
+    return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
 
 
 def test_a_body_climbs_the_stairs_to_a_thing_on_the_upper_floor(body: Body) -> None:

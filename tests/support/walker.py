@@ -10,7 +10,7 @@ import numpy as np
 
 from humanclaw.contract import Skill
 from humanclaw.interfaces import Agent, EpisodeContext, HistoryEntry, Observation, WorldState
-from humanclaw.navigation.routes import STEP, FloorPlan, Storeys
+from humanclaw.navigation import STEP, MultiFloorMap, OccupancyGrid
 from humanclaw.pose import STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.records import Call, Decision, EpisodeSpec, Feedback
 from humanclaw.scene import Scene
@@ -37,7 +37,7 @@ class Walker:
     ground: float = 0.0
     """Height of what it stands on."""
     sat: bool = False
-    solid: FloorPlan | None = None
+    solid: OccupancyGrid | None = None
     """What really is in the way, where that differs from the scene."""
     track: list[tuple[float, float]] = field(default_factory=list)
 
@@ -45,12 +45,12 @@ class Walker:
         start = self.scene.start
         self.x, self.z, self.yaw, self.ground = start.x, start.z, start.yaw, start.floor
         self.rng = np.random.default_rng(self.seed)
-        self.storeys = Storeys((self.solid,)) if self.solid else Storeys.of(self.scene)
-        mine = [np.isin(plan.owners, self.targets) & (plan.slope is None) for plan in self.storeys.plans]
+        self.storeys = MultiFloorMap((self.solid,)) if self.solid else MultiFloorMap.of(self.scene)
+        mine = [np.isin(plan.owners, self.targets) & (plan.slope is None) for plan in self.storeys.grids]
         # Legs may touch the target itself; everything else keeps the shoulders off.
-        self._target = [replace(plan, blocked=own) for plan, own in zip(self.storeys.plans, mine, strict=True)]
+        self._target = [replace(plan, blocked=own) for plan, own in zip(self.storeys.grids, mine, strict=True)]
         self._rest = [
-            replace(plan, blocked=plan.blocked & ~own) for plan, own in zip(self.storeys.plans, mine, strict=True)
+            replace(plan, blocked=plan.blocked & ~own) for plan, own in zip(self.storeys.grids, mine, strict=True)
         ]
 
     def state(self) -> WorldState:
@@ -92,7 +92,7 @@ class Walker:
 
     def _step(self, way: float) -> None:
         """Onto the step that is there now, up or down; on the level where there is none."""
-        grounds = [float(plan.at(plan.ground, np.array([self.x, self.z]))) for plan in self.storeys.plans]
+        grounds = [float(plan.at(plan.ground, np.array([self.x, self.z]))) for plan in self.storeys.grids]
         near = [ground for ground in grounds if 0 <= way * (ground - self.ground) <= STEP]
         self.ground = max(near, key=lambda ground: way * ground, default=self.ground)
 
@@ -129,6 +129,6 @@ def play(
         call = Call(proposed.skill, skills[proposed.skill].check(proposed.params))
         walker.execute(call)
         history.append(HistoryEntry(step, decision, Feedback(call), PICTURE))
-        if skills[call.skill].ends_episode:
+        if skills[call.skill].role == "stop":
             break
     return [(past.decision, past.executed) for past in history if past.executed]

@@ -42,6 +42,11 @@ class Deciders:
         return Meter(self.limits)
 
 
+SIMULATOR_HELP: Final = "What moves the world, by name; the default is bullet where it is installed, else mujoco."
+_ENGINES: Final = (
+    click.option("--simulator", default="", help=SIMULATOR_HELP),
+    click.option("--generator", default=Backends.generator, show_default=True, help="What makes motion, by name."),
+)
 _DECIDERS: Final = (
     click.option(
         "--agent", default="", help="Decision maker by name; the default is oracle, or the model if one is named."
@@ -71,6 +76,7 @@ _DECIDERS: Final = (
         show_default=True,
         help="Settings of the simulator, the motion solver and the decision maker; the switches above go before it.",
     ),
+    *_ENGINES,
     click.option("--renderer", default=Backends.renderer, show_default=True, help="What draws the views, by name."),
     click.option(
         "--sense",
@@ -92,6 +98,11 @@ _DECIDERS: Final = (
 )
 
 
+def engine_options(function: F) -> F:
+    """--simulator and --generator, for commands that take no decider."""
+    return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)
+
+
 def decider_options(function: F) -> F:
     """The options that say who decides, and with what body; the command gets them as `deciders` and `engines`."""
 
@@ -106,6 +117,8 @@ def decider_options(function: F) -> F:
         history: int | None,
         images: int | None,
         profile: str,
+        simulator: str,
+        generator: str,
         renderer: str,
         senses: Sequence[str],
         pairs: Sequence[str],
@@ -122,7 +135,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        engines = Backends(renderer=renderer, profile=profile, senses=check_senses(senses))
+        engines = Backends(simulator, renderer, generator, profile, check_senses(senses))
         return function(*args, deciders=deciders, engines=engines, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

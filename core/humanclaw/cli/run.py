@@ -14,7 +14,7 @@ from humanclaw.embodiment import Backends, Body
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
 from humanclaw.scene import Scene
@@ -72,8 +72,8 @@ def run(
 
 def _report(plugins: Plugins, engines: Backends, out: Path, folder: Path, kind: str, console: Console) -> None:
     """What the reporters that are installed make of the record."""
-    for offer in plugins.offers("reports"):
-        reporter: Reporter = plugins.make("reports", offer.name, film=kind, renderer=engines.renderer)
+    for one in plugins.registered("reports"):
+        reporter: Reporter = plugins.make("reports", one.name, film=kind, renderer=engines.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
             console.print(f"{name}: {path}", soft_wrap=True)
 

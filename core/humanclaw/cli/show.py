@@ -30,7 +30,7 @@ def skills(as_json: bool, files: tuple[Path, ...]) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_files
 def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
-    """List the plugins, what they provide, and why one was set aside."""
+    """List the plugins, what they provide, and why one is disabled."""
     found = Plugins.discover(files)
     _print([_plugin_row(info) for info in found.infos], as_json, "No plugin is installed.")
 
@@ -91,7 +91,7 @@ def _plugin_row(info: PluginInfo) -> dict[str, str]:
         "version": info.version,
         "from": info.origin,
         "provides": "\n".join(info.provides),
-        "state": f"set aside: {info.error}" if info.error else "in use",
+        "state": f"disabled: {info.error}" if info.error else "in use",
     }
 
 

@@ -3,7 +3,8 @@
 The libraries it needs come with `pip install 'humanclaw[meshes]'` and are loaded when a model is read.
 """
 
-from humanclaw.meshes.baking import area, bake, simplify
+from humanclaw.meshes.baking import area, bake
+from humanclaw.meshes.decimation import simplify
 from humanclaw.meshes.hulls import convex_pieces
 from humanclaw.meshes.reading import Part, read_model, write_model
 

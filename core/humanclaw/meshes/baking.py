@@ -1,4 +1,4 @@
-"""Many parts with many materials as one mesh with one atlas, and the same with fewer triangles."""
+"""Many parts with many materials as one mesh with one atlas."""
 
 from __future__ import annotations
 
@@ -109,36 +109,15 @@ def _welded(vertices: Array, faces: NDArray[np.int64], uv: Array, atlas: NDArray
     faces = place.ravel()[faces]
     a, b, c = (rows[faces[:, k], :3] for k in range(3))
     faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-10]
-    return _used(rows[:, :3], faces, rows[:, 3:], atlas)
+    return used(rows[:, :3], faces, rows[:, 3:], atlas)
 
 
-def _used(vertices: NDArray[Any], faces: NDArray[np.int64], uv: NDArray[Any], texture: NDArray[np.uint8]) -> Mesh:
+def used(vertices: NDArray[Any], faces: NDArray[np.int64], uv: NDArray[Any], texture: NDArray[np.uint8]) -> Mesh:
     """Without the vertices that no face names."""
     used, place = np.unique(faces, return_inverse=True)
     return Mesh(
         vertices[used].astype(np.float32), place.reshape(-1, 3).astype(np.int32), uv[used].astype(np.float32), texture
     )
-
-
-def simplify(mesh: Mesh, triangles: int) -> Mesh:
-    """A mesh with about so many triangles at most: edges collapse where that shows least (meshoptimizer).
-
-    Every vertex that stays keeps its place and its uv.
-    """
-    if len(mesh.faces) <= triangles:
-        return mesh
-    import meshoptimizer
-
-    indices = np.ascontiguousarray(mesh.faces.ravel(), np.uint32)
-    points = np.ascontiguousarray(mesh.vertices, np.float32)
-    for sloppy in (False, True):
-        kept = np.zeros_like(indices)
-        reduce = meshoptimizer.simplify_sloppy if sloppy else meshoptimizer.simplify
-        count = reduce(kept, indices, points, target_index_count=3 * triangles, target_error=0.08)
-        if count <= 3 * triangles * 1.5:
-            break
-    faces = kept[:count].reshape(-1, 3).astype(np.int64)
-    return _used(mesh.vertices, faces, mesh.uv, mesh.texture)
 
 
 def area(mesh: Mesh) -> float:

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.meshes.baking import area, simplify
+from humanclaw.meshes.baking import area
+from humanclaw.meshes.decimation import simplify
 from humanclaw.meshes.hulls import Hollow
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh

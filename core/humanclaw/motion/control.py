@@ -2,26 +2,25 @@
 
     z_{l+1} = B_l(z_l, tau) + W_l C_l(z_l + e_s(c), tau)
 
-B_l are the base's blocks, frozen; C_l their trainable copies; W_l begins at zero, so that an untrained adapter changes nothing;
-e_s encodes the skill's parameters c, which are the outcome that the chunk should have.
+B_l are the base's blocks, frozen; C_l their trained copies; W_l began at zero; e_s encodes the skill's parameters c, which are the
+outcome that the chunk should have. In numpy; the definition that is trained is `humanclaw_train.control`.
 """
 
 from __future__ import annotations
 
-import copy
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
-import torch
-from torch import Tensor, nn
-from torch.nn import functional as F
+import numpy as np
 
-from humanclaw.motion.dit import DiT, Residual, modulate_blocks
+from humanclaw.motion.dit import Array, Block, DiT, Linear, Residual, Weights, modulate_blocks, silu
 
 Encoder = Literal["mlp", "fourier", "token"]
 ENCODERS: Final = get_args(Encoder)
-_OCTAVES: Final = 4
+OCTAVES: Final = 4
+FOURIER_FREQUENCIES: Final = (np.pi / 2 * 2.0 ** np.arange(OCTAVES)).astype(np.float32)
+"""Half a period over [-1, 1] at first, so that no two values of the range look alike."""
 
 
 @dataclass(frozen=True)
@@ -42,80 +41,52 @@ class AdapterConfig:
         if (self.encoder == "token") != (not self.params):
             raise ValueError(f"{self.skill}: the encoder 'token' is for skills without parameters, and only for those")
 
+    @property
+    def features(self) -> int:
+        """How many numbers the encoder's MLP is given."""
+        return len(self.params) * (1 + 2 * OCTAVES if self.encoder == "fourier" else 1)
 
-class Adapter(nn.Module):
-    """The control branch of one skill. Begins as a copy of the base's blocks."""
 
-    centre: Tensor
-    scale: Tensor
+class Adapter:
+    """The control branch of one skill."""
 
-    def __init__(self, base: DiT, config: AdapterConfig) -> None:
-        super().__init__()
-        self.config = config
+    def __init__(self, base: DiT, config: AdapterConfig, weights: Weights) -> None:
         hidden = base.config.hidden
-        self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)
-        self.weights = nn.ModuleList(_zeros(hidden) for _ in self.blocks)
-        self.encode = _encoder(config, hidden)
-        self.register_buffer("centre", torch.tensor(config.centre), persistent=False)
-        self.register_buffer("scale", torch.tensor(config.scale), persistent=False)
+        self.config = config
+        self.blocks = [Block(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]
+        self.weights = [
+            Linear(weights, f"weights.{layer}", hidden, hidden, bias=False) for layer in range(len(self.blocks))
+        ]
+        self._encode = _encoder(config, weights, hidden)
+        self._centre = np.array(config.centre, np.float32)
+        self._scale = np.array(config.scale, np.float32)
 
-    def condition(self, values: Tensor) -> Tensor:
+    def condition(self, values: Array) -> Array:
         """e_s(c): (B, k) parameters in SI to (B, 1, hidden)."""
-        encoded: Tensor = self.encode((values - self.centre) / self.scale)
-        return encoded[:, None]
+        return self._encode((values - self._centre) / self._scale)[:, None]
 
-    def modulations(self, base: DiT, tau: Tensor) -> Tensor:
+    def modulations(self, base: DiT, tau: Array) -> Array:
         """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is the base's."""
-        return modulate_blocks(self.blocks, F.silu(base.time(tau)))
+        return modulate_blocks(self.blocks, silu(base.time(tau)))
 
-    def residual(self, condition: Tensor, modulations: Tensor) -> Residual:
+    def residual(self, condition: Array, modulations: Array) -> Residual:
         """What this branch adds to each layer of the base."""
-
-        def add(layer: int, z: Tensor) -> Tensor:
-            added: Tensor = self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))
-            return added
-
-        return add
+        return lambda layer, z: self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))
 
 
-class Fourier(nn.Module):
-    """Values, and sines and cosines of their first octaves: fine differences of a displacement become large ones."""
-
-    frequencies: Tensor
-
-    def __init__(self) -> None:
-        super().__init__()
-        # Half a period over [-1, 1] at first, so that no two values of the range look alike.
-        self.register_buffer("frequencies", math.pi / 2 * 2.0 ** torch.arange(_OCTAVES), persistent=False)
-
-    def forward(self, values: Tensor) -> Tensor:
-        """(B, k) to (B, k * (1 + 2 * octaves))."""
-        angles = (values[..., None] * self.frequencies).flatten(-2)
-        return torch.cat([values, angles.sin(), angles.cos()], -1)
+def fourier(values: Array) -> Array:
+    """(B, k) values to (B, k * (1 + 2 * octaves)): with sines and cosines, fine differences of a displacement become large ones."""
+    angles = (values[..., None] * FOURIER_FREQUENCIES).reshape(len(values), -1)
+    return np.concatenate([values, np.sin(angles), np.cos(angles)], -1)
 
 
-class Token(nn.Module):
-    """One learned vector, for a skill without parameters."""
-
-    def __init__(self, hidden: int) -> None:
-        super().__init__()
-        self.vector = nn.Parameter(0.02 * torch.randn(hidden))
-
-    def forward(self, values: Tensor) -> Tensor:
-        """(B, 0) to (B, hidden)."""
-        return self.vector.expand(len(values), -1)
-
-
-def _zeros(hidden: int) -> nn.Linear:
-    layer = nn.Linear(hidden, hidden, bias=False)
-    nn.init.zeros_(layer.weight)
-    return layer
-
-
-def _encoder(config: AdapterConfig, hidden: int) -> nn.Module:
-    width = len(config.params)
+def _encoder(config: AdapterConfig, weights: Weights, hidden: int) -> Callable[[Array], Array]:
     if config.encoder == "token":
-        return Token(hidden)
-    head: list[nn.Module] = [Fourier()] if config.encoder == "fourier" else []
-    features = width * (1 + 2 * _OCTAVES) if head else width
-    return nn.Sequential(*head, nn.Linear(features, hidden), nn.SiLU(), nn.Linear(hidden, hidden))
+        vector = weights.take("encode.vector", hidden)
+        return lambda values: np.broadcast_to(vector, (len(values), hidden))
+    # The layers of the trained Sequential are numbered, and the Fourier features are its first.
+    first = 1 if config.encoder == "fourier" else 0
+    enter = Linear(weights, f"encode.{first}", config.features, hidden)
+    leave = Linear(weights, f"encode.{first + 2}", hidden, hidden)
+    features = fourier if config.encoder == "fourier" else np.asarray
+    return lambda values: leave(silu(enter(features(values))))

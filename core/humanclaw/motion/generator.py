@@ -5,26 +5,21 @@ Its product is kinematic: what the body then really does, the simulator decides.
 
 from __future__ import annotations
 
-import importlib.resources
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Final
 
 import numpy as np
-import torch
-from torch import Tensor
+from threadpoolctl import ThreadpoolController
 
 from humanclaw.errors import CheckpointError, HumanclawError
-from humanclaw.motion.checkpoint import Base, load_adapter, load_base
+from humanclaw.motion.checkpoint import Base, load_adapter, load_base, shipped_base
 from humanclaw.motion.control import Adapter
-from humanclaw.motion.dit import Modulations
+from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
-from humanclaw.motion.plant import planted
+from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
-
-SHIPPED: Final = "motion/weights/base.safetensors"
 
 
 @dataclass(frozen=True)
@@ -32,36 +27,39 @@ class _Branch:
     """An adapter with its modulations at the solver's times: (layers, 6, times, 1, hidden)."""
 
     adapter: Adapter
-    modulations: Tensor
+    modulations: Array
     modified: int
 
 
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    plant: hold standing feet still (humanclaw.motion.plant); without it the motion is as the model wrote it.
+    foot_locking: hold standing feet still (humanclaw.motion.foot_locking); without it the motion is as the model wrote it.
     """
 
-    def __init__(self, base: Base, solver: Solver, plant: bool = True) -> None:
+    def __init__(self, base: Base, solver: Solver, foot_locking: bool = True) -> None:
         self.base = base
         self.solver = solver
-        self.plant = plant
-        self._times = torch.tensor(solver.times)
+        self.foot_locking = foot_locking
+        self._times = np.array(solver.times, np.float32)
         self._branches: dict[Path, _Branch] = {}
-        with torch.inference_mode():
+        # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it costs
+        # seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
+        self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")
+        with self._one_thread():
             self._modulations = base.model.modulations(self._times)
 
     @classmethod
     def shipped(cls, profile: str = "default") -> DiTGenerator:
         """The base that comes with the package.
 
-        profile: `default` for few solver steps and planted feet, `paper` for the paper's 30 steps and nothing after them.
+        profile: `default` for few solver steps and foot locking, `paper` for the paper's 30 steps and nothing after them.
 
         Raises HumanclawError for an unknown profile, CheckpointError when the weights are not there.
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        return cls(load_base(shipped_base()), PROFILES[profile], plant=profile != "paper")
+        return cls(load_base(shipped_base()), PROFILES[profile], foot_locking=profile != "paper")
 
     @property
     def digest(self) -> str:
@@ -70,13 +68,15 @@ class DiTGenerator:
 
     def start(self) -> Motion:
         """The five frames of standing that every episode begins from, at the origin facing +Z."""
-        root, rotations = self.base.start_root.numpy(), self.base.start_rotations.numpy()
-        return Motion(root.astype(float), rotations.astype(float))
+        return Motion(self.base.start_root.astype(float), self.base.start_rotations.astype(float))
 
-    def generate(self, history: Motion, adapter: Path | None, values: Sequence[float], key: Sequence[int]) -> Motion:
+    def generate(
+        self, history: Motion, adapter: Path | None, values: Mapping[str, float], key: Sequence[int]
+    ) -> Motion:
         """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
 
-        adapter: a skill's checkpoint, or None for the prior alone. values: its parameters in SI. key: non-negative integers.
+        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header names, in
+        SI; their order says nothing. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]
@@ -85,36 +85,35 @@ class DiTGenerator:
         self,
         histories: Sequence[Motion],
         adapter: Path | None,
-        values: Sequence[Sequence[float]],
+        values: Sequence[Mapping[str, float]],
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
         frames = [Pose2D.of_history(_checked(history)) for history in histories]
         local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
-        states = [encode(history) for history in local]
-        with torch.inference_mode(), _one_thread():
-            clean = torch.as_tensor(np.stack(states), dtype=torch.float32)
+        clean = np.stack([encode(history) for history in local]).astype(np.float32)
+        with self._one_thread():
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
-            decoded = self.base.normaliser.inverse(future).numpy()
-        futures = [decode(state) for state in decoded]
-        if self.plant:
-            futures = [planted(history, future) for history, future in zip(local, futures, strict=True)]
+        futures = [decode(state) for state in self.base.normaliser.inverse(future)]
+        if self.foot_locking:
+            futures = [lock_feet(history, future) for history, future in zip(local, futures, strict=True)]
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
-    def _sample(self, history: Tensor, path: Path | None, values: Sequence[Sequence[float]], noise: Tensor) -> Tensor:
+    def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:
         model = self.base.model
         branch = self._branch(path) if path is not None else None
         condition = branch.adapter.condition(_conditions(branch.adapter, values)) if branch else None
 
-        def field(index: int, noisy: Tensor) -> Tensor:
+        def field(index: int, noisy: Array) -> Array:
             at = _at(self._modulations, index)
             residual = None
             if branch is not None and condition is not None:
                 residual = branch.adapter.residual(condition, branch.modulations[:, :, index : index + 1])
             output = model(history, noisy, at, residual)
-            return velocity(model.config.prediction, output, noisy, self._times[index : index + 1])
+            return velocity(model.config.prediction, output, noisy, self.solver.times[index])
 
-        return self.solver.solve(field, noise)
+        future: Array = self.solver.solve(field, noise)
+        return future
 
     def _branch(self, path: Path) -> _Branch:
         modified = path.stat().st_mtime_ns if path.exists() else -1
@@ -126,41 +125,27 @@ class DiTGenerator:
         return known
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it costs seconds.
-
-    One thread also keeps the order of sums, and so the motion, the same on machines with other numbers of cores.
-    """
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
-def shipped_base() -> Path:
-    """Where the weights of the shipped prior lie."""
-    return Path(str(importlib.resources.files("humanclaw"))) / SHIPPED
-
-
 def _at(modulations: Modulations, index: int) -> Modulations:
     """Those of one solver time, to be broadcast over a batch."""
     one = slice(index, index + 1)
     return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
 
 
-def _conditions(adapter: Adapter, values: Sequence[Sequence[float]]) -> Tensor:
+def _conditions(adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Array:
+    """(B, k) in the order in which the adapter was trained, whatever the order of the names."""
     params = adapter.config.params
     for row in values:
-        if len(row) != len(params):
-            names = ", ".join(params) or "none"
+        if set(row) != set(params):
             raise CheckpointError(
-                f"The adapter of {adapter.config.skill} takes {len(params)} values ({names}); it got {len(row)}.",
-                "Give one value for each parameter of the skill's schema, in its order.",
+                f"The adapter of {adapter.config.skill} takes {_listed(params)}; it got {_listed(row)}.",
+                "Give one value for each parameter that its header names.",
             )
-    return torch.tensor([list(row) for row in values], dtype=torch.float32).reshape(len(values), len(params))
+    rows = [[row[name] for name in params] for row in values]
+    return np.array(rows, np.float32).reshape(len(values), len(params))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no parameter"
 
 
 def _checked(history: Motion) -> Motion:

@@ -70,4 +70,5 @@ def _check_plan(skill: Skill) -> None:
             f"{skill.name}: a skill returns a Control or Keyframes; got {plan!r}"
         )
         if isinstance(plan, Control):
-            assert len(plan.values) == len(skill.schema.get("properties", {})), f"{skill.name}: one value a parameter"
+            names = {parameter.name for parameter in skill.parameters}
+            assert set(plan.values) == names, f"{skill.name}: one value a parameter, by its name without the unit"

@@ -13,7 +13,7 @@ from PIL import Image
 
 from humanclaw.embodiment import Backends, Body
 from humanclaw.episode import Episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.outcomes import REACHED
 from humanclaw.plugins import Plugins
 from humanclaw.recorder import DistanceFn

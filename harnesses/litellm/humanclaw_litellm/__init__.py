@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
     from humanclaw.interfaces import Agent, Verifier
     from humanclaw_litellm.asking import Remembered
 
@@ -17,14 +17,14 @@ __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_agents(register: RegisterFactory) -> None:
+def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
     register(
         "litellm", functools.partial(_decision_maker, {}), "a vision-language model of any provider that litellm knows"
     )
 
 
 @hookimpl
-def humanclaw_verifiers(register: RegisterFactory) -> None:
+def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     register(
         "litellm",
         functools.partial(_verifier, {}),

@@ -60,7 +60,7 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
         "system.jinja",
         spec=context.spec,
         skills=[_sheet(skill) for skill in skills],
-        endings=[skill.name for skill in skills if skill.ends_episode],
+        endings=[skill.name for skill in skills if skill.role == "stop"],
         eyes=eyes(),
         mid_level=settings.mid_level,
         schema=_dump(schema),

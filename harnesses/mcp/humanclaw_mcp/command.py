@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from humanclaw.cli.options import plugin_files
+from humanclaw.cli.options import engine_options, plugin_files
 from humanclaw.senses import SENSES
 
 
@@ -23,6 +23,7 @@ from humanclaw.senses import SENSES
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds an idle body is kept.")
 @click.option("--envelope/--no-envelope", default=False, help="Also ask what is seen and why, as the benchmark does.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
+@engine_options
 @click.option(
     "--sense",
     "senses",

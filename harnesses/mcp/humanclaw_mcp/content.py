@@ -34,7 +34,7 @@ from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
 from humanclaw.pose import Pose2D
 from humanclaw.records import StepRecord
-from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw.tasks import ALIASES, SEATS
 from humanclaw.tools import parameter_schema, publish
 from humanclaw_mcp.session import Snapshot
 from humanclaw_mcp.settings import Settings
@@ -49,8 +49,7 @@ SKILL: Final = "humanclaw://skill/"
 BODY_RESOURCES: Final = (STATE, VIEW, LOG)
 """Those that a step changes."""
 INSTRUCTIONS: Final = tuple(
-    f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SIT_CATEGORIES else ".")
-    for category in TARGET_CATEGORIES
+    f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SEATS else ".") for category in ALIASES
 )
 """What a body may be asked to do, as the benchmark asks it."""
 _FLOOR_CONTACT: Final = 0.0205
@@ -184,7 +183,7 @@ def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:
     return Outcome(
         executed=executed,
         skill=call.skill if call else "",
-        parameters=call.params if call else {},
+        parameters=dict(call.params) if call else {},
         feedback=snapshot.feedback,
         step=len(snapshot.steps),
         max_steps=snapshot.max_steps,
@@ -238,7 +237,7 @@ def skill_sheet(skill: Skill) -> TextResourceContents:
         "description": skill.description,
         "parameters": parameter_schema(skill),
         "checks": [check.question for check in skill.checks],
-        "ends_episode": skill.ends_episode,
+        "role": skill.role,
     }
     text = json.dumps(sheet, ensure_ascii=False, indent=1)
     return TextResourceContents(uri=SKILL + skill.name, mime_type="application/json", text=text)
@@ -345,7 +344,7 @@ def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
     return _template().render(
         instruction=instruction,
         skills=[_sheet(skill) for skill in ready],
-        endings=[skill.name for skill in ready if skill.ends_episode],
+        endings=[skill.name for skill in ready if skill.role == "stop"],
         max_steps=settings.max_steps,
         envelope=settings.envelope,
     )

@@ -23,7 +23,7 @@ from humanclaw.embodiment import Backends, Body
 from humanclaw.episode import Episode
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import WorldState
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.pose import Pose2D
 from humanclaw.records import Decision, Outcome, StepRecord
@@ -159,8 +159,8 @@ class Session:
     def _embody(self) -> Body:
         """The body, in the scene of the task."""
         if self._body is None:
-            self.doing = _MAKING
-            backends = Backends(profile=self._settings.profile, senses=self._settings.senses)
+            self.doing, asked = _MAKING, self._settings
+            backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.senses)
             self._body = Body(self.task.scene, plugins=self._plugins, engines=backends)
             self.doing = _MOVING
         elif self._body.scene.name != self.task.scene:

@@ -8,22 +8,33 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import RegisterFactory
+    from collections.abc import Callable
+
+    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
     from humanclaw.interfaces import Agent, Verifier
+    from humanclaw_scripted.faults import Fault
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_agents(register: RegisterFactory) -> None:
+def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")
-    register("faulty", _faulty, "the oracle with a faculty missing or a bounded mind, for ablations and root causes")
+    register("faulty", _faulty, "the oracle with a capability missing or a bounded mind, for ablations and root causes")
+
+
+@hookimpl(optionalhook=True)
+def humanclaw_faults(register: Callable[[Fault], None]) -> None:
+    from humanclaw_scripted.faults import FAULTS
+
+    for fault in FAULTS.values():
+        register(fault)
 
 
 @hookimpl
-def humanclaw_verifiers(register: RegisterFactory) -> None:
+def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     register("oracle", _oracle_verifier, "privileged: lets nobody stop out of reach of the target")
 
 

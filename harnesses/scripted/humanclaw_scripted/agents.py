@@ -17,7 +17,18 @@ from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_nearest
 from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, WorldState, ego_camera
-from humanclaw.navigation.routes import Flight, FloorPlan, Leg, Routes, Stand, Storeys, flights, length, room_at
+from humanclaw.navigation import (
+    MultiFloorMap,
+    OccupancyGrid,
+    Routes,
+    Segment,
+    StairRun,
+    Viewpoint,
+    length,
+    room_at,
+    stair_runs,
+    viewpoints,
+)
 from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
 from humanclaw.records import Call, Decision
 from humanclaw.scene import Scene
@@ -46,9 +57,9 @@ TOUCHING: Final = 0.005
 
 
 BEFORE_STEPS: Final = 0.24
-"""From the pelvis to the first edge of a flight, where one stands before the first step, metres."""
+"""From the pelvis to the first edge of a run of stairs, where one stands before the first step, metres."""
 ONTO_FLOOR: Final = 0.16
-"""How far beyond the last edge of a flight the pelvis is to come, metres."""
+"""How far beyond the last edge of a run of stairs the pelvis is to come, metres."""
 
 
 # -- without eyes ------------------------------------------------------------------------------------------------------
@@ -99,7 +110,7 @@ def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
 
 def ending(skills: Mapping[str, Skill]) -> str:
     """Name of the skill that ends an episode."""
-    found = [name for name, skill in skills.items() if skill.ends_episode]
+    found = [name for name, skill in skills.items() if skill.role == "stop"]
     if not found:
         raise HumanclawError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
     return found[0]
@@ -140,10 +151,10 @@ class Pose:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class LevelSegment:
     """A part of the way that is walked on the level."""
 
-    plan: FloorPlan
+    grid: OccupancyGrid
     path: Array
     """(N, 2) polyline."""
 
@@ -152,17 +163,17 @@ class Stretch:
 class Memory:
     """What the oracle carries from step to step."""
 
-    storeys: Storeys
-    way: list[Stretch | Flight] = field(default_factory=list)
+    floors: MultiFloorMap
+    way: list[LevelSegment | StairRun] = field(default_factory=list)
     """What is still to be walked and climbed, the present part first; empty while there is no plan."""
-    stand: Stand | None = None
+    stand: Viewpoint | None = None
     before: Pose | None = None
     blocked: int = 0
     """Steps in a row that were asked to move the body and did not."""
     sits: int = 0
     """Sits in a row up to now."""
     arrived: bool = False
-    """Whether the standing place was reached; from there on the last stretch is walked by eye."""
+    """Whether the standing place was reached; from there on the last segment is walked by eye."""
     sideways: bool = False
     """Whether it has found that its feet are too far from the target face to face."""
     seen: bool = False
@@ -187,7 +198,7 @@ class OracleAgent:
         self._context, self._scene, self._state = context, context.scene, context.state
         self._stop = ending(context.skills)
         _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
-        self._memory = Memory(Storeys.of(self._scene, context.state().objects))
+        self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
@@ -217,7 +228,7 @@ class OracleAgent:
         if not self._memory.way and not self._choose(pose):
             return Call(self._stop), "There is no way to any of the targets for a body, so I stop."
         part = self._memory.way[0]
-        if isinstance(part, Flight):
+        if isinstance(part, StairRun):
             return self._climb(pose, part)
         if len(self._memory.way) > 1:
             return self._to_stairs(state, pose, part)
@@ -226,9 +237,9 @@ class OracleAgent:
     def _choose(self, pose: Pose) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
         memory = self._memory
-        routes = Routes.of(memory.storeys, pose.root)
+        routes = Routes.of(memory.floors, pose.root)
         sit = self._spec.interact
-        stands = [s for key in self._spec.target_ids for s in memory.storeys.approach(self._scene, key, sit=sit)]
+        stands = [s for key in self._spec.target_ids for s in viewpoints(memory.floors, self._scene, key, sit=sit)]
         stands = [s for s in stands if (s.x, s.z) not in memory.given_up]
         prices = routes.to(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
         if not len(stands) or not np.isfinite(prices).any():
@@ -236,41 +247,41 @@ class OracleAgent:
         memory.stand = stands[int(np.argmin(prices))]
         memory.way = parts(routes.route(memory.stand.place))
         memory.arrived = memory.sideways = False
-        if any(isinstance(part, Flight) for part in memory.way):
+        if any(isinstance(part, StairRun) for part in memory.way):
             _require(self._context.skills, ON_STAIRS)
         return bool(memory.way)
 
     # on stairs
-    def _to_stairs(self, state: WorldState, pose: Pose, part: Stretch) -> tuple[Call, str]:
-        """Walk to where the next flight begins."""
+    def _to_stairs(self, state: WorldState, pose: Pose, part: LevelSegment) -> tuple[Call, str]:
+        """LevelSegment to where the next stairs begins."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)
         return self._act(state, pose)
 
-    def _climb(self, pose: Pose, flight: Flight) -> tuple[Call, str]:
+    def _climb(self, pose: Pose, run: StairRun) -> tuple[Call, str]:
         """One step up or down, from where the body really is: contact shortens some steps."""
-        along, left = _on_flight(pose, flight)
-        k = int(np.argmin(np.abs(flight.levels - (pose.root[1] - STANDING_HEIGHT))))
-        if k == len(flight.edges):
+        along, left = _on_stairs(pose, run)
+        k = int(np.argmin(np.abs(run.levels - (pose.root[1] - STANDING_HEIGHT))))
+        if k == len(run.edges):
             self._memory.way.pop(0)
             return self._act(self._state(), pose)
-        word = "up" if flight.levels[-1] > flight.levels[0] else "down"
-        error = float(wrap_angle(flight.yaw - pose.yaw))
+        word = "up" if run.levels[-1] > run.levels[0] else "down"
+        error = float(wrap_angle(run.yaw - pose.yaw))
         if abs(error) > np.radians(8 if k == 0 else 12):
             return self._turn(error), f"I square up to the stairs that lead {word}."
         if abs(left) > (0.12 if k == 0 else 0.2):
             return self._side(-left), "I keep to the middle of the stairs."
-        gap = float(flight.edges[k]) - along
+        gap = float(run.edges[k]) - along
         if k == 0 and gap > BEFORE_STEPS + 0.06:
             return self._walk(
                 0.0, gap - BEFORE_STEPS, error
             ), f"I walk up to the first step of the stairs that lead {word}."
-        tread = (flight.edges[k + 1] - flight.edges[k]) / 2 if k + 1 < len(flight.edges) else ONTO_FLOOR
-        height = abs(float(flight.levels[k + 1] - flight.levels[k]))
+        tread = (run.edges[k + 1] - run.edges[k]) / 2 if k + 1 < len(run.edges) else ONTO_FLOOR
+        height = abs(float(run.levels[k + 1] - run.levels[k]))
         skill = ON_STAIRS[0] if word == "up" else ON_STAIRS[1]
         call = self._call(skill, h_cm=100 * height, d_cm=100 * (gap + float(tread)))
-        return call, f"I take step {k + 1} of {len(flight.edges)} {word} the stairs."
+        return call, f"I take step {k + 1} of {len(run.edges)} {word} the stairs."
 
     # on the way
     def _reach(self, pose: Pose) -> tuple[Call, str]:
@@ -325,7 +336,7 @@ class OracleAgent:
             return self._side(left), f"I line up with the {self._noun} behind me."
         if gap > AT_SEAT + 0.05 and not (self._memory.blocked and gap < 0.25):
             return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
-        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
+        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my segments: I sit down."
 
     def _after_sitting(self, state: WorldState) -> tuple[Call, str]:
         memory = self._memory
@@ -347,21 +358,21 @@ class OracleAgent:
         inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
         return bool(seat is not None and inside and _hip_bottom(state) <= thing.position[1] + seat + TOUCHING)
 
-    def _arrived(self, pose: Pose, stand: Stand, tolerance: float) -> bool:
+    def _arrived(self, pose: Pose, stand: Viewpoint, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:
             self._memory.arrived = True
         return self._memory.arrived
 
     @property
-    def _last(self) -> Stretch:
+    def _last(self) -> LevelSegment:
         """The part of the way that ends at the standing place."""
         part = self._memory.way[-1]
-        assert isinstance(part, Stretch)
+        assert isinstance(part, LevelSegment)
         return part
 
-    def _follow(self, pose: Pose, part: Stretch) -> tuple[Call, str]:
-        """One step along a stretch of the route."""
-        aim, rest = _aim(part.plan, part.path, pose.point)
+    def _follow(self, pose: Pose, part: LevelSegment) -> tuple[Call, str]:
+        """One step along a segment of the route."""
+        aim, rest = _aim(part.grid, part.path, pose.point)
         left, forward = pose.local(aim)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
@@ -399,12 +410,12 @@ class OracleAgent:
         beside = np.array([ahead[1], -ahead[0]])
         if memory.stand is not None and memory.arrived:
             memory.given_up.add((memory.stand.x, memory.stand.z))
-        elif memory.way and isinstance(memory.way[0], Flight):
+        elif memory.way and isinstance(memory.way[0], StairRun):
             memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
             return self._back(0.15), "The stairs do not carry me on: I step back and try again."
         elif memory.way:
             there = pose.root + 0.35 * np.array([ahead[0], 0.0, ahead[1]])
-            memory.storeys = memory.storeys.with_obstacle(there, 0.12)
+            memory.floors = memory.floors.with_obstacle(there, 0.12)
         memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
         ways = {"back": -ahead, "left": beside, "right": -beside}
         plan = self._plan(pose)
@@ -440,9 +451,9 @@ class OracleAgent:
         tries = self._memory.sits
         return self._call("sit_in_place", h_cm=100 * min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
-    def _plan(self, pose: Pose) -> FloorPlan:
+    def _plan(self, pose: Pose) -> OccupancyGrid:
         """The plan of the floor or the stairs that the body is on."""
-        return self._memory.storeys.plans[int(self._memory.storeys.level(pose.root))]
+        return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
     # words
     @property
@@ -460,7 +471,7 @@ class OracleAgent:
         if not self._spec.target_ids:
             return "Stop."
         if self._memory.stand is None or not self._memory.arrived:
-            return f"Walk to the {self._noun}."
+            return f"LevelSegment to the {self._noun}."
         return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
 
     def _progress(self, pose: Pose) -> str:
@@ -475,11 +486,11 @@ class OracleAgent:
     def _left(self, pose: Pose) -> float:
         """What is left of the way, metres over the floor."""
         first, *rest = self._memory.way
-        if isinstance(first, Flight):
-            here = max(0.0, float(first.edges[-1]) - _on_flight(pose, first)[0])
+        if isinstance(first, StairRun):
+            here = max(0.0, float(first.edges[-1]) - _on_stairs(pose, first)[0])
         else:
-            here = _aim(first.plan, first.path, pose.point)[1]
-        return here + sum(float(p.edges[-1]) if isinstance(p, Flight) else length(p.path) for p in rest)
+            here = _aim(first.grid, first.path, pose.point)[1]
+        return here + sum(float(p.edges[-1]) if isinstance(p, StairRun) else length(p.path) for p in rest)
 
     def _look(self, state: WorldState) -> str:
         """Where one is, and whether a target is in view and where."""
@@ -497,37 +508,37 @@ class OracleAgent:
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
 
 
-def parts(legs: Sequence[Leg]) -> list[Stretch | Flight]:
-    """A route as stretches on the level and flights of stairs, in turn; it begins and ends with a stretch."""
-    way: list[Stretch | Flight] = []
-    for leg in legs:
-        path, first = leg.samples, leg.points[:1]
-        for flight in flights(leg):
-            enters, leaves = (int(np.argmin(np.linalg.norm(path - end, axis=1))) for end in flight.ends)
-            before = [p for p in path[:enters] if (p - flight.foot) @ flight.way < -BEFORE_STEPS]
-            way += [Stretch(leg.plan, np.array([*first, *before, flight.point(-BEFORE_STEPS)])), flight]
-            path, first = path[leaves:], flight.point(float(flight.edges[-1]) + ONTO_FLOOR)[None]
-        way.append(Stretch(leg.plan, np.concatenate([first, path] if len(way) else [leg.points])))
+def parts(segments: Sequence[Segment]) -> list[LevelSegment | StairRun]:
+    """A route as segments on the level and runs of stairs, in turn; it begins and ends with a segment."""
+    way: list[LevelSegment | StairRun] = []
+    for segment in segments:
+        path, first = segment.samples, segment.points[:1]
+        for run in stair_runs(segment.grid, segment.samples):
+            enters, leaves = (int(np.argmin(np.linalg.norm(path - end, axis=1))) for end in run.ends)
+            before = [p for p in path[:enters] if (p - run.foot) @ run.way < -BEFORE_STEPS]
+            way += [LevelSegment(segment.grid, np.array([*first, *before, run.point(-BEFORE_STEPS)])), run]
+            path, first = path[leaves:], run.point(float(run.edges[-1]) + ONTO_FLOOR)[None]
+        way.append(LevelSegment(segment.grid, np.concatenate([first, path] if len(way) else [segment.points])))
     return _joined(way)
 
 
-def _joined(way: list[Stretch | Flight]) -> list[Stretch | Flight]:
-    """Neighbouring stretches as one, on the plan of the storey that they share with the foot of the stairs."""
-    result: list[Stretch | Flight] = []
+def _joined(way: list[LevelSegment | StairRun]) -> list[LevelSegment | StairRun]:
+    """Neighbouring segments as one, on the grid of the storey that they share with the foot of the stairs."""
+    result: list[LevelSegment | StairRun] = []
     for part in way:
         last = result[-1] if result else None
-        if isinstance(part, Stretch) and isinstance(last, Stretch):
-            plan = last.plan if last.plan.slope is None else part.plan
-            result[-1] = Stretch(plan, np.concatenate([last.path, part.path]))
+        if isinstance(part, LevelSegment) and isinstance(last, LevelSegment):
+            plan = last.grid if last.grid.slope is None else part.grid
+            result[-1] = LevelSegment(plan, np.concatenate([last.path, part.path]))
         else:
             result.append(part)
     return result
 
 
-def _on_flight(pose: Pose, flight: Flight) -> tuple[float, float]:
-    """How far along a flight and how far left of its middle line the body is, metres."""
-    along, across = pose.point - flight.foot, np.array([flight.way[1], -flight.way[0]])
-    return float(along @ flight.way), float(along @ across)
+def _on_stairs(pose: Pose, run: StairRun) -> tuple[float, float]:
+    """How far along a run of stairs and how far left of its middle line the body is, metres."""
+    along, across = pose.point - run.foot, np.array([run.way[1], -run.way[0]])
+    return float(along @ run.way), float(along @ across)
 
 
 def _hip_bottom(state: WorldState) -> float:
@@ -538,7 +549,7 @@ def _hip_bottom(state: WorldState) -> float:
     return float(ends[:, 1].min() - shape.radius)
 
 
-def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
+def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
     """Bearing (radians, left positive) and distance (metres) of a target in the ego view; None if it is out of sight.
 
     It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
@@ -560,7 +571,7 @@ def in_view(plan: FloorPlan, scene: Scene, state: WorldState, target: int) -> tu
     return float(bearing), float(np.linalg.norm(centre[[0, 2]]))
 
 
-def _aim(plan: FloorPlan, path: Array, point: Array) -> tuple[Array, float]:
+def _aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
     """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the route."""
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])

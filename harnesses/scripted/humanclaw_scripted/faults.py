@@ -1,6 +1,6 @@
-"""Faculties that can be missing: what an episode looks like without each of them. Root causes are checked against these.
+"""Capabilities that can be missing: what an episode looks like without each of them. Root causes are checked against these.
 
-A fault alters the oracle's decisions and nothing else, so that whatever goes wrong is due to that one faculty.
+A fault alters the oracle's decisions and nothing else, so that whatever goes wrong is due to that one capability.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LOOK_AROUND: Final = 45
 LATE: Final = 12
 """Steps that one who dawdles leaves for the way to the target."""
 TURNING_POINT: Final = 3.2
-"""Metres after which one who wanders turns back."""
+"""Metres after which one who searches without aim turns back."""
 
 
 # -- what every one of them can tell -------------------------------------------------------------------------------------
@@ -123,13 +123,14 @@ class Moment:
 
 @dataclass(frozen=True)
 class Fault:
-    """A faculty that is missing, the decision that this leads to, and the episodes that show it."""
+    """A capability that is missing, the decision that this leads to, and the episodes that show it."""
 
-    faculty: str
-    label: str
-    """The root cause that it is meant to lead to."""
+    name: str
+    capability: str
+    cause: str
+    """Label of the root cause that it is meant to lead to, in the words of HumanCLAW-Bench."""
     apply: Callable[[Moment], Decision]
-    meaning: str
+    description: str
     seated: bool = False
     """Whether only sitting tasks show it."""
     standing: bool = False
@@ -140,6 +141,16 @@ class Fault:
     """Length of the way in the episodes that show it, metres."""
     rooms: int = 1
     """Rooms on the way in the episodes that show it, at least."""
+
+    @property
+    def agent(self) -> str:
+        """The decision maker that can have it."""
+        return "faulty"
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Of the decision maker, for it to have the fault."""
+        return {"fault": self.name}
 
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it. One whose way was not measured is taken to."""
@@ -229,7 +240,7 @@ def _fidgets(at: Moment) -> Decision:
     return at.to_and_fro(8, "A little more this way.")
 
 
-def _wanders(at: Moment) -> Decision:
+def _searches_aimlessly(at: Moment) -> Decision:
     """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
     if at.has_seen:
         return at.decision
@@ -248,7 +259,7 @@ def _dawdles(at: Moment) -> Decision:
     return at.decision if at.left <= LATE or at.has_seen else _fidgets(at)
 
 
-def _gropes(at: Moment) -> Decision:
+def _approaches_blindly(at: Moment) -> Decision:
     return at.decision if at.has_seen else _straight_on(at)
 
 
@@ -262,7 +273,7 @@ def _overlooks_jam(at: Moment) -> Decision:
     return at.but("side_step", "I see it: I go round what stands before it.", x_cm=30)
 
 
-def _loses_heart(at: Moment) -> Decision:
+def _gives_up(at: Moment) -> Decision:
     """Half-way, unless the target has come into view: back to the start."""
     if "gone" not in at.notes and at.has_seen:
         return at.decision
@@ -301,46 +312,127 @@ def _backs_up(at: Moment) -> Decision:
 _MID_LEVEL, _BODY = "mid-level reasoning", "body awareness"
 _FAR = (4.0, float("inf"))
 FAULTS: Final[Mapping[str, Fault]] = {
-    "blindness": Fault("perception", "find: target in view but not seen", _blind,
-                       "does not notice the target that is in view, and searches on"),
-    "backing": Fault(_MID_LEVEL, "find: near but not in view", _backs_up, "goes to the target with its back to it",
-                     ways=(1.5, 3.0)),
-    "groping": Fault(_BODY, "find: unaware jammed", _gropes,
-                     "walks straight at a target that it has not seen, whatever stands in between", ways=_FAR, rooms=2),
-    "fidgeting": Fault("action", "find: ineffective actions", _fidgets, "turns to and fro from the start", ways=_FAR,
-                       rooms=2),
-    "despair": Fault(_MID_LEVEL, "find: midpoint give up", _loses_heart, "goes back before the target is in view",
-                     ways=(8.0, float("inf")), rooms=3),
-    "wandering": Fault(_MID_LEVEL, "find: ineffective exploration", _wanders,
-                       "turns back to the start after a few metres, again and again", ways=(8.0, float("inf")), rooms=3),
-    "arrival": Fault(_BODY, "nav: unaware arrived/touch", _overlooks_arrival,
-                     "does not notice that it has arrived, and never stops"),
-    "distance": Fault("ego-spatial distance", "nav: stop while far", _misjudges,
-                      "stops as soon as the target is in view and within 3 m"),
-    "lateness": Fault("exploration timing", "nav: find too late", _dawdles,
-                      "turns to and fro until few steps are left", ways=(4.0, 8.0), rooms=2),
-    "jam": Fault(_BODY, "nav: unaware jammed", _overlooks_jam,
-                 "steps aside with its eyes on the target, on and on, whatever stands there"),
-    "wavering": Fault("action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
-    "imagination": Fault("perception", "nav: target hallucination", _imagines,
-                         "turns back half-way and says that the target is before it", ways=_FAR),
-    "forgetting": Fault(_MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way", ways=_FAR),
-    "rising": Fault(_BODY, "interact: stand after sit", _rises, "gets up again before it stops", seated=True),
-    "seat": Fault(_BODY, "interact: sit on air", _sits_on_air, "sits down facing the seat", seated=True, standing=True),
-    "confusion": Fault(_BODY, "interact: sit wrong", _never_sits, "sits down on another seat before it goes to the target",
-                       seated=True, standing=True, elsewhere=True),
-    "sitting": Fault("decision", "interact: stop but never sit", _never_sits, "stops at the seat", seated=True,
-                     standing=True),
-}  # fmt: skip
+    fault.name: fault
+    for fault in (
+        Fault(
+            "blindness",
+            "perception",
+            "find: target in view but not seen",
+            _blind,
+            "does not notice the target that is in view, and searches on",
+        ),
+        Fault(
+            "backing",
+            _MID_LEVEL,
+            "find: near but not in view",
+            _backs_up,
+            "goes to the target with its back to it",
+            ways=(1.5, 3.0),
+        ),
+        Fault(
+            "blind_approach",
+            _BODY,
+            "find: unaware jammed",
+            _approaches_blindly,
+            "walks straight at a target that it has not seen, whatever stands in between",
+            ways=_FAR,
+            rooms=2,
+        ),
+        Fault(
+            "fidgeting",
+            "action",
+            "find: ineffective actions",
+            _fidgets,
+            "turns to and fro from the start",
+            ways=_FAR,
+            rooms=2,
+        ),
+        Fault(
+            "give_up",
+            _MID_LEVEL,
+            "find: midpoint give up",
+            _gives_up,
+            "goes back before the target is in view",
+            ways=(8.0, float("inf")),
+            rooms=3,
+        ),
+        Fault(
+            "aimless_search",
+            _MID_LEVEL,
+            "find: ineffective exploration",
+            _searches_aimlessly,
+            "turns back to the start after a few metres, again and again",
+            ways=(8.0, float("inf")),
+            rooms=3,
+        ),
+        Fault(
+            "arrival",
+            _BODY,
+            "nav: unaware arrived/touch",
+            _overlooks_arrival,
+            "does not notice that it has arrived, and never stops",
+        ),
+        Fault(
+            "distance",
+            "ego-spatial distance",
+            "nav: stop while far",
+            _misjudges,
+            "stops as soon as the target is in view and within 3 m",
+        ),
+        Fault(
+            "lateness",
+            "exploration timing",
+            "nav: find too late",
+            _dawdles,
+            "turns to and fro until few steps are left",
+            ways=(4.0, 8.0),
+            rooms=2,
+        ),
+        Fault(
+            "jam",
+            _BODY,
+            "nav: unaware jammed",
+            _overlooks_jam,
+            "steps aside with its eyes on the target, on and on, whatever stands there",
+        ),
+        Fault("wavering", "action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
+        Fault(
+            "imagination",
+            "perception",
+            "nav: target hallucination",
+            _imagines,
+            "turns back half-way and says that the target is before it",
+            ways=_FAR,
+        ),
+        Fault("forgetting", _MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way", ways=_FAR),
+        Fault("rising", _BODY, "interact: stand after sit", _rises, "gets up again before it stops", seated=True),
+        Fault(
+            "seat", _BODY, "interact: sit on air", _sits_on_air, "sits down facing the seat", seated=True, standing=True
+        ),
+        Fault(
+            "confusion",
+            _BODY,
+            "interact: sit wrong",
+            _never_sits,
+            "sits down on another seat before it goes to the target",
+            seated=True,
+            standing=True,
+            elsewhere=True,
+        ),
+        Fault(
+            "sitting",
+            "decision",
+            "interact: stop but never sit",
+            _never_sits,
+            "stops at the seat",
+            seated=True,
+            standing=True,
+        ),
+    )
+}
 """By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too far", which is
 the task's fault."""
 
 
 def _degrees(angle: float, most: int) -> int:
     return int(np.clip(round(np.degrees(angle)), -most, most))
-
-
-def drawn(spec: EpisodeSpec) -> str:
-    """The fault of an episode where any will do: by its seed, among those that it can show."""
-    fitting = [name for name, fault in FAULTS.items() if fault.fits(spec)]
-    return fitting[int(np.random.default_rng([spec.seed, 77]).integers(len(fitting)))]

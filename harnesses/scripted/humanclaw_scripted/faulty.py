@@ -3,8 +3,8 @@
 Each is the oracle with something put in the way of it, so that whatever goes wrong is due to that alone. None of it speaks for
 any model: it shows that the harness and the benchmark respond to a fault as they should.
 
-Two kinds. A `fault` takes one faculty away, for every episode or for one drawn at random (`any`): root causes are to find it.
-A `Bounded` mind keeps the faculties, but its memory, its attention and its sense of distance have limits, which the settings of
+Two kinds. A `fault` takes one capability away: root causes are to find it.
+A `Bounded` mind keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the settings of
 the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3 are to show.
 """
 
@@ -24,9 +24,9 @@ from humanclaw.outcomes import REACHED, acknowledges
 from humanclaw.pose import Array
 from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Call, Decision, EpisodeSpec, Feedback, Verdict
-from humanclaw.tasks import SIT_CATEGORIES
+from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import OracleAgent, ending
-from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses, drawn
+from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
 
 SITTING: Final = ("sit_in_place", "step_back")
 """Skills of the sitting routine, in which the body has its back to the seat."""
@@ -41,9 +41,9 @@ class Options(BaseModel):
 
     profile: str = "default"
     fault: str = "none"
-    """A name of FAULTS, `any` for one drawn for each episode, `none`."""
+    """A name of FAULTS, or `none`."""
     repair: str = ""
-    """A faculty whose faults are put right: the check of a root cause."""
+    """A capability whose faults are put right: the check of a root cause."""
     history: int = Field(10, ge=0)
     images: int = Field(1, ge=1)
     mid_level: bool = True
@@ -67,8 +67,8 @@ def options(given: Mapping[str, Any]) -> Options:
         raise HumanclawError(
             f"--option {where}: {first['msg']}.", f"The options are {', '.join(Options.model_fields)}."
         ) from None
-    if read.fault not in {*FAULTS, "any", "none"}:
-        raise HumanclawError(f"there is no fault {read.fault!r}.", f"Choose from: {', '.join(FAULTS)}, any, none.")
+    if read.fault not in {*FAULTS, "none"}:
+        raise HumanclawError(f"there is no fault {read.fault!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
     return read
 
 
@@ -80,7 +80,7 @@ def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
 
 
 class FaultyAgent:
-    """The oracle with one faculty missing, or with a bounded mind, or both."""
+    """The oracle with one capability missing, or with a bounded mind, or both."""
 
     name = "faulty"
     privileged = True
@@ -107,15 +107,14 @@ class FaultyAgent:
         """Who sits down on the nearest seat that is none of the targets' kind."""
         context, scene = self._senses.context, self._senses.context.scene
         assert scene is not None
-        others = set(SIT_CATEGORIES) - {context.spec.target_category}
+        others = set(SEATS) - {context.spec.target_category}
         seats = tuple(thing.id for thing in scene.objects if thing.category in others)
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
     def _chosen(self, spec: EpisodeSpec) -> Fault | None:
         """The fault of this episode; none where it would not show or is put right."""
-        name = drawn(spec) if self.options.fault == "any" else self.options.fault
-        fault = FAULTS.get(name)
-        return None if fault is None or not fault.fits(spec) or fault.faculty == self.options.repair else fault
+        fault = FAULTS.get(self.options.fault)
+        return None if fault is None or not fault.fits(spec) or fault.capability == self.options.repair else fault
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if self._errand:
@@ -207,7 +206,7 @@ class OracleVerifier:
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
         lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
-        accepted = not skill.ends_episode or self._senses.reach() <= REACHED or lets_pass
+        accepted = skill.role != "stop" or self._senses.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
         self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")

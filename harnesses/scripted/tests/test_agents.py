@@ -14,7 +14,7 @@ from walker import PICTURE, SKILLS, Walker, play
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import Agent, EpisodeContext, Observation
-from humanclaw.navigation.routes import FloorPlan
+from humanclaw.navigation import OccupancyGrid
 from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
@@ -103,7 +103,7 @@ def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() 
     # A glass pane that the scene does not tell of stands across the direct way to the bed.
     pane = asset("pane", "wall", block(1.2, 1.0, 0.1))
     known, real = two_rooms(), two_rooms(0.9, (pane, thing(30, pane, 1.2, 2.2)))
-    walker = Walker(known, (22,), solid=FloorPlan.of(real))
+    walker = Walker(known, (22,), solid=OccupancyGrid.of(real))
     log = play(OracleAgent(), walker, episode(known, "bed", 22, sit=True))
     assert walker.sat
     assert any("in my way" in decision.reasoning for decision, _ in log)
@@ -240,7 +240,7 @@ def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:
 
 def test_a_target_counts_as_in_view_only_in_front_of_the_eyes_and_not_behind_a_wall() -> None:
     scene = two_rooms()
-    plan, walker = FloorPlan.of(scene), Walker(scene)
+    plan, walker = OccupancyGrid.of(scene), Walker(scene)
     walker.x, walker.z, walker.yaw = 5.5, 2.5, np.pi / 2
     seen = in_view(plan, scene, walker.state(), 20)
     assert seen is not None

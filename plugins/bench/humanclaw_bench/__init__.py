@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
     import click
     import pandas as pd
 
-    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.hookspecs import Register
     from humanclaw_bench.executors import Executor
+    from humanclaw_bench.hookspecs import ExecutorFactory
 
 __version__ = "0.1.0"
 
@@ -25,17 +29,24 @@ def load(run: str | Path) -> pd.DataFrame:
 
 
 @hookimpl
-def humanclaw_executors(register: RegisterFactory) -> None:
+def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
+    from humanclaw_bench import hookspecs
+
+    register(hookspecs)
+
+
+@hookimpl
+def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
     register("local", _local, "processes of this machine")
 
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw_bench.cli import bench
-    from humanclaw_bench.evidence import ablate, rescue_command
+    from humanclaw_bench.evidence import ablate, repair_command
 
     bench.add_command(ablate)
-    bench.add_command(rescue_command)
+    bench.add_command(repair_command)
     cli.add_command(bench)
 
 

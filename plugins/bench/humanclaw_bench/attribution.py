@@ -134,11 +134,11 @@ def _extent(steps: Sequence[StepRecord]) -> float:
 # -- the rules ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Cause:
-    """A root cause: its stage, the faculty that failed, and the rule."""
+    """A root cause: its stage, the capability that failed, and the rule."""
 
     stage: Stage
     name: str
-    faculty: str
+    capability: str
     rule: Callable[[Facts], bool]
     meaning: str
 

@@ -18,11 +18,12 @@ from humanclaw.embodiment import Backends
 from humanclaw.errors import PluginError, RecordError
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeSpec, load_run
+from humanclaw.tasks import write_episodes
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
-from humanclaw_bench.splits import HOUSES, STARTS, candidates, load_split, summary, write_split
+from humanclaw_bench.splits import HOUSES, STARTS, candidates, load_split, summary
 from humanclaw_bench.splits import make as make_splits
 from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
 from humanclaw_bench.worker import Job
@@ -65,11 +66,11 @@ def run_command(
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, engines, deciders.limits,
+        deciders.agent, deciders.options, deciders.verifier, engines.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files),
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
-    if wanted == "ray" and "ray" not in {offer.name for offer in plugins.offers("executors")}:
+    if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
         raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(console(), out) as progress:
@@ -100,7 +101,7 @@ def make(out: Path, starts: int, seed: int, workers: int) -> None:
         jobs = [pool.submit(_candidates, number, starts, seed) for number in range(len(HOUSES))]
         found = [job.result() for job in tqdm(jobs, desc="houses", unit="house")]
     for name, specs in make_splits([spec for house in found for spec in house]).items():
-        write_split(out / f"{name}.jsonl", specs)
+        write_episodes(out / f"{name}.jsonl", specs)
         _print(Text(f"{out / name}.jsonl", style="bold"))
         for key, value in summary(specs).items():
             click.echo(f"  {key:<13} {value}")

@@ -1,4 +1,4 @@
-"""`humanclaw bench ablate` and `bench rescue`: does the benchmark respond to known faults as it should? No model is asked."""
+"""`humanclaw bench ablate` and `bench repair`: does the benchmark respond to known faults as it should? No model is asked."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import click
 from humanclaw.embodiment import Backends
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeSpec, load_run
-from humanclaw_bench import ablation, rescue
+from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.cli import console
 from humanclaw_bench.export import scored
+from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.metrics import Scores
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
@@ -38,32 +39,59 @@ def ablate(name: str, workers: int, out: Path) -> None:
     click.echo(ablation.markdown(scores))
 
 
-@click.command("rescue")
+@click.command("repair")
 @click.option("--split", "name", default="val", show_default=True, help="val, mini, smoke, or a file.")
 @click.option("--each", type=click.IntRange(1), default=20, show_default=True, help="Failures of each root cause.")
 @click.option(
-    "--others", type=click.IntRange(1), default=5, show_default=True, help="Of those, with another faculty put right."
+    "--others",
+    type=click.IntRange(1),
+    default=5,
+    show_default=True,
+    help="Of those, with another capability put right.",
 )
 @_WORKERS
-@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/rescue"), show_default=True)
-def rescue_command(name: str, each: int, others: int, workers: int, out: Path) -> None:
-    """Whether root causes name what is wrong: failures of known origin, and what rescues them."""
-    specs = load_split(name)
-    causes: dict[str, Cause | None] = {}
-    for sitting in count(1):
-        if not (todo := rescue.wanting(specs, causes, each)):
-            break
-        played = _played(todo, Job(rescue.AGENT, rescue.options()), out / f"faulty-{sitting}", workers)
-        causes |= {one.episode: cause for one, cause in played}
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True)
+def repair_command(name: str, each: int, others: int, workers: int, out: Path) -> None:
+    """Whether root causes name what is wrong: failures of known origin, and what mends them."""
+    specs, faults = load_split(name), repair.known_faults(Plugins.discover())
+    causes = _failures(specs, faults, each, out, workers)
     right: dict[str, Scores] = {}
     other: dict[str, Scores] = {}
-    for faculty in rescue.FACULTIES:
-        for repair, most, found in ((faculty, 0, right), (rescue.another(faculty), others, other)):
-            job = Job(rescue.AGENT, rescue.options(repair))
-            folder = out / f"{faculty}--{repair}".replace(" ", "-")
-            mine = rescue.blamed(specs, causes, faculty, most)
-            found |= {one.episode: one for one, _ in _played(mine, job, folder, workers)}
-    click.echo(rescue.markdown(rescue.rescued(causes, right, other)))
+    for capability in repair.capabilities(faults):
+        right |= _repaired(
+            repair.blamed(specs, causes, capability), faults, capability, out / f"{capability}--repaired", workers
+        )
+        compared = repair.blamed(specs, causes, capability, others)
+        unblamed = repair.another(capability, faults)
+        other |= _repaired(compared, faults, unblamed, out / f"{capability}--{unblamed}", workers)
+    click.echo(repair.markdown(repair.repaired(causes, right, other)))
+
+
+def _failures(
+    specs: Sequence[EpisodeSpec], faults: Sequence[Fault], each: int, out: Path, workers: int
+) -> dict[str, Cause | None]:
+    """Play episodes with faults until every root cause has come up often enough, and attribute them."""
+    causes: dict[str, Cause | None] = {}
+    for number in count(1):
+        if not (todo := repair.wanting(specs, causes, each, faults)):
+            break
+        for fault, mine in repair.by_fault(todo, faults):
+            played = _played(mine, repair.job(fault), out / f"faulty-{number}" / fault.name, workers)
+            causes |= {one.episode: cause for one, cause in played}
+    return causes
+
+
+def _repaired(
+    specs: Sequence[EpisodeSpec], faults: Sequence[Fault], capability: str, out: Path, workers: int
+) -> dict[str, Scores]:
+    """Play episodes with their faults again, but with a capability put right, and score them."""
+    folder = Path(str(out).replace(" ", "-"))
+    played = [
+        one
+        for fault, mine in repair.by_fault(specs, faults)
+        for one in _played(mine, repair.job(fault, capability), folder / fault.name, workers)
+    ]
+    return {scores.episode: scores for scores, _ in played}
 
 
 def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:

@@ -35,7 +35,7 @@ DECISIONS_A_SECOND: Final = 2
 
 def metrics_of(plugins: Plugins) -> Extra:
     """The metrics that plugins brought, by name."""
-    return {offer.name: offer.value for offer in plugins.offers("metrics")}
+    return {one.name: one.value for one in plugins.registered("metrics")}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
@@ -53,7 +53,7 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
     collisions, extra = values.pop("collisions"), values.pop("extra")
     values |= {f"collisions_{group}": share for group, share in collisions.items()}
     values |= {"success": scores.success} | extra
-    values |= {"stage": cause.stage, "cause": cause.name, "faculty": cause.faculty} if cause else {}
+    values |= {"stage": cause.stage, "cause": cause.name, "capability": cause.capability} if cause else {}
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
     }

@@ -6,7 +6,6 @@ last recorded step.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import signal
@@ -18,10 +17,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from filelock import FileLock, Timeout
+
 import humanclaw
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.files import write_atomically
-from humanclaw.plugins import KINDS, Plugins
+from humanclaw.plugins import Plugins, noun
 from humanclaw.records import EpisodeRecord, EpisodeSpec, Outcome
 from humanclaw_bench.executors import Backlog, Executor
 from humanclaw_bench.metrics import FINISHED
@@ -170,12 +171,12 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
     """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
     engines = job.engines
     used = {
-        f"{KINDS['simulators']} {engines.simulator}",
-        f"{KINDS['renderers']} {engines.renderer}",
-        f"{KINDS['motion_generators']} {engines.generator}",
-        f"{KINDS['agents']} {job.agent}",
-        f"{KINDS['verifiers']} {job.verifier}",
-        *(f"{KINDS['scenes']} {spec.scene.partition(':')[0]}" for spec in specs),
+        f"{noun('simulators')} {engines.simulator}",
+        f"{noun('renderers')} {engines.renderer}",
+        f"{noun('motion_generators')} {engines.generator}",
+        f"{noun('agents')} {job.agent}",
+        f"{noun('verifiers')} {job.verifier}",
+        *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),
     }
     found = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
@@ -215,12 +216,15 @@ def _short(value: Any) -> str:
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Hold the folder's lock. The system frees it when this process ends, however that happens."""
-    with (out / ".lock").open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise RecordError(f"another run is writing to {out}.", "Wait for it, or name another folder.") from None
+    lock = FileLock(out / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise RecordError(f"another run is writing to {out}.", "Wait for it, or name another folder.") from None
+    try:
         yield
+    finally:
+        lock.release()
 
 
 @contextmanager

@@ -16,26 +16,25 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 from scipy.ndimage import distance_transform_edt
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from humanclaw.errors import HumanclawError
-from humanclaw.files import write_atomically
-from humanclaw.navigation.routes import CELL, FloorPlan, Storeys
+from humanclaw.navigation import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
 from humanclaw.pose import Array, Pose2D
 from humanclaw.records import EpisodeSpec, name_of
 from humanclaw.scene import Scene
-from humanclaw.tasks import ALIASES, SIT_CATEGORIES, TARGET_CATEGORIES
-from humanclaw_bench.difficulty import THRESHOLDS, TIERS, Ways, measure, overall, tiers
+from humanclaw.tasks import SEATS, instruction, read_episodes
+from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
 SPLITS: Final = ("val", "mini", "smoke")
-DATA: Final = Path(str(importlib.resources.files("humanclaw"))) / "bench" / "data"
+DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Where the splits lie that come with the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
 """Episodes of each category in the paper's validation split."""
+CATEGORIES: Final = tuple(EPISODES)
 TIER_SHARES: Final = dict(zip(TIERS, (0.23, 0.46, 0.31), strict=True))
 DISTANCE_EDGES: Final = (3.5, 4.4, 8.0, 12.8)
 DISTANCE_SHARES: Final = (0.40, 0.10, 0.24, 0.17, 0.09)
@@ -54,27 +53,9 @@ NEAREST: Final = 1.0
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
     """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is malformed."""
-    path = DATA / f"{name}.jsonl" if name in SPLITS else Path(name)
-    try:
-        lines = path.read_text("utf-8").splitlines()
-    except OSError as error:
-        known = f"Name one of {', '.join(SPLITS)}, or a file that `humanclaw bench make` wrote."
-        raise HumanclawError(f"there is no split {name}: {error.strerror}.", known) from error
-    return tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
-
-
-def _spec(line: str, where: str) -> EpisodeSpec:
-    try:
-        return EpisodeSpec.model_validate_json(line)
-    except ValidationError as error:
-        raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the split again.") from error
-
-
-def write_split(path: Path, specs: Sequence[EpisodeSpec]) -> None:
-    """One episode a line."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
-    write_atomically(path, "".join(lines).encode())
+    if name not in SPLITS and not Path(name).exists():
+        raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
+    return read_episodes(DATA / f"{name}.jsonl" if name in SPLITS else Path(name))
 
 
 # -- candidates --------------------------------------------------------------------------------------------------------
@@ -85,46 +66,41 @@ def candidates(scene: Scene, number: int, *, starts: int = STARTS, seed: int = 0
     from which a target can be sat on if that is the task. number: the house's own, for the seed.
     """
     rng = np.random.default_rng([seed, number])
-    storeys = Storeys.of(scene)
-    room = np.stack([_roomy(plan) for plan in storeys.plans])
-    for category in TARGET_CATEGORIES:
-        ways, usable = Ways.of(storeys, _goals(storeys, scene, category)), room
-        if category in SIT_CATEGORIES:
-            usable = room & np.isfinite(Ways.of(storeys, _seats(storeys, scene, category)).costs)
+    floors = MultiFloorMap.of(scene)
+    room = np.stack([_roomy(grid) for grid in floors.grids])
+    for category in CATEGORIES:
+        ways, usable = DistanceField.of(floors, _goals(floors, scene, category)), room
+        if category in SEATS:
+            usable = room & np.isfinite(DistanceField.of(floors, _goals(floors, scene, category, sit=True)).metres)
         for place in _places(ways, usable, starts, rng):
             yield _candidate(scene, ways, category, place, round(float(rng.uniform(-np.pi, np.pi)), 3))
 
 
-def _roomy(plan: FloorPlan) -> NDArray[np.bool_]:
+def _roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Where one can stand still on a floor; nobody starts on stairs."""
-    if plan.slope is not None:
-        return np.zeros(plan.blocked.shape, bool)
-    return np.asarray(plan.fits(ROOM) & (distance_transform_edt(~plan.movable) * CELL >= ROOM))
+    if grid.slope is not None:
+        return np.zeros(grid.blocked.shape, bool)
+    return np.asarray(grid.fits(ROOM) & (distance_transform_edt(~grid.movable) * CELL >= ROOM))
 
 
-def _goals(storeys: Storeys, scene: Scene, category: str) -> Array:
-    """(N, 3) places beside the targets of a category."""
-    return np.concatenate([np.empty((0, 3)), *(storeys.near(scene, thing.id) for thing in scene.of_category(category))])
+def _goals(floors: MultiFloorMap, scene: Scene, category: str, *, sit: bool = False) -> Array:
+    """(N, 3) places beside the targets of a category, or from which one can be sat on."""
+    found = (goals_at(floors, scene, thing.id, sit=sit) for thing in scene.of_category(category))
+    return np.concatenate([np.empty((0, 3)), *found])
 
 
-def _seats(storeys: Storeys, scene: Scene, category: str) -> Array:
-    """(N, 3) places from which a target of a category can be sat on."""
-    stands = [s for thing in scene.of_category(category) for s in storeys.approach(scene, thing.id, sit=True)]
-    return np.array([stand.place for stand in stands]).reshape(-1, 3)
-
-
-def _places(ways: Ways, usable: NDArray[np.bool_], count: int, rng: np.random.Generator) -> Iterator[Array]:
+def _places(ways: DistanceField, usable: NDArray[np.bool_], count: int, rng: np.random.Generator) -> Iterator[Array]:
     """(3,) starts on the floor, up to so many in each range of distances."""
     edges = (NEAREST, *DISTANCE_EDGES, np.inf)
     for low, high in pairwise(edges):
-        cells = np.argwhere(usable & (ways.costs > low) & (ways.costs <= high) & np.isfinite(ways.costs))
+        cells = np.argwhere(usable & (ways.metres > low) & (ways.metres <= high) & np.isfinite(ways.metres))
         for level, x, z in rng.permutation(cells)[:count]:
-            plan = ways.storeys.plans[level]
-            east, north = plan.point(np.array([x, z])).round(3)
-            yield np.array([east, plan.floor, north])
+            grid = ways.where.grids[level]
+            east, north = grid.point(np.array([x, z])).round(3)
+            yield np.array([east, grid.floor, north])
 
 
-def _candidate(scene: Scene, ways: Ways, category: str, place: Array, yaw: float) -> EpisodeSpec:
+def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, yaw: float) -> EpisodeSpec:
     """The episode from a place to the nearest target."""
     x, floor, z = place.tolist()
     return EpisodeSpec(
@@ -135,17 +111,9 @@ def _candidate(scene: Scene, ways: Ways, category: str, place: Array, yaw: float
         start=Pose2D(x=x, z=z, yaw=yaw, floor=floor),
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)),
-        interact=category in SIT_CATEGORIES,
-        difficulty=measure(scene, ways.way(place), float(ways.storeys.at(ways.costs, place))),
+        interact=category in SEATS,
+        difficulty=route_difficulty(scene, ways.path(place), float(ways.at(place))),
     )
-
-
-def instruction(category: str) -> str:
-    """What the agent is asked to do, in the words of the paper."""
-    noun = ALIASES[category][0]
-    if category in SIT_CATEGORIES:
-        return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
-    return f"find a {noun} and navigate to it with zero distance."
 
 
 # -- choosing ----------------------------------------------------------------------------------------------------------

@@ -15,10 +15,10 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from humanclaw.tasks import TARGET_CATEGORIES
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
+from humanclaw_bench.splits import CATEGORIES
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
 
 NONE: Final = Estimate(float("nan"))
@@ -198,7 +198,7 @@ def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
     """The main columns by the category of the target."""
-    return _broken_down("Results by category", results, TARGET_CATEGORIES, lambda s: s.category, seed)
+    return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
 
 
 def _broken_down(

@@ -14,7 +14,7 @@ from humanclaw.episode import Episode
 from humanclaw.errors import HumanclawError, ReplayError
 from humanclaw.files import write_atomically
 from humanclaw.limits import Meter
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
 from humanclaw.records import EpisodeSpec, Outcome, RecordedEpisode, StepRecord, Usage
 

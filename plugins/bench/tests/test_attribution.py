@@ -10,7 +10,7 @@ from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
 from rooms import two_rooms
 
 from humanclaw.loop import run_episode
-from humanclaw.navigation.geodesics import geodesics
+from humanclaw.navigation import geodesics
 from humanclaw.records import Call, RecordedEpisode, StepRecord
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent

@@ -1,17 +1,19 @@
-"""Ablation and rescue, from made-up scores whose answers are known."""
+"""Ablation and repair, from made-up scores whose answers are known."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from importlib.resources import files
+from pathlib import Path
 
+from humanclaw import Plugins
 from humanclaw.records import EpisodeSpec
-from humanclaw_bench import ablation, rescue
+from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.metrics import Scores
-from humanclaw_scripted.faults import FAULTS, drawn
+from humanclaw_bench.repair import drawn
 
+FAULTS = repair.known_faults(Plugins.discover())
 BY_LABEL = {cause.label: cause for cause in CAUSES}
 
 
@@ -50,23 +52,23 @@ def test_the_ablation_table_tells_rates_and_directions():
 
 
 def test_the_settings_differ_from_the_baseline_in_one_thing_each():
-    base = ablation.BASELINE.job(ablation.Engines())
+    base = ablation.BASELINE.job(ablation.Backends())
     for setting in ablation.SETTINGS[1:]:
-        job = setting.job(ablation.Engines())
+        job = setting.job(ablation.Backends())
         changed = dict(job.options.items() - base.options.items())
         assert len(changed) + (job.verifier != base.verifier) == 1
 
 
-def test_rescue_counts_by_label_who_is_saved_by_the_blamed_faculty():
+def test_repair_counts_by_label_who_is_saved_by_the_blamed_capability():
     far, blind = BY_LABEL["nav: stop while far"], BY_LABEL["find: target in view but not seen"]
     causes = {"e0": far, "e1": far, "e2": far, "e3": blind, "e4": None}
     right = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
     other = {f"e{k}": scores(k, nav=k == 2) for k in range(1, 4)}
-    rows = rescue.rescued(causes, right, other)
+    rows = repair.repaired(causes, right, other)
     assert [row.label for row in rows] == [blind.label, far.label]
-    assert (rows[0].count, rows[0].rescued, rows[0].rescued_by_others, rows[0].others) == (1, 1, 0, 1)
-    assert (rows[1].count, rows[1].rescued, rows[1].rescued_by_others, rows[1].others) == (3, 2, 1, 2)
-    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) | 1 of 2 |" in rescue.markdown(rows)
+    assert (rows[0].count, rows[0].repaired, rows[0].repaired_by_others, rows[0].others) == (1, 1, 0, 1)
+    assert (rows[1].count, rows[1].repaired, rows[1].repaired_by_others, rows[1].others) == (3, 2, 1, 2)
+    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) | 1 of 2 |" in repair.markdown(rows)
 
 
 def specs(count: int) -> list[EpisodeSpec]:
@@ -75,49 +77,54 @@ def specs(count: int) -> list[EpisodeSpec]:
 
 def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_enough():
     everything, causes = specs(500), {}
-    first = rescue.wanting(everything, causes, 3)
+    first = repair.wanting(everything, causes, 3, FAULTS)
     assert len(first) == 3 * len(FAULTS)
-    causes = {spec.id: BY_LABEL[FAULTS[drawn(spec)].label] for spec in first}
-    spoilt = next(spec for spec in first if drawn(spec) == "jam")
+    causes = {spec.id: BY_LABEL[drawn(spec, FAULTS).cause] for spec in first}
+    spoilt = next(spec for spec in first if drawn(spec, FAULTS).name == "jam")
     causes[spoilt.id] = None
-    (another,) = rescue.wanting(everything, causes, 3)
-    assert drawn(another) == "jam"
+    (another,) = repair.wanting(everything, causes, 3, FAULTS)
+    assert drawn(another, FAULTS).name == "jam"
     assert another not in first
 
 
 def test_what_is_played_ends_with_the_episodes():
     everything = specs(10)
-    assert rescue.wanting(everything, {spec.id: None for spec in everything}, 3) == []
+    assert repair.wanting(everything, {spec.id: None for spec in everything}, 3, FAULTS) == []
 
 
 def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left():
     everything, causes = specs(500), {}
-    while todo := rescue.wanting(everything, causes, 2):
+    while todo := repair.wanting(everything, causes, 2, FAULTS):
         causes |= {spec.id: None for spec in todo}
-    assert Counter(drawn(spec) for spec in everything if spec.id in causes) == dict.fromkeys(FAULTS, 6)
+    assert Counter(drawn(spec, FAULTS).name for spec in everything if spec.id in causes) == dict.fromkeys(
+        (fault.name for fault in FAULTS), 6
+    )
 
 
-def test_the_blamed_of_a_faculty_are_at_most_so_many_of_each_label():
+def test_the_blamed_of_a_capability_are_at_most_so_many_of_each_label():
     arrived, jammed = BY_LABEL["nav: unaware arrived/touch"], BY_LABEL["nav: unaware jammed"]
     causes = {f"e{k}": arrived if k < 4 else jammed for k in range(5)} | {"e5": BY_LABEL["nav: lost target"]}
-    assert len(rescue.blamed(specs(6), causes, "body awareness")) == 5
-    assert [spec.id for spec in rescue.blamed(specs(6), causes, "body awareness", 2)] == ["e0", "e1", "e4"]
+    assert len(repair.blamed(specs(6), causes, "body awareness")) == 5
+    assert [spec.id for spec in repair.blamed(specs(6), causes, "body awareness", 2)] == ["e0", "e1", "e4"]
 
 
-def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_faculty():
-    assert {BY_LABEL[fault.label].faculty == fault.faculty for fault in FAULTS.values()} == {True}
-    assert {cause.label for cause in CAUSES} - {fault.label for fault in FAULTS.values()} == {"find: too far"}
+def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_capability():
+    assert {BY_LABEL[fault.cause].capability == fault.capability for fault in FAULTS} == {True}
+    assert {cause.label for cause in CAUSES} - {fault.cause for fault in FAULTS} == {"find: too far"}
 
 
-def test_the_faculty_put_right_for_comparison_is_another_one():
-    assert all(rescue.another(faculty) in set(rescue.FACULTIES) - {faculty} for faculty in rescue.FACULTIES)
+def test_the_capability_put_right_for_comparison_is_another_one():
+    assert all(
+        repair.another(name, FAULTS) in set(repair.capabilities(FAULTS)) - {name}
+        for name in repair.capabilities(FAULTS)
+    )
 
 
-def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_faculty_and_fault():
-    page = files("humanclaw").joinpath("bench/README.md").read_text("utf-8")
+def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_capability_and_fault():
+    page = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
     rows = [line for line in page.splitlines() if re.match(r"\| \d+ \|", line)]
-    fault = {one.label: f"`{name}`" for name, one in FAULTS.items()}
+    fault = {one.cause: f"`{one.name}`" for one in FAULTS}
     assert rows == [
-        f"| {number} | {cause.label} | {cause.meaning} | {cause.faculty} | {fault.get(cause.label, 'none')} |"
+        f"| {number} | {cause.label} | {cause.meaning} | {cause.capability} | {fault.get(cause.label, 'none')} |"
         for number, cause in enumerate(CAUSES, 1)
     ]

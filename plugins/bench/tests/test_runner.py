@@ -9,8 +9,10 @@ import time
 from pathlib import Path
 
 import pytest
+import rooms
 import toy_world
 from click.testing import CliRunner
+from filelock import FileLock
 
 from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError, PluginError, RecordError
@@ -204,20 +206,16 @@ def test_a_budget_ends_the_run_and_another_sitting_goes_on(play):
 
 
 def test_two_runs_never_write_to_one_folder(play, tmp_path):
-    import fcntl
-
     (tmp_path / "run").mkdir()
-    with (tmp_path / "run" / ".lock").open("w") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        with pytest.raises(RecordError, match="another run is writing"):
-            play(toy_world.specs(1))
+    with FileLock(tmp_path / "run" / ".lock"), pytest.raises(RecordError, match="another run is writing"):
+        play(toy_world.specs(1))
 
 
 # -- signals -----------------------------------------------------------------------------------------------------------
 SCRIPT = """
 import sys
 from pathlib import Path
-sys.path.insert(0, {here!r})
+sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
@@ -241,7 +239,9 @@ def process(tmp_path):
 
     def start(pause=0.15):
         script = tmp_path / "script.py"
-        script.write_text(SCRIPT.format(here=str(Path(__file__).parent), pause=pause))
+        script.write_text(
+            SCRIPT.format(paths=[str(Path(__file__).parent), str(Path(rooms.__file__).parent)], pause=pause)
+        )
         running = subprocess.Popen(
             [sys.executable, str(script), str(tmp_path / "run")],
             stdout=subprocess.PIPE,

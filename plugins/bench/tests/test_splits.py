@@ -5,9 +5,10 @@ import pytest
 from rooms import two_rooms
 
 from humanclaw.errors import HumanclawError
-from humanclaw.navigation.routes import Storeys
+from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
 from humanclaw.records import Difficulty, EpisodeSpec
-from humanclaw_bench.difficulty import Ways, measure, overall, tiers
+from humanclaw.tasks import write_episodes
+from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (
     DATA,
     EPISODES,
@@ -18,7 +19,6 @@ from humanclaw_bench.splits import (
     choose,
     load_split,
     named,
-    write_split,
 )
 
 shipped = pytest.mark.skipif(not (DATA / "val.jsonl").exists(), reason="the splits are not made yet")
@@ -54,12 +54,12 @@ def test_thresholds_are_the_papers():
 
 def test_a_way_through_a_door_has_two_rooms_and_turns():
     scene = two_rooms()
-    storeys = Storeys.of(scene)
-    ways = Ways.of(storeys, storeys.near(scene, 20))
+    storeys = MultiFloorMap.of(scene)
+    ways = DistanceField.of(storeys, goals_at(storeys, scene, 20))
     start = np.array([1.0, 0.0, 1.0])
-    way = ways.way(start)
+    way = ways.path(start)
     assert np.allclose(way[0], start, atol=0.05)
-    difficulty = measure(scene, way, float(storeys.at(ways.costs, start)))
+    difficulty = route_difficulty(scene, way, float(ways.at(start)))
     # To the doorway at (4, 4.5) and on to the front of the couch, whose middle is at (7.5, 2.5): 4.6 m and more than 3 m.
     assert 7.0 < difficulty.distance < 9.0
     assert difficulty.rooms == 2
@@ -71,18 +71,18 @@ def test_obstacles_are_what_stands_within_a_metre():
     middle = np.array(
         [[6.0, 0.0, 4.5]]
     )  # 1.5 m from the wall at z = 6, 1.55 m from the couch's end, 1.95 m from the doorway
-    assert measure(scene, np.repeat(middle, 2, 0), 0.0).obstacles == 0.0
+    assert route_difficulty(scene, np.repeat(middle, 2, 0), 0.0).obstacles == 0.0
     corner = np.array([[7.5, 0.0, 5.5]])  # two walls within a metre
-    assert measure(scene, np.repeat(corner, 2, 0), 0.0).obstacles == 2.0
+    assert route_difficulty(scene, np.repeat(corner, 2, 0), 0.0).obstacles == 2.0
 
 
 # -- candidates and choosing -------------------------------------------------------------------------------------------
 def test_every_candidate_can_be_walked(found):
     scene = two_rooms()
-    storeys = Storeys.of(scene)
+    storeys = MultiFloorMap.of(scene)
     assert {spec.target_category for spec in found} == {"couch", "bed", "tv"}
     for spec in found:
-        goals = np.concatenate([storeys.near(scene, key) for key in spec.target_ids])
+        goals = np.concatenate([goals_at(storeys, scene, key) for key in spec.target_ids])
         start = np.array([spec.start.x, spec.start.floor, spec.start.z])
         assert storeys.geodesic(start, goals) == pytest.approx(spec.difficulty.distance, rel=0.1, abs=0.1)
         assert spec.difficulty.distance >= 1.0
@@ -110,7 +110,7 @@ def test_a_quota_that_cannot_be_met_is_an_error(found):
 def test_a_split_reads_back_as_it_was_written(found, tmp_path):
     specs = named(found)
     assert len({spec.id for spec in specs}) == len(specs)
-    write_split(tmp_path / "mine.jsonl", specs)
+    write_episodes(tmp_path / "mine.jsonl", specs)
     assert load_split(str(tmp_path / "mine.jsonl")) == specs
 
 

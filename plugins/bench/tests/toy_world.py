@@ -48,9 +48,9 @@ class Generator:
     def start(self) -> Motion:
         return rest_pose(HISTORY)
 
-    def generate(self, history: Motion, adapter: Path, values: tuple[float, ...], key: tuple[int, ...]) -> Motion:
+    def generate(self, history: Motion, adapter: Path, values: dict[str, float], key: tuple[int, ...]) -> Motion:
         noise = np.random.default_rng(list(key)).normal(0.0, 0.01, 3)
-        left, forward = (*values, 0.0, 0.0)[:2]
+        left, forward = values.get("x", 0.0), values.get("z", 0.0)
         goal = np.array([left, 0.0, forward]) + noise * [1, 0, 1]
         here = Pose2D.of_history(history)
         path = here.to_local(history).root[-1] + np.linspace(0, 1, 16)[1:, None] * goal

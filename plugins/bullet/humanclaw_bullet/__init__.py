@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    import click
-
+    from humanclaw.half_physics import Profile
+    from humanclaw.hookspecs import Register, SimulatorFactory
     from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
 
 
-def _simulator(profile: str = "default") -> Simulator:
-    from humanclaw_bullet.simulator import HalfPhysics
+def _simulator(profile: str | Profile = "default") -> Simulator:
+    from humanclaw_bullet.world import bullet
 
-    return HalfPhysics(profile)
-
-
-@hookimpl
-def humanclaw_simulators(register: RegisterFactory) -> None:
-    register("bullet", _simulator, "Half-physics on Bullet: driven by pose velocities, carried by contact and gravity.")
+    return bullet(profile)
 
 
 @hookimpl
-def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_bullet import command
-
-    cli.add_command(command.physics)
-    cli.add_command(command.bench_world)
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
+    # PyBullet has no wheels for the newest Pythons; where it is not installed there is no such simulator.
+    if importlib.util.find_spec("pybullet"):
+        register(
+            "bullet", _simulator, "Half-physics on Bullet: driven by pose velocities, carried by contact and gravity."
+        )

@@ -1,154 +1,114 @@
-"""A scene in Bullet: every object that has a body, and where the movable ones are."""
+"""A scene and a body in Bullet."""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.errors import SceneError
-from humanclaw.pose import Array, matrix_from_quaternion
-from humanclaw.scene import Asset, Scene, SceneObject
+from humanclaw.body import JOINTS
+from humanclaw.half_physics import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw.pose import Array
+from humanclaw.scene import Scene
+from humanclaw_bullet.body import load_body
 from humanclaw_bullet.engine import Client
+from humanclaw_bullet.objects import Objects
 
-_BOX_TOLERANCE = 1e-5
-_STILL = 0.1
-"""Speed below which an object that has settled counts as still, m/s and rad/s."""
-
-
-def box_of(hull: Array) -> tuple[Array, Array] | None:
-    """Centre and half extents of a hull that is an axis-aligned box; None for any other."""
-    low, high = hull.min(axis=0), hull.max(axis=0)
-    on_face = np.minimum(np.abs(hull - low), np.abs(hull - high)) < _BOX_TOLERANCE
-    corners = {tuple(row) for row in (hull > (low + high) / 2).tolist()}
-    if not on_face.all() or len(corners) != 8:
-        return None
-    return (low + high) / 2, (high - low) / 2
+_BODY_A, _BODY_B, _LINK_A, _POINT, _NORMAL, _DISTANCE, _FORCE = 1, 2, 3, 6, 7, 8, 9
+"""Fields of a row of getContactPoints."""
+_LEVEL: Final = 0.7
+"""Upward part of a normal from which on a surface is level."""
+_LINKS: Final = list(range(len(JOINTS) - 1))
 
 
-def centre_of_mass(hulls: Sequence[Array]) -> Array:
-    """(3,) centre of the hulls, each counted by the volume of its bounding box."""
-    size = np.array([np.prod(np.ptp(hull, axis=0)) for hull in hulls]) + 1e-9
-    middle = np.array([(hull.min(axis=0) + hull.max(axis=0)) / 2 for hull in hulls])
-    return np.asarray(size @ middle / size.sum())
+class BulletWorld:
+    """The World of humanclaw.half_physics on Bullet."""
 
+    def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
+        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat hull."""
+        self._client = client = Client()
+        client.setGravity(0, -profile.gravity, 0)
+        client.setPhysicsEngineParameter(numSubSteps=0, deterministicOverlappingPairs=1)
+        self._seconds = 0.0
+        try:
+            self._objects = Objects(client, scene)
+        except BaseException:
+            client.close()
+            raise
+        self._body = load_body(client, profile)
+        self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
+        self.bend(pose.quaternions[1:], np.zeros((len(_LINKS), 3)))
 
-class Things:
-    """The objects of a scene as Bullet bodies. Shapes are shared between objects of one asset."""
+    def pose(self) -> Pose:
+        root, turn = self._client.getBasePositionAndOrientation(self._body)
+        joints = [state[0] for state in self._client.getJointStatesMultiDof(self._body, _LINKS)]
+        return Pose(np.array(root), np.array([turn, *joints]))
 
-    def __init__(self, client: Client, scene: Scene) -> None:
-        self._client, self._scene = client, scene
-        self._pieces: dict[str, list[int]] = {}
-        self._whole: dict[str, tuple[int, Array]] = {}
-        self.object_of: dict[int, int] = {}
-        """Bullet body to object id; a fixed object has one body a hull."""
-        self._movable: dict[int, tuple[int, Array]] = {}
-        self._still: dict[int, Array] = {}
-        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it forget.
-        client.setPhysicsEngineParameter(enableFileCaching=1)
-        for thing in scene.objects:
-            self._add(thing)
-        client.setPhysicsEngineParameter(enableFileCaching=0)
+    def velocity(self) -> tuple[Array, Array]:
+        velocity, spin = self._client.getBaseVelocity(self._body)
+        return np.array(velocity), np.array(spin)
 
-    def _add(self, thing: SceneObject) -> None:
-        asset = self._scene.assets[thing.asset]
-        if thing.movable:
-            self._still[thing.id] = np.array([*thing.position, *thing.rotation], float)
-        if not asset.hulls:
-            return
-        if thing.movable:
-            self._add_movable(thing, asset)
-        else:
-            self._add_fixed(thing, asset)
+    def move(self, root: Array, quaternion: Array, velocity: Array, spin: Array) -> None:
+        self._client.resetBasePositionAndOrientation(self._body, root, quaternion)
+        self.drive(velocity, spin)
 
-    def _add_fixed(self, thing: SceneObject, asset: Asset) -> None:
-        if asset.name not in self._pieces:
-            self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
-        for shape in self._pieces[asset.name]:
-            body = self._client.createMultiBody(0, shape, -1, thing.position, thing.rotation, useMaximalCoordinates=1)
-            # Asleep, or Bullet looks every step after what never moves, and movable things on it find no rest.
-            self._client.changeDynamics(
-                body, -1, lateralFriction=thing.friction, activationState=self._client.ACTIVATION_STATE_SLEEP
-            )
-            self.object_of[body] = thing.id
+    def drive(self, velocity: Array, spin: Array) -> None:
+        self._client.resetBaseVelocity(self._body, velocity, spin)
 
-    def _add_movable(self, thing: SceneObject, asset: Asset) -> None:
-        if thing.mass <= 0:
-            raise SceneError(
-                f"movable object {thing.id} ({thing.category}) has mass {thing.mass}; give it a positive one."
-            )
-        if asset.name not in self._whole:
-            hulls = [hull.astype(float) for hull in asset.hulls]
-            centre = centre_of_mass(hulls)
-            self._whole[asset.name] = self._shape([hull - centre for hull in hulls], asset), centre
-        shape, centre = self._whole[asset.name]
-        position = np.array(thing.position) + matrix_from_quaternion(np.array(thing.rotation)) @ centre
-        body = self._client.createMultiBody(
-            thing.mass, shape, -1, position, thing.rotation, useMaximalCoordinates=1,
-            flags=self._client.URDF_ENABLE_SLEEPING,
-        )  # fmt: skip
-        # A little rolling friction, or a knocked-over cup rolls for ever and never sleeps.
-        self._client.changeDynamics(
-            body, -1, lateralFriction=thing.friction, rollingFriction=0.002, spinningFriction=0.002,
-            activationState=self._client.ACTIVATION_STATE_ENABLE_SLEEPING,
-        )  # fmt: skip
-        self.object_of[body] = thing.id
-        self._movable[thing.id] = body, centre
+    def bend(self, quaternions: Array, speeds: Array) -> None:
+        self._client.resetJointStatesMultiDof(self._body, _LINKS, quaternions.tolist(), speeds.tolist())
 
-    def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
-        """One shape for some hulls: boxes as boxes, which Bullet stacks better; others from a file."""
-        client, boxes = self._client, [box_of(hull) for hull in hulls]
-        if len(hulls) == 1 and boxes[0] is not None:
-            centre, half = boxes[0]
-            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
-        else:
-            shape = self._convex(hulls)
-        if shape < 0:
-            raise SceneError(
-                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?"
-            )
-        return int(shape)
+    def step(self, seconds: float) -> Sequence[Touch]:
+        if seconds != self._seconds:
+            # Not numSubSteps: with it Bullet forgets gravity after the first part.
+            self._client.setPhysicsEngineParameter(fixedTimeStep=seconds)
+            self._seconds = seconds
+        self._client.stepSimulation()
+        return self._touches()
 
-    def _convex(self, hulls: Sequence[Array]) -> int:
-        """Convex pieces from a Wavefront file, each a named object of it.
+    def overlaps(self) -> Sequence[Touch]:
+        self._client.performCollisionDetection()
+        return self._touches()
 
-        Bullet takes several hulls in one shape from a file only, and what it is given as points it never frees.
-        """
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "hulls.obj"
-            path.write_text(_wavefront(hulls), encoding="utf-8")
-            return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
+    def _touches(self) -> Sequence[Touch]:
+        known = self._objects.object_of
+        return [
+            Touch(row[_LINK_A] + 1, known[row[_BODY_B]], row[_POINT], row[_NORMAL], row[_DISTANCE], row[_FORCE])
+            for row in self._client.getContactPoints(self._body)
+            if row[_BODY_B] in known
+        ]
 
-    def movable_bodies(self) -> list[int]:
-        """The Bullet bodies of the movable objects."""
-        return [body for body, _ in self._movable.values()]
-
-    def lull(self) -> None:
-        """Let objects that lie still sleep until something touches them; asleep they cost next to nothing."""
-        for body in self.movable_bodies():
-            if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
-                self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
-
-    def states(self) -> Mapping[int, Array]:
-        """Movable object id to (7,) position and quaternion of the asset's own frame."""
-        found = dict(self._still)
-        if self._movable:
-            centres = np.array([centre for _, centre in self._movable.values()])
-            poses = [self._client.getBasePositionAndOrientation(body) for body, _ in self._movable.values()]
-            position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
-            corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
-            found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
+    def touching(self) -> Collection[tuple[int, int]]:
+        # One query for all pairs is cheaper than one for each movable object.
+        rows: Sequence[Any] = self._client.getContactPoints() or ()
+        known, found = self._objects.object_of, set()
+        for row in rows:
+            a, b = known.get(row[_BODY_A], 0), known.get(row[_BODY_B], 0)
+            if row[_DISTANCE] <= TOUCHING and a and b:
+                found.add((min(a, b), max(a, b)))
         return found
 
+    def top(self, object_id: int, above: Array, below: Array) -> float | None:
+        body, _, _, at, face = self._client.rayTest(above, below)[0]
+        return float(at[1]) if self._objects.object_of.get(body) == object_id and face[1] > _LEVEL else None
 
-def _wavefront(hulls: Sequence[Array]) -> str:
-    """An OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points alone."""
-    lines, first = [], 1
-    for number, hull in enumerate(hulls):
-        lines.append(f"o hull{number}")
-        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in hull]
-        lines += [f"f {first} {first + k} {first + k + 1}" for k in range(1, len(hull) - 1)]
-        first += len(hull)
-    return "\n".join(lines) + "\n"
+    def motion(self, object_id: int) -> ObjectMotion:
+        return self._objects.motion(object_id)
+
+    def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
+        self._objects.set_motion(object_id, motion)
+
+    def objects(self) -> Mapping[int, Array]:
+        return self._objects.states()
+
+    def settled(self) -> None:
+        self._objects.lull()
+
+    def close(self) -> None:
+        self._client.close()
+
+
+def bullet(profile: str | Profile = "default") -> HalfPhysics:
+    """Half-physics on Bullet. profile: 'default', 'paper', 'reference', or constants of your own."""
+    return HalfPhysics(BulletWorld, profile)

@@ -1,11 +1,16 @@
-"""How the plugin is found."""
+"""How the plugin is found, and what is Bullet's own."""
 
 import os
 import subprocess
 import sys
 
+import numpy as np
+
 import humanclaw_bullet
-from humanclaw_bullet.simulator import HalfPhysics
+from humanclaw.half_physics import HalfPhysics
+from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.testing.speed import reset_times
+from humanclaw_bullet.world import bullet
 
 
 def offered(hook):
@@ -33,8 +38,8 @@ def test_nothing_is_printed_so_that_protocols_may_use_stdout():
 def test_the_body_is_the_same_to_the_last_bit_in_every_process():
     """Python orders a set of names anew in each process, and a sum in another order is another number."""
     code = """
-from humanclaw_bullet.profile import find_profile
-from humanclaw_bullet.puppet import urdf
+from humanclaw.half_physics import find_profile
+from humanclaw_bullet.body import urdf
 print(urdf(find_profile('default')))
 """
     command, bodies = [sys.executable, "-c", code], set()
@@ -42,3 +47,14 @@ print(urdf(find_profile('default')))
         seeded = os.environ | {"PYTHONHASHSEED": str(seed)}
         bodies.add(subprocess.run(command, env=seeded, capture_output=True, text=True, check=True).stdout)
     assert len(bodies) == 1
+
+
+def test_resetting_keeps_no_memory():
+    """Neither of boxes nor of a hundred other shapes, which are given to the engine in a different way."""
+    builder, random = SceneBuilder(), np.random.default_rng(0)
+    builder.room()
+    for number in range(100):
+        hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
+        builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
+    _, memory = reset_times(bullet(), builder.scene(), 40, lambda: None)
+    assert memory[-1] - memory[9] < 2.0

@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     import click
 
+    from humanclaw.hookspecs import Register, SceneFactory
     from humanclaw.scene import Scene
 
 __version__ = "0.1.0"
@@ -22,7 +23,7 @@ def _open(source: str, argument: str) -> Scene:
 
 
 @hookimpl
-def humanclaw_scenes(register: RegisterFactory) -> None:
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     register("habitat", partial(_open, "habitat"), "A Habitat scene dataset: habitat:/path/to/dataset#scene.")
     register("hssd", partial(_open, "hssd"), "The same, for the Habitat Synthetic Scenes Dataset: hssd:/path#scene.")
 

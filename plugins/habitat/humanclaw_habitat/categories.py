@@ -38,6 +38,9 @@ MOVABLE: Final = frozenset({
 })  # fmt: skip
 """What people pick up or push aside, if it is small."""
 
+GOALS: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
+"""The six categories that ObjectNav asks for, in our words."""
+
 
 def category_of(words: Iterable[str]) -> str:
     """The category of the first word that is not empty: one of ours, or the word itself; 'object' if all are empty."""

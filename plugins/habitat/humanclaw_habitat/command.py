@@ -10,8 +10,8 @@ import click
 
 from humanclaw.errors import HumanclawError
 from humanclaw.scene import Scene
-from humanclaw.tasks import TARGET_CATEGORIES
-from humanclaw_bench.splits import summary, write_split
+from humanclaw.tasks import write_episodes
+from humanclaw_habitat.categories import GOALS
 from humanclaw_habitat.dataset import Dataset
 from humanclaw_habitat.episodes import convert, read_books
 from humanclaw_habitat.reference import TRIANGLES, Reference
@@ -55,13 +55,13 @@ def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triang
 @habitat.command()
 @click.argument("dataset", type=_PLACE)
 @click.argument("episodes", type=_PLACE)
-@click.option("--out", required=True, type=_PLACE, help="File of the split, for `humanclaw bench run --split`.")
+@click.option("--out", required=True, type=_PLACE, help="File of the episodes, for `humanclaw bench run --split`.")
 @click.option("--max-steps", default=100, show_default=True, type=click.IntRange(1), help="Decisions in an episode.")
 @_skip
 @_small
 @_triangles
 def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: bool, small: bool, triangles: int) -> None:
-    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a split of the benchmark."""
+    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a file of episodes, one a line."""
     found = convert(
         read_books(episodes),
         lambda name: load_scene("hssd", _argument(dataset, name, skip, small, triangles)),
@@ -72,10 +72,11 @@ def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: boo
         click.echo(f"left out: {count} episodes: {reason}", err=True)
     if not found.specs:
         raise HumanclawError(f"no episode of {episodes} can be used.", "The reasons are above.")
-    write_split(out, found.specs)
+    write_episodes(out, found.specs)
     click.echo(f"{out}")
-    for key, value in summary(found.specs).items():
-        click.echo(f"  {key:<13} {value}")
+    categories = Counter(spec.target_category for spec in found.specs)
+    click.echo(f"  episodes      {len(found.specs)} in {len({spec.scene for spec in found.specs})} scenes")
+    click.echo("  categories    " + ", ".join(f"{name} {count}" for name, count in categories.most_common()))
 
 
 def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int) -> str:
@@ -84,7 +85,7 @@ def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int)
 
 
 def _tell(scene: Scene) -> None:
-    targets = Counter(thing.category for thing in scene.objects if thing.category in TARGET_CATEGORIES)
+    targets = Counter(thing.category for thing in scene.objects if thing.category in GOALS)
     triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
     movable = sum(thing.movable for thing in scene.objects)
     click.echo(

@@ -1,4 +1,4 @@
-"""ObjectNav episodes as episodes of this benchmark.
+"""ObjectNav episodes as EpisodeSpecs.
 
 The files are those of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`, whose keys are
 `<scene>_<category>`. A goal's object_id is the index of its object in the scene's object_instances. Two fields that the reference
@@ -21,15 +21,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.geometry import distance_to_box
-from humanclaw.navigation.routes import Storeys
+from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
 from humanclaw.pose import Pose2D, wrap_angle
 from humanclaw.records import Difficulty, EpisodeSpec, name_of
 from humanclaw.scene import Scene
-from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
-from humanclaw_bench.difficulty import Ways, measure
-from humanclaw_bench.splits import instruction
+from humanclaw.tasks import SEATS, instruction
 from humanclaw_habitat.attributes import Vec3
-from humanclaw_habitat.categories import category_of
+from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading
 
 _ASTRAY: Final = 1.0
@@ -159,7 +157,7 @@ def convert(
 ) -> Conversion:
     """Episodes of all books, scene by scene. scene_of: the scene of a name, with its reference as its name.
 
-    An episode whose category is none of ours is left out, and so is, with skip, one that has no target in the scene or whose
+    An episode whose category is none of GOALS is left out, and so is, with skip, one that has no target in the scene or whose
     start has no way to one. Raises HumanclawError without skip.
     """
     by_scene: dict[str, list[tuple[Book, Task]]] = defaultdict(list)
@@ -197,7 +195,7 @@ def _take(task: Task, book: Book, site: _Site, result: Conversion, max_steps: in
 
 
 class _UnfitError(Exception):
-    """An episode that this benchmark does not have."""
+    """An episode whose goal is none of GOALS."""
 
 
 @dataclass
@@ -205,21 +203,21 @@ class _Site:
     """A scene and what is known of the ways in it."""
 
     scene: Scene
-    ways: dict[tuple[int, ...], Ways] = field(default_factory=dict)
+    ways: dict[tuple[int, ...], DistanceField] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._storeys = Storeys.of(self.scene)
+        self._floors = MultiFloorMap.of(self.scene)
 
     def spec(self, task: Task, goals: Sequence[Goal], max_steps: int) -> EpisodeSpec:
         category = category_of([task.object_category])
-        if category not in TARGET_CATEGORIES:
-            raise _UnfitError(f"{task.object_category} is not among {', '.join(TARGET_CATEGORIES)}")
+        if category not in GOALS:
+            raise _UnfitError(f"{task.object_category} is not among {', '.join(GOALS)}")
         targets = tuple(dict.fromkeys(self._targets(task, goals)))
         start = self._standing(task.start)
         return EpisodeSpec(
             id=name_of(f"{task.scene}-{category}-{task.episode_id}"), instruction=instruction(category),
             scene=self.scene.name, scene_digest=self.scene.digest, start=start, target_category=category,
-            target_ids=targets, interact=category in SIT_CATEGORIES, max_steps=max_steps,
+            target_ids=targets, interact=category in SEATS, max_steps=max_steps,
             difficulty=self._difficulty(start, targets),
         )  # fmt: skip
 
@@ -243,7 +241,7 @@ class _Site:
 
     def _standing(self, start: Pose2D) -> Pose2D:
         """The start on the scene's own floor: those of a navigation mesh hover a little."""
-        floors = [plan.floor for plan in self._storeys.floors]
+        floors = [plan.floor for plan in self._floors.floors]
         near = min(floors, key=lambda floor: abs(floor - start.floor))
         if abs(near - start.floor) > _FLOOR:
             said = ", ".join(f"{floor:g}" for floor in floors)
@@ -253,10 +251,10 @@ class _Site:
     def _difficulty(self, start: Pose2D, targets: tuple[int, ...]) -> Difficulty:
         """Of the way to the nearest target. Raises SceneError if there is none."""
         if targets not in self.ways:
-            places = [self._storeys.near(self.scene, target) for target in targets]
-            self.ways[targets] = Ways.of(self._storeys, np.concatenate(places))
+            places = [goals_at(self._floors, self.scene, target) for target in targets]
+            self.ways[targets] = DistanceField.of(self._floors, np.concatenate(places))
         ways, place = self.ways[targets], np.array([start.x, start.floor, start.z])
-        cost = float(self._storeys.at(ways.costs, place))
-        if not np.isfinite(cost):
+        distance = float(ways.at(place))
+        if not np.isfinite(distance):
             raise SceneError("there is no way from its start to a target.", "Use --skip.")
-        return measure(self.scene, ways.way(place), cost)
+        return route_difficulty(self.scene, ways.path(place), distance)

@@ -35,7 +35,7 @@ from humanclaw_habitat.frames import axes, quarter, quaternion
 from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.stage import floor_levels, pieces
 
-VERSION: Final = 1
+VERSION: Final = 2
 """To be raised when the same files give another asset."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35

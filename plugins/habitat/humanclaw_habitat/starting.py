@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.navigation.routes import FloorPlan
+from humanclaw.navigation import OccupancyGrid
 from humanclaw.pose import Pose2D
 from humanclaw.scene import Scene
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:
     """The place on a floor that is farthest from everything, facing the way, of eight, in which one sees farthest."""
-    plan = FloorPlan.of(scene, floor)
+    plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
     cell = np.unravel_index(int(np.where(blocked, 0.0, plan.clearance).argmax()), blocked.shape)
     place = plan.point(np.array(cell))

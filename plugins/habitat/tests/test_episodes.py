@@ -17,8 +17,8 @@ from humanclaw.cli import build
 from humanclaw.loop import run_episode
 from humanclaw.pose import Pose2D, wrap_angle
 from humanclaw.records import EpisodeSpec, RecordedEpisode
+from humanclaw.tasks import read_episodes
 from humanclaw_bench.metrics import score
-from humanclaw_bench.splits import load_split
 from humanclaw_scripted.agents import OracleAgent
 
 GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}
@@ -37,7 +37,7 @@ def made(
     place = write_episodes(folder / "objectnav", list(episodes), goals)
     out = folder / "split.jsonl"
     result = run("episodes", dataset, place, "--out", out, *flags)
-    return result, load_split(str(out)) if out.exists() else ()
+    return result, read_episodes(out) if out.exists() else ()
 
 
 def one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
@@ -172,7 +172,7 @@ def test_the_list_of_all_episodes_leads_to_the_files_of_the_scenes(dataset: Path
     place = write_episodes(tmp_path / "objectnav", [episode(0, "tv", [2, 0, 2], BACK)], GOALS)
     out = tmp_path / "split.jsonl"
     assert run("episodes", dataset, place / "val.json.gz", "--out", out).exit_code == 0
-    assert len(load_split(str(out))) == 1
+    assert len(read_episodes(out)) == 1
 
 
 def test_scenes_are_listed_and_checked(dataset: Path) -> None:

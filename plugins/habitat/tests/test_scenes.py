@@ -14,7 +14,7 @@ from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
 from humanclaw import Plugins
 from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.navigation.routes import FloorPlan
+from humanclaw.navigation import OccupancyGrid
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import Scene
 
@@ -175,7 +175,7 @@ def test_the_floor_is_solid_below_and_the_walls_fill_their_width(scene: Scene) -
 def test_a_building_collides_as_its_collision_model_does(mine: Path) -> None:
     model(mine / "stages" / "shell.glb", *walls(), box((2, 0, 2), (2.5, 1, 2.5)))
     edit(mine / "stages" / "toy.stage_config.json", collision_asset="shell.glb")
-    plan = FloorPlan.of(load(mine))
+    plan = OccupancyGrid.of(load(mine))
     assert plan.at(plan.blocked, np.array([2.25, 2.02]))
     assert not plan.at(plan.blocked, np.array([1.0, 3.0]))
 
@@ -187,7 +187,7 @@ def test_a_building_that_is_not_collidable_stops_nobody(mine: Path) -> None:
 
 
 def test_the_doorway_is_open_and_the_wall_beside_it_is_not(scene: Scene) -> None:
-    plan = FloorPlan.of(scene)
+    plan = OccupancyGrid.of(scene)
     assert not plan.at(plan.blocked, np.array([[4.0, 3.1], [3.0, 3.1], [5.0, 3.1]])).any()
     assert plan.at(plan.blocked, np.array([[4.0, 1.0], [4.0, 5.0], [8.05, 3.0], [-1.0, 3.0]])).all()
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     import click
 
+    from humanclaw.hookspecs import Register, SceneFactory
     from humanclaw.scene import Scene
 
 __version__ = "0.1.0"
@@ -21,7 +22,7 @@ def _house(argument: str) -> Scene:
 
 
 @hookimpl
-def humanclaw_scenes(register: RegisterFactory) -> None:
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     register("house", _house, "Generated houses: house:0 to house:40 for validation, house:train-N for training.")
 
 

@@ -24,7 +24,7 @@ from humanclaw_houses.importers.offers import Collection, Offer, Vec3, digest_of
 from humanclaw_houses.importers.sweethome import slug
 from humanclaw_houses.library import Entry, Level, paths, read_index, write_asset, write_index
 
-VERSION: Final = 1
+VERSION: Final = 2
 """To be raised when the same source gives another asset; assets of another version are made anew."""
 TRIANGLES: Final = 1200
 _QUARTERS: Final = {"+z": 0, "+x": 3, "-z": 2, "-x": 1}

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.navigation.routes import RADIUS, FloorPlan, Storeys
+from humanclaw.navigation import RADIUS, MultiFloorMap, OccupancyGrid
 from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import Room, Scene
+from humanclaw.scene import Scene
 
 Mask = NDArray[np.bool_]
 
@@ -20,21 +20,21 @@ class Walkways:
     """What can be walked in a house, on all storeys, movable things left where they stand."""
 
     scene: Scene
-    storeys: Storeys
+    floors: MultiFloorMap
 
     @classmethod
     def of(cls, scene: Scene) -> Walkways:
-        return cls(scene, Storeys.of(scene).solid())
+        return cls(scene, MultiFloorMap.of(scene).solid())
 
     @cached_property
     def reached(self) -> Array:
         """(P, x cell, z cell) metres from the roomiest place of the lowest hall (or of the house) to each cell of each plan."""
-        return self.storeys.distances(self._roomiest())
+        return self.floors.distances(self._roomiest())
 
     def _roomiest(self) -> Array:
-        plan = self.storeys.plans[0]
+        plan = self.floors.grids[0]
         halls = [room for room in self.scene.rooms if room.kind == "hall"]
-        within = np.any([inside(plan, room) for room in halls or self.scene.rooms], axis=0)
+        within = np.any([plan.within(room) for room in halls or self.scene.rooms], axis=0)
         cell = np.unravel_index(int(np.where(within, plan.clearance, -1.0).argmax()), within.shape)
         x, z = plan.point(np.array(cell))
         return np.array([x, plan.floor, z])
@@ -44,39 +44,24 @@ class Walkways:
         on a storey that the box is not on."""
         return tuple(
             np.isfinite(self.reached[2 * k])
-            & (_gap(plan, low, high) <= reach)
+            & (plan.gap(low, high) <= reach)
             & bool(low[1] < plan.floor + 1.9 and high[1] > plan.floor)
-            for k, plan in enumerate(self.storeys.floors)
+            for k, plan in enumerate(self.floors.floors)
         )
 
     def room_at(self, plan: int) -> Array:
         """Clearance on a storey where it can be walked to, 0 elsewhere, metres."""
-        return np.where(np.isfinite(self.reached[2 * plan]), self.storeys.floors[plan].clearance, 0.0)
-
-
-def inside(plan: FloorPlan, room: Room) -> Mask:
-    """Cells of a room, none if it is on another storey."""
-    mask = np.zeros(plan.blocked.shape, bool)
-    if abs(room.floor - plan.floor) < 0.5:
-        (i, j), (k, m) = plan.cell(np.array([room.x0, room.z0])), plan.cell(np.array([room.x1, room.z1]))
-        mask[i : k + 1, j : m + 1] = True
-    return mask
-
-
-def _gap(plan: FloorPlan, low: Array, high: Array) -> Array:
-    """Distance of each cell's middle from a box, seen from above, metres."""
-    points = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1))
-    return np.asarray(np.linalg.norm(np.clip(points, low[[0, 2]], high[[0, 2]]) - points, axis=-1))
+        return np.where(np.isfinite(self.reached[2 * plan]), self.floors.floors[plan].clearance, 0.0)
 
 
 def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
     """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the house is
     large enough, in the hall if that is possible, facing the longest free line of sight."""
     ways = Walkways.of(scene)
-    plan = ways.storeys.plans[0]
+    plan = ways.floors.grids[0]
     roomy = ways.room_at(0) > 0.55
     far = _from_couches(ways)
-    hall = np.any([inside(plan, room) for room in scene.rooms if room.kind == "hall"] or [np.zeros_like(roomy)], axis=0)
+    hall = np.any([plan.within(room) for room in scene.rooms if room.kind == "hall"] or [np.zeros_like(roomy)], axis=0)
     well = roomy & (far > 4) & (far < 10)
     choices = [well & hall, well, roomy & (far > 2.5), roomy, plan.fits(RADIUS), ~plan.blocked]
     cells = np.argwhere(next(choice for choice in choices if choice.any()))
@@ -86,20 +71,18 @@ def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
 
 def _from_couches(ways: Walkways) -> Array:
     """Metres on foot from the nearest couch to the cells of the lowest floor; infinite without one."""
-    storeys = ways.storeys
     goals = [
         [x, plan.floor, z]
         for couch in ways.scene.of_category("couch")
-        for plan, near in zip(storeys.floors, ways.near(*ways.scene.aabb(couch.id), 0.4), strict=True)
+        for plan, near in zip(ways.floors.floors, ways.near(*ways.scene.aabb(couch.id), 0.4), strict=True)
         for x, z in plan.point(np.argwhere(near)).tolist()
     ]
     if not goals:
-        return np.full(storeys.plans[0].blocked.shape, np.inf)
-    weights = [np.where(plan.fits(RADIUS), plan.steepness, -1.0) for plan in storeys.plans]
-    return np.asarray(storeys.search(weights, np.array(goals))[0][0])
+        return np.full(ways.floors.grids[0].blocked.shape, np.inf)
+    return np.asarray(ways.floors.distances(np.array(goals))[0])
 
 
-def _view(plan: FloorPlan, x: float, z: float) -> float:
+def _view(plan: OccupancyGrid, x: float, z: float) -> float:
     """The yaw, of eight, in which one can see farthest over free floor."""
 
     def sight(yaw: float) -> float:

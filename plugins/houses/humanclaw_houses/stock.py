@@ -9,7 +9,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from humanclaw.scene import Asset
-from humanclaw.tasks import SIT_CATEGORIES
+from humanclaw.tasks import SEATS
 from humanclaw_houses.building import Placed
 from humanclaw_houses.importers.categories import sits
 from humanclaw_houses.library import Entry, Library
@@ -87,7 +87,7 @@ def _scale(entry: Entry, wanted: Piece) -> float | None:
 
 def _sittable(entry: Entry, scale: float) -> bool:
     """What the sitting skill is asked for must be sat on at a height that a body can sit at."""
-    if entry.category not in SIT_CATEGORIES or entry.seat_height is None:
+    if entry.category not in SEATS or entry.seat_height is None:
         return True
     return _SEAT[0] <= scale * entry.seat_height <= _SEAT[1]
 

@@ -9,14 +9,16 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from humanclaw.navigation.routes import RADIUS
+from humanclaw.navigation import RADIUS
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import STRUCTURE, Scene, SceneObject
-from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
-from humanclaw_houses.starting import Walkways, inside
+from humanclaw.tasks import SEATS
+from humanclaw_houses.starting import Walkways
 
 REACH: Final = 0.42
 """How far from the middle of a standing body a target may be, seen from above, metres."""
+FURNISHED: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
+"""Every house has at least one of each of these, and each of them can be walked up to."""
 _SHARED: Final = 2e-5
 """The volume that two things may share, cubic metres: a 2 cm cube at most counts as touching."""
 
@@ -24,17 +26,17 @@ _SHARED: Final = 2e-5
 def problems(scene: Scene) -> list[str]:
     """Everything wrong with a house, in words; empty if it can be used."""
     ways = Walkways.of(scene)
-    found = [f"there is no {category}" for category in TARGET_CATEGORIES if not scene.of_category(category)]
+    found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
     found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, ways)]
     for thing in scene.objects:
-        if thing.category in TARGET_CATEGORIES and not _any(ways.near(*scene.aabb(thing.id), REACH)):
+        if thing.category in FURNISHED and not _any(ways.near(*scene.aabb(thing.id), REACH)):
             found.append(f"{thing.asset} cannot be approached")
-        if thing.category in SIT_CATEGORIES:
+        if thing.category in SEATS:
             found += _wrong_seat(scene, thing)
             if not _any(standing_room(scene, ways, thing)):
                 found.append(f"there is no room to stand before {thing.asset}")
-    plan = ways.storeys.plans[0]
+    plan = ways.floors.grids[0]
     if plan.at(ways.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
         found.append("there is no room at the start")
     return found
@@ -49,8 +51,8 @@ def unreached_rooms(scene: Scene, ways: Walkways) -> list[str]:
     over if a storey that they lead to is reached."""
     names = []
     for room in scene.rooms:
-        for k, plan in enumerate(ways.storeys.floors):
-            free = inside(plan, room) & plan.fits(RADIUS)
+        for k, plan in enumerate(ways.floors.floors):
+            free = plan.within(room) & plan.fits(RADIUS)
             walked = int((free & np.isfinite(ways.reached[2 * k])).sum())
             if abs(room.floor - plan.floor) < 0.5 and room.kind != "stairs" and walked < max(1.0, 0.75 * free.sum()):
                 names.append(room.name)
@@ -62,7 +64,7 @@ def standing_room(scene: Scene, ways: Walkways, thing: SceneObject) -> tuple[NDA
     reached on foot."""
     points = scene.assets[thing.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
-    plan = ways.storeys.plans[0]
+    plan = ways.floors.grids[0]
     offset = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1)) - np.array(thing.position)[[0, 2]]
     turn = matrix_from_quaternion(np.array(thing.rotation))[np.ix_([0, 2], [0, 2])]
     side, ahead = np.moveaxis(offset @ turn, -1, 0)

@@ -17,7 +17,7 @@ from humanclaw.cli import build
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.plugins import Plugins
 from humanclaw.scene import Scene
-from humanclaw.tasks import SIT_CATEGORIES
+from humanclaw.tasks import SEATS
 from humanclaw_houses.door import open_house
 from humanclaw_houses.importers.categories import category_of, scale_of
 from humanclaw_houses.importers.sweethome import licence_of, properties
@@ -373,7 +373,7 @@ def test_real_seats_have_their_real_height(furnished: Scene) -> None:
     seen = 0
     for thing in furnished.objects:
         asset = furnished.assets[thing.asset]
-        if thing.category in SIT_CATEGORIES and asset.source != "generated":
+        if thing.category in SEATS and asset.source != "generated":
             scale = float(np.ptp(asset.mesh.vertices[:, 0])) / {"couch": 2.2, "bed": 1.6}[thing.category]
             assert asset.seat_height == pytest.approx({"couch": 0.44, "bed": 0.5}[thing.category] * scale, abs=0.006)
             seen += 1

@@ -13,12 +13,13 @@ import pytest
 
 import humanclaw_houses
 from humanclaw.errors import SceneError
+from humanclaw.navigation import goals_at
 from humanclaw.plugins import Plugins
 from humanclaw.scene import STRUCTURE, Scene, SceneObject
-from humanclaw.tasks import SIT_CATEGORIES, TARGET_CATEGORIES
+from humanclaw.tasks import SEATS
 from humanclaw_houses.source import house, storeys_of
 from humanclaw_houses.starting import Walkways
-from humanclaw_houses.validity import interpenetrating, problems
+from humanclaw_houses.validity import FURNISHED, interpenetrating, problems
 
 SAMPLE = ("0", "12", "20", "train-17")
 """The second has two storeys."""
@@ -76,7 +77,7 @@ def test_different_numbers_give_different_houses() -> None:
 # -- what is in a house ------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", SAMPLE)
 def test_every_house_has_all_six_target_categories(name: str) -> None:
-    assert {thing.category for thing in scene(name).objects} >= set(TARGET_CATEGORIES)
+    assert {thing.category for thing in scene(name).objects} >= set(FURNISHED)
 
 
 @pytest.mark.parametrize("name", SAMPLE)
@@ -197,10 +198,10 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
 def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
     whole, ways = scene(name), Walkways.of(scene(name))
     start = np.array([whole.start.x, whole.start.floor, whole.start.z])
-    assert ways.storeys.plans[0].at(ways.storeys.plans[0].clearance, start[[0, 2]]) >= 0.5
+    assert ways.floors.grids[0].at(ways.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
     for thing in whole.objects:
-        if thing.category in TARGET_CATEGORIES:
-            assert np.isfinite(ways.storeys.geodesic(start, ways.storeys.near(whole, thing.id))), thing.asset
+        if thing.category in FURNISHED:
+            assert np.isfinite(ways.floors.geodesic(start, goals_at(ways.floors, whole, thing.id))), thing.asset
 
 
 # -- storeys -----------------------------------------------------------------------------------------------------------
@@ -242,7 +243,7 @@ def test_over_every_step_there_is_room_for_a_head() -> None:
 def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
     """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something waist-high."""
     whole, ways = scene(TALL), Walkways.of(scene(TALL))
-    plan = ways.storeys.floors[1]
+    plan = ways.floors.floors[1]
     solid = np.array([box for thing in whole.objects for box in boxes(whole, thing)])
     for cell in np.argwhere(np.isfinite(ways.reached[2]))[::7]:
         point = plan.point(cell)
@@ -265,7 +266,7 @@ def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
     start = np.array([whole.start.x, 0.0, whole.start.z])
     bed = next(thing for thing in whole.of_category("bed") if thing.position[1] > 2)
     direct = np.linalg.norm(np.array(bed.position) - start)
-    assert direct + 2 < ways.storeys.geodesic(start, ways.storeys.near(whole, bed.id)) < 30
+    assert direct + 2 < ways.floors.geodesic(start, goals_at(ways.floors, whole, bed.id)) < 30
 
 
 def test_a_house_whose_stairs_are_barred_is_noticed() -> None:
@@ -290,7 +291,7 @@ def test_a_seat_at_a_wrong_height_is_noticed() -> None:
 def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str) -> None:
     limits = {"couch": (0.40, 0.48), "bed": (0.45, 0.60), "toilet": (0.40, 0.44)}
     for thing in scene(name).objects:
-        if thing.category in SIT_CATEGORIES:
+        if thing.category in SEATS:
             asset = scene(name).assets[thing.asset]
             low, high = limits[thing.category]
             assert asset.seat_height is not None

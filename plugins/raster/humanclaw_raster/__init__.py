@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw.hookspecs import Register, RendererFactory
     from humanclaw.interfaces import Renderer
 
 __version__ = "0.1.0"
@@ -19,5 +20,5 @@ def _renderer() -> Renderer:
 
 
 @hookimpl
-def humanclaw_renderers(register: RegisterFactory) -> None:
+def humanclaw_renderers(register: Register[RendererFactory]) -> None:
     register("raster", _renderer, "Software rasteriser: colour, depth and object ids on one CPU core.")

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import RegisterFactory, hookimpl
+from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw.hookspecs import Register
     from humanclaw_bench.executors import Executor
+    from humanclaw_bench.hookspecs import ExecutorFactory
 
 __version__ = "0.1.0"
 
 
-@hookimpl
-def humanclaw_executors(register: RegisterFactory) -> None:
+@hookimpl(optionalhook=True)
+def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
     register("ray", _ray, "a Ray cluster")
 
 

@@ -38,7 +38,7 @@ def cluster():
 def play(tmp_path):
     def run(specs, executor, name, watch=lambda *_: None, **options):
         plugins = Plugins.discover([Path(toy_world.FILE)])
-        if "ray" not in {offer.name for offer in plugins.offers("executors")}:
+        if "ray" not in {one.name for one in plugins.registered("executors")}:
             plugins.add(humanclaw_ray, "ray")
         job = Job("walker", options, engines=TOY, files=(toy_world.FILE,))
         player = plugins.make("executors", executor, 2)

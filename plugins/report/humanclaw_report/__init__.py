@@ -9,14 +9,14 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     import click
 
-    from humanclaw.hookspecs import RegisterFactory
+    from humanclaw.hookspecs import Register, ReporterFactory
     from humanclaw.interfaces import Reporter
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_reports(register: RegisterFactory) -> None:
+def humanclaw_reports(register: Register[ReporterFactory]) -> None:
     register("page", _page, "film, picture and one self-contained HTML page")
 
 

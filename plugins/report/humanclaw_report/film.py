@@ -17,7 +17,7 @@ from tqdm import tqdm
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
-from humanclaw.navigation.routes import FloorPlan, floors_of
+from humanclaw.navigation import OccupancyGrid, floors_of
 from humanclaw.pose import FPS, HISTORY, Array, Motion
 from humanclaw.records import RecordedEpisode, StepRecord
 from humanclaw.scene import Scene
@@ -144,9 +144,9 @@ def opened(scene: Scene, above: float = np.inf) -> Scene:
     return replace(scene, objects=tuple(kept))
 
 
-def sight(scene: Scene, floor: float) -> FloorPlan:
+def sight(scene: Scene, floor: float) -> OccupancyGrid:
     """The plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is below."""
-    plan = FloorPlan.of(scene, floor)
+    plan = OccupancyGrid.of(scene, floor)
     well = np.isnan(plan.ground) & (plan.tops == 0)
     return replace(plan, tops=np.where(well, -np.inf, plan.tops))
 
@@ -159,7 +159,7 @@ def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0)
     return Camera(eye, forward, up, fov, *size)
 
 
-def follow(plans: Sequence[FloorPlan], storeys: NDArray[np.int64], motion: Motion) -> Array:
+def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion) -> Array:
     """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
 
     plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of directions
@@ -186,7 +186,7 @@ def _smooth(values: Array, frames: float) -> Array:
 
 
 def _discomfort(
-    plan: FloorPlan, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
+    plan: OccupancyGrid, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
 ) -> Array:
     """(K, W) cost of each direction at each key frame."""
     joints, yaw = motion.joints()[keys], motion.yaw()[keys]
@@ -262,9 +262,7 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
     if step and step.call:
         font = ImageFont.load_default(size=image.height // 26)
         place = (14, image.height - 14)
-        draw.text(
-            place, f"{step.step}  {step.call}", "white", font, "ls", stroke_width=2, stroke_fill="black"
-        )
+        draw.text(place, f"{step.step}  {step.call}", "white", font, "ls", stroke_width=2, stroke_fill="black")
     return np.asarray(image)
 
 

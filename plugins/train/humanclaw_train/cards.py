@@ -17,8 +17,7 @@ from safetensors import safe_open
 
 from humanclaw.errors import HumanclawError
 from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import read_header
-from humanclaw.motion.generator import shipped_base
+from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw_train.fidelity import Ratio, Report, Row
 from humanclaw_train.rollouts import file_digest
 

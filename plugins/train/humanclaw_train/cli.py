@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from humanclaw.embodiment import default_simulator
 from humanclaw.plugins import Plugins
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
@@ -32,7 +33,8 @@ train = _forward("train", "humanclaw_train.train", "Train the base prior or a sk
 
 def _simulator() -> Any:
     """The half-physics that episodes run in: training imports no plugin host, so it is handed in."""
-    return Plugins.discover().make("simulators", "bullet", profile="default")
+    plugins = Plugins.discover()
+    return plugins.make("simulators", default_simulator(plugins), profile="default")
 
 
 fidelity = _forward(

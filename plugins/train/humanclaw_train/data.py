@@ -17,9 +17,9 @@ import torch
 from torch import Tensor
 
 from humanclaw.errors import HumanclawError
-from humanclaw.motion import kinematics
-from humanclaw.motion.checkpoint import Normaliser
 from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
+from humanclaw_train import kinematics
+from humanclaw_train.checkpoint import Normaliser
 
 # The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)

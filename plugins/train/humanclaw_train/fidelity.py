@@ -24,9 +24,9 @@ from tqdm import tqdm
 
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import load_base
+from humanclaw.motion.checkpoint import load_base, shipped_base
 from humanclaw.motion.flow import PROFILES, Solver
-from humanclaw.motion.generator import DiTGenerator, shipped_base
+from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import Array, wrap_angle
 from humanclaw_train.chunks import PARAMETERS, Chunks, outcomes
 from humanclaw_train.realised import Actor, roll_realised
@@ -161,7 +161,7 @@ def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
     return chunks[chunks.real] if chunks.real.any() else chunks
 
 
-def milliseconds(generator: DiTGenerator, adapter: Path, values: Sequence[float], times: int = 10) -> float:
+def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float], times: int = 10) -> float:
     """Least wall time of one generated chunk of one body, after a first call that reads the adapter."""
     history = generator.start()
     generator.generate(history, adapter, values, (0,))
@@ -285,16 +285,16 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
         ratios = realised(generator, simulator(), paths, options.rollouts, options.seed)
         rows = [replace(row, realised=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
-    values = Command.of(first, paths[first]).draw(1, np.random.default_rng(0))[0].tolist()
-    solver = f"{generator.solver.method}, {generator.solver.steps} steps"
+    command = Command.of(first, paths[first])
+    values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
-    return Report(generator.digest, solver, options.rollouts, options.seed, time_of_one, tuple(rows))
+    return Report(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
     """The generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, plant=options.profile != "paper")
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:

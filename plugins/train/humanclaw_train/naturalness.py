@@ -25,7 +25,7 @@ import numpy as np
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import PARAMETERS, Chunks
 from humanclaw_train.fidelity import generator_options, made_generator
@@ -257,7 +257,7 @@ def sequence_jerks(
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
         if {skill for skill, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
             motions = _sequence(generator, known, calls, bodies, (seed, number))
-            found[name] = float(np.mean([measures.root_jerk(motion) for motion in motions]))
+            found[name] = float(np.mean([root_jerk(motion) for motion in motions]))
     return found
 
 
@@ -364,7 +364,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"\n{generator.solver.method}, {generator.solver.steps} steps; base {generator.digest}")
+    print(f"\n{generator.solver}; base {generator.digest}")
     return 0
 
 

@@ -136,9 +136,9 @@ class Actor:
         self.realised = self._simulator.execute(held).realised
         self._history = anchored(self._history, self.realised)
 
-    def act(self, command: Command, values: Sequence[float], key: Sequence[int]) -> None:
+    def act(self, command: Command, values: Array, key: Sequence[int]) -> None:
         """One chunk of a skill."""
-        commanded = self._generator.generate(self._history, command.adapter, values, key)
+        commanded = self._generator.generate(self._history, command.adapter, command.named(values), key)
         execution = self._simulator.execute(commanded)
         self.realised = self.realised.then(execution.realised)
         self._history = anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
@@ -167,11 +167,11 @@ def roll_realised(
         asked = _commands(command, random)
         actor.stand(flat() if other else stage(command.skill, asked[0]))
         if other:
-            actor.act(other, other.draw(1, random)[0].tolist(), (seed, index, 0))
+            actor.act(other, other.draw(1, random)[0], (seed, index, 0))
             if command.skill in (*STAIRS, SIT):
                 actor.move_to(stage(command.skill, asked[0]))
         for turn, values in enumerate(asked):
-            actor.act(command, values.tolist(), (seed, index, turn + 1))
+            actor.act(command, values, (seed, index, turn + 1))
             chunks.append(actor.realised[-CHUNK:])
             commands.append(values)
             strange.append(other is not None and turn == 0)

@@ -27,10 +27,11 @@ PRIMARY: Final = {"walk": 1, "climb_upstairs": 0, "walk_downstairs": 0}
 
 @dataclass(frozen=True)
 class Command:
-    """What one skill can be asked: the range of each parameter, SI."""
+    """What one skill can be asked: the range of each parameter, SI. names (k,), low (k,), high (k,): as in the adapter's header."""
 
     skill: str
     adapter: Path
+    names: tuple[str, ...]
     low: Array
     high: Array
 
@@ -39,7 +40,11 @@ class Command:
         """The range that the adapter was trained on, less a twentieth at either end."""
         config = read_header(adapter)["adapter"]
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
-        return cls(skill, adapter, centre - 0.9 * scale, centre + 0.9 * scale)
+        return cls(skill, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
+
+    def named(self, values: Array) -> dict[str, float]:
+        """One command (k,) by name, as the generator takes it."""
+        return dict(zip(self.names, values.tolist(), strict=True))
 
     def draw(self, count: int, random: np.random.Generator) -> Array:
         """(count, k) commands; the parameter that the ratio is of is never close to zero."""
@@ -124,6 +129,6 @@ def extend(
     if len(chosen):
         histories = [motions[index][-HISTORY:] for index in chosen]
         keys = [(*key, int(index)) for index in chosen]
-        futures = generator.generate_batch(histories, command.adapter, values.tolist(), keys)
+        futures = generator.generate_batch(histories, command.adapter, [command.named(row) for row in values], keys)
         for index, future in zip(chosen, futures, strict=True):
             motions[index] = motions[index].then(future)

@@ -1,4 +1,4 @@
-"""How long one chunk takes: sizes, solvers and runtimes (PyTorch, ONNX Runtime, OpenVINO), one body and many.
+"""How long one chunk takes: sizes, solvers and runtimes (numpy, PyTorch, ONNX Runtime, OpenVINO), one body and many.
 
     humanclaw speed --threads 1 2
 
@@ -23,15 +23,22 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from threadpoolctl import ThreadpoolController
 from torch import Tensor, nn
 
 from humanclaw.errors import HumanclawError
-from humanclaw.motion.control import Adapter, AdapterConfig
-from humanclaw.motion.dit import SIZES, DiT, Modulations
-from humanclaw.motion.flow import Solver, velocity
+from humanclaw.motion import control, dit
+from humanclaw.motion import flow as numpy_flow
+from humanclaw.motion.control import AdapterConfig
+from humanclaw.motion.dit import SIZES
+from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, STATE_SIZE
+from humanclaw_train.checkpoint import weights_of
+from humanclaw_train.control import Adapter
+from humanclaw_train.dit import DiT, Modulations
 from humanclaw_train.fidelity import milliseconds
+from humanclaw_train.flow import velocity
 from humanclaw_train.rollouts import Command, adapters
 
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
@@ -78,6 +85,21 @@ class Timing:
 
 
 # -- runtimes ----------------------------------------------------------------------------------------------------------
+def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
+    base = dit.DiT(field.base.config, weights_of(field.base))
+    adapter = control.Adapter(base, field.adapter.config, weights_of(field.adapter))
+    limit = partial(ThreadpoolController().limit, limits=threads, user_api="blas")
+
+    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
+        history, noisy, values, tau, blocks, final, branch = (part.numpy() for part in arguments)
+        with limit():
+            residual = adapter.residual(adapter.condition(values), branch)
+            output = base(history, noisy, dit.Modulations(blocks, final), residual)
+        return torch.from_numpy(numpy_flow.velocity(base.config.prediction, output, noisy, float(tau[0])))
+
+    return evaluate
+
+
 def _torch(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
     torch.set_num_threads(threads)
     return lambda arguments: field(*arguments)
@@ -129,6 +151,7 @@ def _exported(field: VelocityField, example: tuple[Tensor, ...]) -> bytes:
 
 
 RUNTIMES: Final[dict[str, tuple[tuple[str, ...], Callable[[VelocityField, tuple[Tensor, ...], int], Evaluate]]]] = {
+    "numpy": ((), _numpy),
     "torch": ((), _torch),
     "onnxruntime": (("onnx", "onnxruntime"), _onnx),
     "openvino": (("onnx", "openvino"), _openvino),
@@ -184,7 +207,8 @@ def _solve(solver: Solver, evaluate: Evaluate, arguments: Sequence[tuple[Tensor,
         history, _, *rest = arguments[index]
         return evaluate((history, noisy, *rest))
 
-    return solver.solve(at, noise)
+    future: Tensor = solver.solve(at, noise)
+    return future
 
 
 def _least(call: Callable[[], Any]) -> tuple[float, float]:
@@ -252,9 +276,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         generator, paths = DiTGenerator.shipped(), adapters(options.adapters)
         skill = next(iter(paths))
-        values = Command.of(skill, paths[skill]).draw(1, np.random.default_rng(0))[0].tolist()
+        command = Command.of(skill, paths[skill])
+        values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
-        print(f"The shipped generator as episodes run it, {skill}, feet planted: {taken:.1f} ms a chunk.")
+        print(f"The shipped generator as episodes run it, {skill}, with foot locking: {taken:.1f} ms a chunk.")
     except HumanclawError as error:
         print(f"The shipped weights were not timed: {error}")
     return 0

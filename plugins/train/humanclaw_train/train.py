@@ -27,24 +27,16 @@ from torch import Tensor, nn
 from humanclaw.body import N_JOINTS
 from humanclaw.errors import HumanclawError
 from humanclaw.files import write_atomically
-from humanclaw.motion import flow, kinematics
-from humanclaw.motion.checkpoint import (
-    Base,
-    Card,
-    Normaliser,
-    load_adapter,
-    load_base,
-    read_header,
-    save_adapter,
-    save_base,
-)
-from humanclaw.motion.control import Adapter, AdapterConfig, Encoder
-from humanclaw.motion.dit import SIZES, DiT, Prediction
-from humanclaw.motion.generator import shipped_base
+from humanclaw.motion.checkpoint import Card, read_header, shipped_base
+from humanclaw.motion.control import AdapterConfig, Encoder
+from humanclaw.motion.dit import SIZES, Prediction
 from humanclaw.pose import CHUNK, FUTURE, HISTORY
-from humanclaw_train import data
+from humanclaw_train import data, flow, kinematics
+from humanclaw_train.checkpoint import Base, Normaliser, load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.chunks import PARAMETERS
+from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
+from humanclaw_train.dit import DiT
 
 _SAVE_SECONDS: Final = 120
 _REPORT_SECONDS: Final = 15

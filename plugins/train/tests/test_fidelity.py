@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tiny_motion import write_adapter
 
 from humanclaw import pose
 from humanclaw.errors import CheckpointError
-from humanclaw.motion.checkpoint import Card, save_adapter
-from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.plugins import Plugins
@@ -23,11 +23,9 @@ from humanclaw_train.rollouts import Command, Rollouts
 def still(tmp_path_factory, still_base):
     """A generator that holds the last pose, and an adapter of step_back that changes nothing."""
     folder = tmp_path_factory.mktemp("still")
-    base = still_base(folder)
-    path = folder / "step_back" / "adapter.safetensors"
-    save_adapter(
-        path, Adapter(base.model, AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))), base.digest, Card()
-    )
+    base = still_base(folder / "base.safetensors")
+    config = AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))
+    path = write_adapter(folder / "step_back" / "adapter.safetensors", base, config, scale=0.0)
     return DiTGenerator(base, Solver("midpoint", 2)), path
 
 
@@ -78,7 +76,7 @@ def test_the_baseline_knows_left_from_right(tmp_path):
     rest = pose.rest_pose(20)
     root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
     Chunks.of("side_step", root, rest.rotations[None], "made", real=True).save(tmp_path / "side_step.npz")
-    command = Command("side_step", tmp_path / "adapter.safetensors", np.array([-0.3]), np.array([-0.299]))
+    command = Command("side_step", tmp_path / "adapter.safetensors", ("x",), np.array([-0.3]), np.array([-0.299]))
     assert baseline([tmp_path], command).mean == pytest.approx(1, abs=0.01)
 
 
@@ -135,7 +133,7 @@ def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
 def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_scene(simulator, still):
     actor = Actor(_backwards(0.2), simulator)
     actor.stand(flat())
-    actor.act(Command.of("step_back", still[1]), [0.2], (0,))
+    actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
     assert actor.realised.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
     actor.move_to(stage("sit_in_place", [0.5]))
     assert actor.realised.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from tiny_motion import write_adapter
 
 from humanclaw import pose
-from humanclaw.motion.checkpoint import Card, load_base, save_adapter
-from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.checkpoint import load_base
+from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw_train.chunks import PARAMETERS, Chunks
@@ -31,11 +32,11 @@ SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 def still(tmp_path_factory, still_base):
     """A folder with a base that holds the last pose, and adapters of four skills that change nothing."""
     folder = tmp_path_factory.mktemp("still")
-    base = still_base(folder)
+    base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
         width = len(PARAMETERS[skill])
         config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
-        save_adapter(folder / skill / "adapter.safetensors", Adapter(base.model, config), base.digest, Card())
+        write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
     return folder
 
 

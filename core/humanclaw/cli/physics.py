@@ -1,0 +1,79 @@
+"""`humanclaw physics` and `humanclaw bench-world`: evidence on the terminal, and nothing on the disk."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, Final
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from humanclaw.cli.options import SIMULATOR_HELP
+from humanclaw.half_physics.profile import PROFILES
+
+_LAWS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
+
+
+def _bar() -> Progress:
+    """On stderr, so that stdout holds the table alone."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    simulator = click.option("--simulator", default="", help=SIMULATOR_HELP)
+    profile = click.option("--profile", type=click.Choice(list(PROFILES)), default="default", show_default=True)
+    return simulator(profile(function))
+
+
+@click.command()
+@_world_options
+@click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
+@click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.argument("laws", nargs=-1, type=click.Choice(_LAWS))
+def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, laws: tuple[str, ...]) -> None:
+    """Measure the laws of half-physics and print them as a table; exit code 1 if one does not hold.
+
+    LAWS: some of them; all without.
+    """
+    from humanclaw.testing.physics import LAWS, Fixture, table, ticks
+
+    fixture = Fixture.of(simulator, profile, samples=samples, chunks=chunks, seed=seed)
+    names, findings = laws or _LAWS, []
+    with _bar() as bar:
+        task = bar.add_task("", total=ticks(fixture, names))
+        for name in names:
+            bar.update(task, description=name)
+            findings += list(LAWS[name](fixture, lambda: bar.advance(task)))
+    click.echo(table(findings))
+    sys.exit(not all(finding.holds for finding in findings))
+
+
+@click.command("bench-world")
+@_world_options
+@click.option("--scene", default="house:0", show_default=True, help="A house, filled up from itself.")
+@click.option("--chunks", type=click.IntRange(1), default=100, show_default=True, help="Half seconds of walking.")
+@click.option("--resets", type=click.IntRange(2), default=200, show_default=True)
+def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int) -> None:
+    """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
+    from humanclaw.testing.physics import Fixture
+    from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
+
+    fixture = Fixture.of(simulator, profile)
+    house = crowded(fixture.plugins.scene(scene))
+    with _bar() as bar:
+        task = bar.add_task("walking", total=chunks + resets)
+        walking = Quartiles.of(chunk_times(fixture, house, chunks, lambda: bar.advance(task)))
+        bar.update(task, description="resetting")
+        loading, memory = reset_times(fixture.simulator(), house, resets, lambda: bar.advance(task))
+    rows = (
+        (f"0.5 s in {scene}, {FIXED} fixed and {MOVABLE} movable objects", f"{walking} ms", "< 100 ms"),
+        ("loading it", f"{Quartiles.of(loading)} ms", "< 2000 ms"),
+        (f"memory, reset 10 to {resets}", f"{memory[min(9, resets - 1)]:.0f} to {memory[-1]:.0f} MB", "flat"),
+    )
+    lines = ["| world speed | found | target |", "| --- | --- | --- |", *(f"| {' | '.join(row)} |" for row in rows)]
+    click.echo("\n".join(lines))

@@ -1,0 +1,138 @@
+"""What a body can exert: mass counts.
+
+A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives to movable
+objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a step gave
+more, the objects take only their share of it, and the body is taken back by as much as they are, so that it waits at a heavy thing
+as it does at a wall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from humanclaw.half_physics.profile import Profile
+from humanclaw.half_physics.quaternions import from_vector, multiply
+from humanclaw.half_physics.world import ObjectMotion, Touch, World
+from humanclaw.pose import Array
+from humanclaw.scene import Scene
+
+GROUND_FRICTION: Final = 0.5
+"""Of what objects stand on: a scene's floors."""
+_NEAR: Final = 3.0
+"""Objects further than this from the hips are not within reach of a push, nor of one that is handed on, metres."""
+
+
+class Exertion:
+    """Bounds the pushes of one body in one world."""
+
+    def __init__(self, world: World, profile: Profile, scene: Scene) -> None:
+        self._world, self._profile = world, profile
+        moving = {thing.id: thing for thing in scene.objects if thing.movable and scene.assets[thing.asset].hulls}
+        self.movable = frozenset(moving)
+        self._mass = {key: thing.mass for key, thing in moving.items()}
+        self._held = {
+            key: GROUND_FRICTION * thing.friction * thing.mass * profile.gravity for key, thing in moving.items()
+        }
+        self._radius = {key: _gyration(scene, key) for key in moving}
+        self._near: tuple[int, ...] = ()
+        self._before: Mapping[int, ObjectMotion] = {}
+
+    def look(self, root: Array, objects: Mapping[int, Array]) -> None:
+        """Find what is near enough to be pushed in the coming frame."""
+        self._near = tuple(key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < _NEAR)
+
+    def brace(self) -> None:
+        """Remember how everything near moves, before a step."""
+        self._before = {key: self._world.motion(key) for key in self._near}
+
+    def bound(self, felt: Sequence[Touch], seconds: float) -> None:
+        """Take back what the step since brace gave to objects beyond what a person can exert."""
+        pushed = {touch.object_id for touch in felt if touch.object_id in self._before}
+        after = {key: self._world.motion(key) for key in self._before} if pushed else {}
+        if not any(self._gain(key, after[key]) > 0 for key in pushed):
+            return
+        chain = self._handed_on(pushed)
+        gain = sum(self._gain(key, after[key]) for key in chain)
+        share = max(0.0, self._profile.exertion - sum(self._held[key] for key in chain)) * seconds / max(gain, 1e-12)
+        if share < 1:
+            self._hold(chain, after, share, felt, seconds)
+
+    def _gain(self, key: int, after: ObjectMotion) -> float:
+        """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
+        before, radius = self._before[key], self._radius[key]
+        faster = _speed(after, radius) > _speed(before, radius)
+        gain = np.hypot(
+            np.linalg.norm(_no_fall(after) - _no_fall(before)), radius * np.linalg.norm(after.spin - before.spin)
+        )
+        return self._mass[key] * float(gain) if faster else 0.0
+
+    def _handed_on(self, pushed: set[int]) -> Sequence[int]:
+        """What is pushed, and what that pushes in its turn."""
+        chain, links = set(pushed), [pair for pair in self._world.touching() if set(pair) <= set(self._before)]
+        while more := {key for pair in links if chain & set(pair) for key in pair} - chain:
+            chain |= more
+        return sorted(chain)
+
+    def _hold(
+        self,
+        chain: Iterable[int],
+        after: Mapping[int, ObjectMotion],
+        share: float,
+        felt: Sequence[Touch],
+        seconds: float,
+    ) -> None:
+        back = np.zeros(3)
+        for key in chain:
+            if self._gain(key, after[key]) > 0:
+                kept = _shared(self._before[key], after[key], share, seconds)
+                self._world.set_motion(key, kept)
+                back = _longer(back, _lost(after[key], kept, [t for t in felt if t.object_id == key], seconds))
+        if back.any():
+            pose, (velocity, spin) = self._world.pose(), self._world.velocity()
+            self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
+
+
+def _no_fall(motion: ObjectMotion) -> Array:
+    """(3,) velocity without what gravity does to it."""
+    return np.maximum(motion.velocity, [-np.inf, 0.0, -np.inf])
+
+
+def _speed(motion: ObjectMotion, radius: float) -> float:
+    return float(np.hypot(np.linalg.norm(_no_fall(motion)), radius * np.linalg.norm(motion.spin)))
+
+
+def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
+    """The motion with that share of what the step changed in it; a fall is nobody's push and stays whole."""
+    velocity = before.velocity + share * (after.velocity - before.velocity)
+    velocity[1] = min(velocity[1], after.velocity[1])
+    spin = before.spin + share * (after.spin - before.spin)
+    turned = multiply(from_vector((spin - after.spin) * seconds), after.quaternion)
+    moved = after.position + (velocity - after.velocity) * seconds
+    return replace(after, position=moved, quaternion=turned, velocity=velocity, spin=spin)
+
+
+def _lost(after: ObjectMotion, kept: ObjectMotion, felt: Sequence[Touch], seconds: float) -> Array:
+    """(3,) how much less far, on the level and along the push, the touched part of an object has come."""
+    lost = np.zeros(3)
+    for touch in felt:
+        arm = np.array(touch.point) - after.position
+        way = (after.velocity - kept.velocity + np.cross(after.spin - kept.spin, arm)) * seconds
+        push = -np.array([touch.normal[0], 0.0, touch.normal[2]])
+        along = float(way @ push)
+        lost = _longer(lost, along * push / max(float(push @ push), 1e-9) if along > 0 else np.zeros(3))
+    return lost
+
+
+def _longer(a: Array, b: Array) -> Array:
+    return b if b @ b > a @ a else a
+
+
+def _gyration(scene: Scene, key: int) -> float:
+    """Radius of gyration of an object, taken for a solid box, metres."""
+    hulls = scene.assets[scene.by_id[key].asset].hulls
+    points = np.concatenate(hulls)
+    return float(np.linalg.norm(np.ptp(points, axis=0)) / np.sqrt(12))

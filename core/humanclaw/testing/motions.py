@@ -1,0 +1,116 @@
+"""Motions that are easy to reason about, and a body that is driven through them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
+from humanclaw.interfaces import Simulator
+from humanclaw.pose import FPS, FUTURE, Array, Motion, rest_pose
+from humanclaw.records import Contact
+from humanclaw.scene import Scene
+
+_THIGH: Final = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])
+_SHIN: Final = float(-OFFSETS[JOINT_INDEX["left_ankle"]][1])
+_HIP_DROP: Final = float(-OFFSETS[JOINT_INDEX["left_hip"]][1])
+
+
+@dataclass(frozen=True)
+class Played:
+    """What was commanded and what became of it."""
+
+    commanded: Motion
+    realised: Motion
+    contacts: tuple[Contact, ...]
+    touches: tuple[tuple[int, int, int], ...]
+    objects: Mapping[int, Array]
+    """Movable object id to (7,) at the end."""
+    paths: Mapping[int, Array]
+    """Movable object id to (T, 7), a row a frame."""
+
+    def touched(self, object_id: int) -> tuple[Contact, ...]:
+        """The body's contacts with one object."""
+        return tuple(contact for contact in self.contacts if contact.object_id == object_id)
+
+
+def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
+    """Drive a body through a motion in chunks of half a second, each begun where the one before has ended."""
+    began = simulator.reset(scene, scene.start)
+    here, origin, chunks = began.body, began.body.root[0] * [0, 1, 0], []
+    paths: dict[int, list[Array]] = {key: [] for key in began.objects}
+    for first in range(0, len(motion), FUTURE):
+        piece, before = motion[first : first + FUTURE], simulator.state().objects
+        gap = (here.root[-1] - origin) * [1, 0, 1]
+        chunks.append(simulator.execute(Motion(piece.root + gap, piece.rotations)))
+        here, origin = chunks[-1].realised, piece.root[-1]
+        for key, path in paths.items():
+            path.append(chunks[-1].objects.get(key, np.repeat(before[key][None], len(piece), 0)))
+    realised = chunks[0].realised
+    for chunk in chunks[1:]:
+        realised = realised.then(chunk.realised)
+    return Played(
+        motion,
+        realised,
+        tuple(contact for chunk in chunks for contact in chunk.contacts),
+        tuple(touch for chunk in chunks for touch in chunk.touches),
+        simulator.state().objects,
+        {key: np.concatenate(path) for key, path in paths.items()},
+    )
+
+
+def hold(motion: Motion, frames: int) -> Motion:
+    """A motion, and then its last pose for so many frames."""
+    return motion.then(Motion(np.repeat(motion.root[-1:], frames, 0), np.repeat(motion.rotations[-1:], frames, 0)))
+
+
+def glide(x: float, z: float, frames: int = FUTURE) -> Motion:
+    """Standing, moved at a constant velocity, m/s: the simplest command with a known path."""
+    motion = rest_pose(frames)
+    path = np.arange(1, frames + 1)[:, None] / FPS * [x, 0.0, z]
+    return Motion(motion.root + path, motion.rotations)
+
+
+def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Motion:
+    """Steps forward from standing, each rise metres higher; a step is 0.6 s and run metres, the first `first` metres."""
+    feet, pelvis = [np.zeros(3), np.zeros(3)], np.array([0.0, 0.93, 0.0])
+    roots: list[Array] = []
+    turns: list[Array] = []
+    for step in range(count + 1):
+        moving, start, from_pelvis = step % 2, feet[step % 2], pelvis
+        goal = np.array([0.0, rise * min(step + 1, count), first + run * min(step, count - 1)])
+        other = feet[1 - moving]
+        over = np.array([0.0, min(goal[1], other[1]) + 0.93, goal[2] if step == count else (goal[2] + other[2]) / 2])
+        for t in np.arange(1, 19) / 18:
+            smooth = t * t * (3 - 2 * t)
+            foot = start + (goal - start) * smooth
+            foot[1] = start[1] + (goal[1] - start[1]) * min(1.0, 1.6 * smooth) + 0.06 * np.sin(np.pi * t)
+            feet[moving], pelvis = foot, from_pelvis + (over - from_pelvis) * smooth
+            roots.append(pelvis)
+            turns.append(_bent(pelvis, [foot[1:] + [SOLE, 0] for foot in feet]))
+    return hold(Motion(np.array(roots), np.array(turns)), 15 + (-len(roots)) % 15)
+
+
+def sitting_down(height: float, z: float) -> Motion:
+    """From standing, in 1.5 s, to a pelvis over the place (height, z), feet where they were; then 1 s of sitting."""
+    share = (np.arange(1, 46) / 45)[:, None]
+    standing, seated = np.array([0.0, 0.96, 0.0]), np.array([0.0, height, z])
+    roots = standing + (seated - standing) * share
+    turns = np.array([_bent(root, [np.array([SOLE, 0.0])] * 2) for root in roots])
+    return hold(Motion(roots, turns), 30)
+
+
+def _bent(pelvis: Array, ankles: Sequence[Array]) -> Array:
+    """Rotations of a body whose left and right ankle are at given points (y, z), arms hanging, soles level."""
+    rotations: Array = rest_pose().rotations[0].copy()
+    for side, (y, z) in zip(("left", "right"), ankles, strict=True):
+        down, ahead = pelvis[1] - _HIP_DROP - y, z - pelvis[2]
+        reach = min(np.hypot(down, ahead), _THIGH + _SHIN - 1e-4)
+        knee = np.pi - np.arccos((_THIGH**2 + _SHIN**2 - reach**2) / (2 * _THIGH * _SHIN))
+        hip = -np.arctan2(ahead, down) - np.arccos((_THIGH**2 + reach**2 - _SHIN**2) / (2 * _THIGH * reach))
+        for joint, angle in (("hip", hip), ("knee", knee), ("ankle", -hip - knee)):
+            rotations[JOINT_INDEX[f"{side}_{joint}"], 0] = angle
+    return rotations

@@ -1,0 +1,102 @@
+"""Small scenes of boxes: for physics checks, for tests, and to try things out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.pose import Pose2D
+from humanclaw.scene import Asset, Mesh, Scene, SceneObject, Vec3
+
+Colour = tuple[int, int, int]
+GREY: Colour = (200, 200, 200)
+
+
+def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:
+    """A box that stands on y = 0, its six faces with vertices of their own."""
+    corners: list[Any] = []
+    faces: list[list[int]] = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            a, b = (axis + 1) % 3, (axis + 2) % 3
+            square = np.zeros((4, 3))
+            square[:, axis], square[:, a], square[:, b] = sign, (-1, 1, 1, -1), (-1, -1, 1, 1)
+            order = (0, 1, 2, 3) if sign > 0 else (3, 2, 1, 0)
+            faces += [[len(corners) + order[0], len(corners) + order[k], len(corners) + order[k + 1]] for k in (1, 2)]
+            corners += (square * np.array(size) / 2 + [0, size[1] / 2, 0]).tolist()
+    uv = np.full((len(corners), 2), 0.5, np.float32)
+    return Mesh(np.array(corners, np.float32), np.array(faces, np.int32), uv, np.full((2, 2, 3), colour, np.uint8))
+
+
+def block(low: Vec3, high: Vec3) -> NDArray[np.float32]:
+    """(8, 3) corners of a box, as a hull."""
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], np.float32
+    )
+
+
+@dataclass
+class SceneBuilder:
+    """Boxes put together to a scene; ids count from 1. Metres; a position is the centre of a box's underside."""
+
+    assets: dict[str, Asset] = field(default_factory=dict)
+    objects: list[SceneObject] = field(default_factory=list)
+
+    def box(self, category: str, size: Vec3, position: Vec3, colour: Colour = GREY, **facts: Any) -> int:
+        """Put a box somewhere; facts are those of SceneObject. Returns its id."""
+        name = f"{category} {size} {colour}"
+        if name not in self.assets:
+            mesh = box_mesh(size, colour)
+            self.assets[name] = Asset(name, category, mesh, (np.unique(mesh.vertices, axis=0),))
+        return self._put(name, category, position, facts)
+
+    def mesh(self, category: str, mesh: Mesh, position: Vec3, **facts: Any) -> int:
+        """Put something without a body somewhere. Returns its id."""
+        self.assets[category] = Asset(category, category, mesh, ())
+        return self._put(category, category, position, facts)
+
+    def _put(self, asset: str, category: str, position: Vec3, facts: Mapping[str, Any]) -> int:
+        self.objects.append(SceneObject(len(self.objects) + 1, asset, category, position, **facts))
+        return len(self.objects)
+
+    def solid(self, category: str, hulls: Sequence[NDArray[np.float32]], position: Vec3, **facts: Any) -> int:
+        """Put something of several convex pieces somewhere; it looks like its bounding box. Returns its id."""
+        low, high = np.concatenate(hulls).min(axis=0), np.concatenate(hulls).max(axis=0)
+        x, y, z = (float(edge) for edge in high - low)
+        name = f"{category} {len(self.assets)}"
+        self.assets[name] = Asset(name, category, box_mesh((x, y, z)), tuple(hulls))
+        return self._put(name, category, position, facts)
+
+    def floor(self, y: float = 0.0) -> int:
+        return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))
+
+    def steps(self, count: int, rise: float, run: float, first: float) -> None:
+        """A flight of steps up in the direction +Z that ends in a landing; first: where the first riser stands."""
+        for k in range(count):
+            self.box("stairs", (2, rise * (k + 1), run), (0, 0, first + run * (k + 0.5)))
+        self.box("floor", (2, rise * count, 4), (0, 0, first + run * count + 2))
+
+    def descent(self, count: int, rise: float, run: float, first: float) -> None:
+        """A landing, and from there a flight of steps down to the floor at 0 in the direction +Z; first: its first edge."""
+        self.box("floor", (2, rise * count, 4), (0, 0, first - 2))
+        for k in range(count - 1):
+            self.box("stairs", (2, rise * (count - 1 - k), run), (0, 0, first + run * (k + 0.5)))
+
+    def room(self) -> None:
+        """Four by four metres between four walls."""
+        self.floor()
+        for size, x, z in (
+            ((4, 2.5, 0.2), 0, 2),
+            ((4, 2.5, 0.2), 0, -2),
+            ((0.2, 2.5, 4), 2, 0),
+            ((0.2, 2.5, 4), -2, 0),
+        ):
+            self.box("wall", size, (x, 0, z))
+
+    def scene(self, floor: float = 0.0) -> Scene:
+        """What has been put together; the body starts at the origin, facing +Z."""
+        return Scene("boxes", dict(self.assets), tuple(self.objects), (), Pose2D(0, 0, 0, floor))

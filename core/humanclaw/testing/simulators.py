@@ -1,0 +1,403 @@
+"""What every simulator has to pass: a test class that the tests of an engine's plugin inherit.
+
+from humanclaw.testing.simulators import SimulatorConformance
+
+class TestMyEngine(SimulatorConformance):
+    simulator = staticmethod(my_factory)
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from humanclaw.body import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
+from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.half_physics import Profile, find_profile
+from humanclaw.interfaces import Simulator
+from humanclaw.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
+from humanclaw.scene import Scene
+from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
+from humanclaw.testing.physics import LAWS, Fixture
+from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
+
+PROFILES: Final = ("default", "paper", "reference")
+
+
+class SimulatorConformance:
+    """The laws of half-physics: what a body may do, and what the world does to it. simulator: the factory that a plugin offers."""
+
+    def simulator(self, profile: str | Profile = "default") -> Simulator:
+        raise NotImplementedError("a conformance test names its simulator.")
+
+    def play(self, scene: Scene, motion: Motion, profile: str = "default") -> Played:
+        simulator = self.simulator(profile)
+        played = play(simulator, scene, motion)
+        simulator.close()
+        return played
+
+    @pytest.mark.parametrize("profile", PROFILES)
+    def test_a_body_in_free_space_does_what_it_is_told(self, profile: str) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        played = self.play(builder.scene(), _waving(45), profile)
+        error = np.linalg.norm(played.realised.joints() - played.commanded.joints(), axis=-1)
+        assert error.mean() < 0.001
+        assert error.max() < 0.01
+
+    def test_a_falling_body_does_what_it_is_told_too(self) -> None:
+        builder = SceneBuilder()
+        builder.box("floor", (2, 3, 0.6), (0, -3, 0))
+        command = glide(0.0, 2.0, 30)
+        command.rotations[:, JOINT_INDEX["left_hip"], 0] = -0.5 * np.sin(np.arange(30) / 5)
+        played = self.play(builder.scene(), command)
+        shape = [motion.joints() - motion.root[:, None] for motion in (played.realised, played.commanded)]
+        assert np.linalg.norm(shape[0] - shape[1], axis=-1)[15:].mean() < 0.002
+
+    def test_walking_on_a_floor_tracks_the_command_without_sinking_or_sliding(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        command = gait(4, 0.4)
+        played = self.play(builder.scene(), command)
+        error = np.linalg.norm(played.realised.joints() - command.joints(), axis=-1)[15:]
+        assert error.mean() < 0.02
+        assert np.abs(played.realised.root[-1] - command.root[-1]).max() < 0.05
+        assert max(contact.depth for contact in played.contacts) < 0.02
+
+    @pytest.mark.parametrize("profile", PROFILES)
+    def test_a_wall_blocks_the_body(self, profile: str) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.1))
+        played = self.play(builder.scene(), gait(6, 0.4), profile)
+        assert played.commanded.root[-1, 2] > 2.0
+        assert played.realised.joints()[..., 2].max() < 1.0
+        assert max(contact.depth for contact in played.touched(wall)) < 0.02
+
+    def test_nobody_climbs_a_wall(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7))
+        played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
+        assert played.commanded.root[-1, 1] > 1.7
+        assert played.realised.root[:, 1].max() < STANDING_HEIGHT + 0.01
+
+    def test_a_wall_does_not_turn_the_body(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7), rotation=(0, np.sin(0.4), 0, np.cos(0.4)))
+        played = self.play(builder.scene(), glide(0.0, 1.0, 30))
+        assert np.abs(heading(played.realised.rotations[:, 0])).max() < 0.01
+
+    def test_blocked_distance_is_not_made_up_for(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.4))
+        ahead, back = glide(0.0, 1.0, 12), glide(0.0, -1.0, 3)
+        command = ahead.then(Motion(back.root + [0, 0, ahead.root[-1, 2]], back.rotations))
+        realised = self.play(builder.scene(), command).realised.root[:, 2]
+        assert realised[11] < 0.2
+        assert realised[14] - realised[11] == pytest.approx(-3 / FPS, abs=0.01)
+
+    @pytest.mark.parametrize("profile", PROFILES)
+    def test_stairs_carry_the_body_up(self, profile: str) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.steps(5, rise=0.17, run=0.28, first=0.29)
+        played = self.play(builder.scene(), gait(5, 0.28, rise=0.17), profile)
+        assert played.realised.root[-1, 1] == pytest.approx(0.93 + 5 * 0.17, abs=0.01)
+        assert np.diff(played.realised.root[:, 1]).max() * FPS < 1.0
+
+    def test_climbing_where_no_stairs_are_lifts_nobody(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
+        assert played.realised.root[:, 1].max() < STANDING_HEIGHT + 0.01
+
+    def test_a_step_into_the_air_falls_at_g(self) -> None:
+        builder = SceneBuilder()
+        builder.box("floor", (2, 3, 2), (0, -3, 0))
+        height = self.play(builder.scene(), glide(0.0, 3.0, 30)).realised.root[18:, 1]
+        assert height[-1] < 0.5
+        assert np.diff(height, 2) * FPS**2 == pytest.approx(-9.81, rel=0.02)
+
+    def test_a_pushed_box_moves(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
+        played = self.play(builder.scene(), gait(4, 0.3))
+        assert played.objects[box][2] > 0.9
+        assert all(contact.movable for contact in played.touched(box))
+
+    def test_a_fixed_box_does_not_move_and_stops_the_body(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("table", (0.4, 0.4, 0.4), (0, 0, 0.7))
+        played = self.play(builder.scene(), gait(4, 0.3))
+        assert box not in played.objects
+        assert played.realised.root[-1, 2] < 0.7 < played.commanded.root[-1, 2]
+
+    def test_a_push_that_is_handed_on_is_reported(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.5), movable=True, mass=2.0)
+        far = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.85), movable=True, mass=2.0)
+        played = self.play(builder.scene(), glide(0.0, 0.8, 30))
+        assert not played.touched(far)
+        assert (near, far) in {touch[1:] for touch in played.touches}
+        assert played.objects[far][2] > 0.9
+
+    def test_only_objects_that_moved_have_a_path(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.4), movable=True, mass=2.0)
+        builder.box("box", (0.3, 0.3, 0.3), (3, 0, 3), movable=True, mass=2.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        assert simulator.execute(rest_pose(15)).objects == {}
+        assert {key: path.shape for key, path in simulator.execute(glide(0.0, 0.8)).objects.items()} == {near: (15, 7)}
+
+    @pytest.mark.parametrize("seat", [0.38, 0.42, 0.46, 0.5])
+    def test_sitting_down_ends_with_the_pelvis_on_the_seat_and_upright(self, seat: float) -> None:
+        """Also where the seat is higher than the knees: thighs that slope give way to it."""
+        builder = SceneBuilder()
+        builder.floor()
+        couch = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.65))
+        played = self.play(builder.scene(), sitting_down(seat + 0.12, -0.45))
+        assert "pelvis" in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
+        assert played.realised.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.02)
+        assert _uprightness(played.realised).min() > 0.99
+        assert np.abs(np.diff(played.realised.root[-15:], axis=0)).max() < 0.001
+
+    def test_who_sat_on_a_high_seat_stands_up_on_straight_legs(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("couch", (1.6, 0.5, 0.8), (0, 0, -0.65))
+        down = sitting_down(0.62, -0.45)
+        forward = glide(0.0, 0.6, 30)
+        up = Motion(forward.root + [0, 0, down.root[-1, 2]], forward.rotations)
+        realised = self.play(builder.scene(), down.then(up)).realised
+        assert realised.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
+        assert np.abs(realised.rotations[-1, [1, 2]]).max() < 0.01
+
+    def test_a_toe_that_catches_an_edge_is_lifted_over_it_and_over_no_more(self) -> None:
+        """Soles drag along the floor at 0.6 m/s into a board of 3 cm, and into one of 6 cm."""
+        ends = []
+        for height in (0.03, 0.06):
+            builder = SceneBuilder()
+            builder.floor()
+            builder.box("board", (2, height, 2), (0, 0, 1.4))
+            ends.append(self.play(builder.scene(), glide(0.0, 0.6, 30)).realised.root[-1])
+        assert ends[0] == pytest.approx([0, STANDING_HEIGHT + 0.03, 0.6], abs=0.05)
+        assert ends[1][1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
+        assert ends[1][2] < 0.25
+
+    @pytest.mark.parametrize("profile", PROFILES)
+    def test_a_kick_does_not_enter_a_wall(self, profile: str) -> None:
+        """A straight leg swung from the hip at 12 m/s."""
+        builder = SceneBuilder()
+        builder.floor()
+        wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.55))
+        command = rest_pose(15)
+        command.rotations[:, JOINT_INDEX["right_hip"], 0] = -1.4 * np.sin(np.arange(15) / 15 * 4 * np.pi)
+        depths = [contact.depth for contact in self.play(builder.scene(), command, profile).touched(wall)]
+        assert depths
+        assert max(depths) < 0.015
+
+    def test_lifted_feet_let_the_body_down_as_gravity_would_and_no_bounce_follows(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        command = rest_pose(45)
+        for side in ("left", "right"):
+            command.rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -1.7
+        height = self.play(builder.scene(), command).realised.root[:, 1]
+        assert 0.13 < height[-1] < 0.17
+        assert -np.diff(height).min() * FPS < np.sqrt(2 * 9.81 * STANDING_HEIGHT)
+        assert np.diff(height[20:]).max() * FPS < 0.1
+
+    def test_straightening_the_legs_at_once_lifts_the_body_and_does_not_launch_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        down = sitting_down(0.6, -0.2)
+        up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
+        height = self.play(builder.scene(), down.then(up)).realised.root[:, 1]
+        assert height[75:].max() < STANDING_HEIGHT + 0.05
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_walking_anywhere_in_a_closed_room_never_leaves_it_and_ends_on_both_feet(self, seed: int) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("couch", (1.6, 0.45, 0.8), (0, 0, -1.0))
+        for size, x, z in (
+            ((4, 2.5, 0.2), 0, 2),
+            ((4, 2.5, 0.2), 0, -2),
+            ((0.2, 2.5, 4), 2, 0),
+            ((0.2, 2.5, 4), -2, 0),
+        ):
+            builder.box("wall", size, (x, 0, z))
+        simulator, scene, random = self.simulator(), builder.scene(), np.random.default_rng(seed)
+        here = simulator.reset(scene, scene.start).body
+        for _ in range(10):
+            walk = Pose2D(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
+            for first in range(0, len(walk), 15):
+                gap = (here.root[-1] - walk.root[max(first - 1, 0)]) * [1, 0, 1]
+                here = simulator.execute(
+                    Motion(walk.root[first : first + 15] + gap, walk.rotations[first : first + 15])
+                ).realised
+                assert np.abs(here.joints()[..., [0, 2]]).max() < 1.95
+                assert 0.4 < here.root[:, 1].min() < here.root[:, 1].max() < 1.6
+        for _ in range(4):
+            here = simulator.execute(Motion(here.root[-1:].repeat(15, axis=0), rest_pose(15).rotations)).realised
+        assert here.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.02)
+
+    def test_the_same_commands_have_the_same_outcome_bit_for_bit(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
+        first, second = (self.play(builder.scene(), gait(3, 0.3)) for _ in range(2))
+        assert np.array_equal(first.realised.root, second.realised.root)
+        assert np.array_equal(first.realised.rotations, second.realised.rotations)
+        assert first.contacts == second.contacts
+
+    def test_contacts_say_who_touched_what_when_and_where(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.4))
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        contacts = simulator.execute(glide(0.0, 1.0)).contacts
+        assert {frame for contact in contacts for frame in contact.frames} <= set(range(15))
+        assert {contact.group for contact in contacts} <= set(BODY_GROUPS)
+        feet = [contact for contact in contacts if contact.object_id == 1]
+        assert {contact.joint for contact in feet} == {"left_ankle", "right_ankle", "left_foot", "right_foot"}
+        assert all(abs(contact.height) < 0.01 for contact in feet)
+        assert min(contact.frames[0] for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
+
+    def test_a_start_inside_something_is_refused_with_a_remedy(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("table", (1, 0.8, 1), (2, 0, 0))
+        with pytest.raises(SceneError, match=r"does not fit .* inside table 2") as raised:
+            self.simulator().reset(builder.scene(), Pose2D(2.0, 0.0, 0.0))
+        assert raised.value.remedy
+
+    def test_a_start_without_a_floor_is_refused_with_a_remedy(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        with pytest.raises(SceneError, match="does not stay on its start") as raised:
+            self.simulator().reset(builder.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
+        assert raised.value.remedy
+
+    def test_a_start_may_lie_on_an_upper_floor_and_face_anywhere(self) -> None:
+        builder = SceneBuilder()
+        builder.floor(y=2.9)
+        state = self.simulator().reset(builder.scene(), Pose2D(1.0, -2.0, 1.5, floor=2.9))
+        assert state.body.root[0] == pytest.approx([1.0, 2.9 + STANDING_HEIGHT, -2.0], abs=0.005)
+        assert state.body.yaw()[0] == pytest.approx(1.5, abs=0.001)
+
+    def test_numbers_that_are_not_finite_are_refused_and_change_nothing(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        simulator, scene = self.simulator(), builder.scene()
+        before = simulator.reset(scene, scene.start).body.root
+        broken = rest_pose(15)
+        broken.root[3, 1] = np.nan
+        with pytest.raises(HumanclawError, match="finite"):
+            simulator.execute(broken)
+        assert np.array_equal(simulator.state().body.root, before)
+
+    def test_an_unknown_profile_is_refused_with_the_known_ones(self) -> None:
+        with pytest.raises(HumanclawError, match="default, paper, reference"):
+            self.simulator("papper")
+
+    def test_a_simulator_without_a_scene_says_so(self) -> None:
+        with pytest.raises(HumanclawError, match="reset"):
+            self.simulator().execute(rest_pose(15))
+
+    @pytest.mark.parametrize("movable", [True, False])
+    def test_there_is_room_under_a_table(self, movable: bool) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.solid("table", _table(), (2, 0, 0), movable=movable, mass=10.0)
+        box = builder.box("box", (0.3, 0.6, 0.3), (2.05, 0, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        assert simulator.reset(scene, scene.start).objects[box][:3] == pytest.approx([2.05, 0, 0], abs=0.005)
+
+    def test_a_table_carries_what_stands_on_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.solid("table", _table(), (2, 0, 0))
+        cup = builder.box("cup", (0.1, 0.1, 0.1), (2.0, 0.75, 0), movable=True, mass=0.3)
+        simulator, scene = self.simulator(), builder.scene()
+        assert simulator.reset(scene, scene.start).objects[cup][1] == pytest.approx(0.75, abs=0.005)
+
+    def test_a_thing_at_rest_is_where_the_scene_put_it_however_it_is_turned(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        turn = (0.0, np.sin(0.5), 0.0, np.cos(0.5))
+        thing = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(rest_pose(15))
+        assert simulator.state().objects[thing] == pytest.approx([2, 0, 1, *turn], abs=0.005)
+
+    def test_a_thing_in_the_air_falls(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.2, 0.2, 0.2), (2, 1.5, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(rest_pose(15))
+        assert simulator.state().objects[box][1] == pytest.approx(0.0, abs=0.01)
+
+    def test_things_without_a_body_are_walked_through(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        rug = builder.mesh("rug", box_mesh((1, 0.01, 1)), (0, 0, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        state = simulator.reset(scene, scene.start)
+        assert state.objects[rug][:3] == pytest.approx([0, 0, 0])
+        assert rug not in {contact.object_id for contact in simulator.execute(rest_pose(15)).contacts}
+
+    def test_a_movable_thing_needs_a_mass(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("box", (0.2, 0.2, 0.2), (2, 0, 0), movable=True)
+        with pytest.raises(SceneError, match="mass"):
+            self.simulator().reset(builder.scene(), builder.scene().start)
+
+    @pytest.mark.parametrize("law", sorted(LAWS))
+    def test_the_law_holds(self, law: str) -> None:
+        """What `humanclaw physics` measures, on few samples: the same code, within the same bounds."""
+        fixture = Fixture(self.simulator, find_profile("default"), samples=2, chunks=60)
+        found = list(LAWS[law](fixture, lambda: None))
+        assert found
+        assert [finding for finding in found if not finding.holds] == []
+
+    @pytest.mark.parametrize("profile", ["paper", "reference"])
+    def test_the_papers_constants_keep_bodies_whole_too(self, profile: str) -> None:
+        fixture = Fixture(self.simulator, find_profile(profile), chunks=30)
+        for law in ("free-space", "ledge", "wild"):
+            assert [finding for finding in LAWS[law](fixture, lambda: None) if not finding.holds] == []
+
+
+def _uprightness(motion: Motion) -> Array:
+    """(T,) cosine between the pelvis's own up and the world's."""
+    return np.asarray(matrix_from_vector(motion.rotations[:, 0])[:, 1, 1])
+
+
+def _waving(frames: int) -> Motion:
+    motion = rest_pose(frames)
+    swing = np.sin(np.arange(frames) / 5)
+    for joint, axis, size in (("left_shoulder", 2, 0.8), ("right_elbow", 1, 0.9), ("spine2", 0, 0.3), ("head", 1, 0.5)):
+        motion.rotations[:, JOINT_INDEX[joint], axis] += size * swing
+    return motion
+
+
+def _table() -> tuple[NDArray[np.float32], ...]:
+    """A top 0.7 m over the floor on two legs, one thicker than the other: its centre of mass is not over its origin."""
+    top = block((-0.5, 0.7, -0.3), (0.5, 0.75, 0.3))
+    return top, block((-0.5, 0, -0.3), (-0.3, 0.7, 0.3)), block((0.45, 0, -0.3), (0.5, 0.7, 0.3))

@@ -1,0 +1,93 @@
+"""How fast the world runs: what `humanclaw bench-world` prints. Times are CPU seconds of this process, which other work on the
+machine disturbs least."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, TypeVar
+
+import numpy as np
+
+from humanclaw.interfaces import Simulator
+from humanclaw.pose import HISTORY, Array, anchored
+from humanclaw.scene import Scene, SceneObject
+from humanclaw.testing.physics import FORWARD, TURN, Fixture, Tick
+
+T = TypeVar("T")
+FIXED, MOVABLE = 300, 60
+_APART: Final = 40.0
+"""Metres between a house and its copy."""
+
+
+@dataclass(frozen=True)
+class Quartiles:
+    """25, 50 and 75 % of some measurements."""
+
+    low: float
+    median: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Quartiles:
+        return cls(*(float(value) for value in np.percentile(values, (25, 50, 75))))
+
+    def __str__(self) -> str:
+        return f"{self.median:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+def crowded(scene: Scene, fixed: int = FIXED, movable: int = MOVABLE) -> Scene:
+    """A house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them next door."""
+    counts, objects = {False: fixed, True: movable}, list[SceneObject]()
+    for copy in range(100):
+        for obj in scene.objects:
+            if counts[obj.movable]:
+                counts[obj.movable] -= 1
+                objects.append(_copy(obj, len(objects) + 1, copy * _APART))
+    return replace(scene, name=f"{scene.name}, crowded", objects=tuple(objects))
+
+
+def _copy(obj: SceneObject, number: int, shift: float) -> SceneObject:
+    x, y, z = obj.position
+    return replace(obj, id=number, position=(x + shift, y, z))
+
+
+def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[float]:
+    """CPU milliseconds of half a second of walking about, contacts included."""
+    simulator, times = fixture.simulator(), []
+    body = simulator.reset(scene, scene.start).body
+    history = anchored(fixture.start(), body)
+    for number in range(count):
+        command = {FORWARD: 0.4, TURN: np.radians(20 if number % 8 < 4 else -20)}
+        motion = fixture.generate(history, command, number)
+        milliseconds, execution = _timed(lambda motion=motion: simulator.execute(motion))  # type: ignore[misc]
+        times.append(milliseconds)
+        history = anchored(history.then(motion)[-HISTORY:], execution.realised)
+        tick()
+    simulator.close()
+    return times
+
+
+def reset_times(simulator: Simulator, scene: Scene, count: int, tick: Tick) -> tuple[list[float], Array]:
+    """CPU milliseconds of loading the scene, and (count,) resident megabytes after each time."""
+    times, memory = [], []
+    for _ in range(count):
+        times.append(_timed(lambda: simulator.reset(scene, scene.start))[0])
+        memory.append(resident())
+        tick()
+    simulator.close()
+    return times, np.array(memory)
+
+
+def resident() -> float:
+    """Megabytes of memory that the process holds now (Linux)."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096 / 2**20
+
+
+def _timed(action: Callable[[], T]) -> tuple[float, T]:
+    began = time.process_time()
+    done = action()
+    return 1000 * (time.process_time() - began), done

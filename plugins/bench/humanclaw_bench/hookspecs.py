@@ -1,0 +1,76 @@
+"""What a plugin can add to the benchmark. It implements these hooks with @hookimpl(optionalhook=True), and then also works where
+the benchmark is not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import pluggy
+
+if TYPE_CHECKING:
+    from humanclaw.hookspecs import Register
+    from humanclaw.records import EpisodeSpec, RecordedEpisode
+    from humanclaw_bench.executors import Executor
+
+hookspec = pluggy.HookspecMarker("humanclaw")
+
+
+class Fault(Protocol):
+    """An agent with one capability missing: what root causes are checked with."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def description(self) -> str: ...
+
+    @property
+    def capability(self) -> str:
+        """What the agent lacks, in the word that root causes have for it."""
+
+    @property
+    def cause(self) -> str:
+        """Label of the root cause that it is meant to lead to, such as "nav: stop while far"."""
+
+    @property
+    def agent(self) -> str:
+        """The decision maker that has the fault. It also takes the option `repair`: a capability whose faults are put right."""
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Of the decision maker, for it to have the fault."""
+
+    def fits(self, spec: EpisodeSpec) -> bool:
+        """Whether an episode can show it."""
+
+
+class RegisterFault(Protocol):
+    def __call__(self, fault: Fault) -> None:
+        """Register a fault under its name."""
+
+
+if TYPE_CHECKING:
+    ExecutorFactory: TypeAlias = Callable[[int, str], Executor]
+    MetricFunction: TypeAlias = Callable[[RecordedEpisode], float]
+
+
+@hookspec
+def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
+    """Register executors, which play the episodes of a run somewhere: factory(workers: int, address: str) -> Executor.
+
+    humanclaw_bench.executors tells what one does; plugins/ray is one for a cluster.
+    """
+
+
+@hookspec
+def humanclaw_metrics(register: Register[MetricFunction]) -> None:
+    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
+
+    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load.
+    """
+
+
+@hookspec
+def humanclaw_faults(register: RegisterFault) -> None:
+    """Register agents with a known fault, for `humanclaw bench repair`."""

@@ -1,0 +1,87 @@
+"""The body in Bullet: one tree of spherical joints, as a URDF."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
+from humanclaw.half_physics import LINK_OF, Profile, capsule_frame, link_inertia, link_mass
+from humanclaw.pose import Array
+from humanclaw_bullet.engine import Client
+
+
+def load_body(client: Client, profile: Profile) -> int:
+    """Build the body in a world; Bullet's link index is the joint's less one. Returns Bullet's number of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "body.urdf"
+        path.write_text(urdf(profile), encoding="utf-8")
+        # Without the second flag Bullet numbers the links depth first.
+        flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
+        body = int(client.loadURDF(str(path), flags=flags))
+    _free(client, body, profile)
+    return body
+
+
+def _free(client: Client, body: int, profile: Profile) -> None:
+    """Surface friction, and none of Bullet's own motors, damping and sleep."""
+    for link in range(-1, len(JOINTS) - 1):
+        client.changeDynamics(
+            body, link, lateralFriction=profile.friction, linearDamping=0, angularDamping=0, jointDamping=0,
+            activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING,
+        )  # fmt: skip
+    for link in range(len(JOINTS) - 1):
+        client.setJointMotorControlMultiDof(
+            body, link, client.POSITION_CONTROL, targetPosition=[0, 0, 0, 1], positionGain=0, velocityGain=0,
+            force=[0, 0, 0],
+        )  # fmt: skip
+
+
+def urdf(profile: Profile) -> str:
+    """The body as URDF: the one format through which Bullet accepts the inertia of a link."""
+    parts = [part for joint in range(len(JOINTS)) for part in (_urdf_link(joint, profile), _urdf_joint(joint))]
+    return "\n".join(["<robot name='body'>", *parts, "</robot>"])  # Lines, because Bullet reads at most 1 kB at a time.
+
+
+def _urdf_link(joint: int, profile: Profile) -> str:
+    name = JOINTS[joint]
+    inertia = link_inertia(name, profile)
+    diagonal = f"ixx='{inertia}' iyy='{inertia}' izz='{inertia}' ixy='0' ixz='0' iyz='0'"
+    inertial = (
+        f"<inertial><origin xyz='0 0 0'/><mass value='{link_mass(name, profile)}'/><inertia {diagonal}/></inertial>"
+    )
+    return f"<link name='{name}'>{inertial}{_urdf_collision(name) if name in LINK_OF else ''}</link>"
+
+
+def _urdf_collision(name: str) -> str:
+    shape = LINK_OF[name].shape
+    if isinstance(shape, Box):
+        size = np.multiply(shape.half, 2)
+        return f"<collision><origin xyz='{_text(shape.centre)}'/><geometry><box size='{_text(size)}'/></geometry></collision>"
+    centre, turn, length = capsule_frame(shape)
+    origin = f"<origin xyz='{_text(centre)}' rpy='{_text(roll_pitch_yaw(turn))}'/>"
+    geometry = f"<geometry><capsule radius='{shape.radius}' length='{length}'/></geometry>"
+    return f"<collision>{origin}{geometry}</collision>"
+
+
+def _urdf_joint(joint: int) -> str:
+    if joint == 0:
+        return ""
+    ends = f"<parent link='{JOINTS[PARENTS[joint]]}'/><child link='{JOINTS[joint]}'/>"
+    place = f"<origin xyz='{_text(OFFSETS[joint])}'/><axis xyz='1 0 0'/>"
+    return f"<joint name='to_{JOINTS[joint]}' type='spherical'>{ends}{place}</joint>"
+
+
+def roll_pitch_yaw(m: Array) -> tuple[float, float, float]:
+    """A rotation matrix as the angles about the fixed axes x, y, z that URDF writes."""
+    pitch = np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0]))
+    if np.hypot(m[0, 0], m[1, 0]) < 1e-6:
+        return float(np.arctan2(-m[1, 2], m[1, 1])), float(pitch), 0.0
+    return float(np.arctan2(m[2, 1], m[2, 2])), float(pitch), float(np.arctan2(m[1, 0], m[0, 0]))
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.9g}" for number in numbers)

@@ -1,0 +1,148 @@
+"""A scene in Bullet: every object that has a body, and how the movable ones move."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw.errors import SceneError
+from humanclaw.half_physics import ObjectMotion, box_of, centre_of_mass
+from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.scene import Asset, Scene, SceneObject
+from humanclaw_bullet.engine import Client
+
+_STILL = 0.1
+"""Speed below which an object that has settled counts as still, m/s and rad/s."""
+
+
+class Objects:
+    """The objects of a scene as Bullet bodies. Shapes are shared between objects of one asset."""
+
+    def __init__(self, client: Client, scene: Scene) -> None:
+        self._client, self._scene = client, scene
+        self._pieces: dict[str, list[int]] = {}
+        self._whole: dict[str, tuple[int, Array]] = {}
+        self.object_of: dict[int, int] = {}
+        """Bullet body to object id; a fixed object has one body a hull."""
+        self._movable: dict[int, tuple[int, Array]] = {}
+        self._still: dict[int, Array] = {}
+        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it forget.
+        client.setPhysicsEngineParameter(enableFileCaching=1)
+        for obj in scene.objects:
+            self._add(obj)
+        client.setPhysicsEngineParameter(enableFileCaching=0)
+
+    def _add(self, obj: SceneObject) -> None:
+        asset = self._scene.assets[obj.asset]
+        if obj.movable:
+            self._still[obj.id] = np.array([*obj.position, *obj.rotation], float)
+        if not asset.hulls:
+            return
+        if obj.movable:
+            self._add_movable(obj, asset)
+        else:
+            self._add_fixed(obj, asset)
+
+    def _add_fixed(self, obj: SceneObject, asset: Asset) -> None:
+        if asset.name not in self._pieces:
+            self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
+        for shape in self._pieces[asset.name]:
+            body = self._client.createMultiBody(0, shape, -1, obj.position, obj.rotation, useMaximalCoordinates=1)
+            # Asleep, or Bullet looks every step after what never moves, and movable things on it find no rest.
+            self._client.changeDynamics(
+                body, -1, lateralFriction=obj.friction, activationState=self._client.ACTIVATION_STATE_SLEEP
+            )
+            self.object_of[body] = obj.id
+
+    def _add_movable(self, obj: SceneObject, asset: Asset) -> None:
+        if obj.mass <= 0:
+            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
+        if asset.name not in self._whole:
+            hulls = [hull.astype(float) for hull in asset.hulls]
+            centre = centre_of_mass(hulls)
+            self._whole[asset.name] = self._shape([hull - centre for hull in hulls], asset), centre
+        shape, centre = self._whole[asset.name]
+        position = np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ centre
+        body = self._client.createMultiBody(
+            obj.mass, shape, -1, position, obj.rotation, useMaximalCoordinates=1,
+            flags=self._client.URDF_ENABLE_SLEEPING,
+        )  # fmt: skip
+        # A little rolling friction, or a knocked-over cup rolls for ever and never sleeps.
+        self._client.changeDynamics(
+            body, -1, lateralFriction=obj.friction, rollingFriction=0.002, spinningFriction=0.002,
+            activationState=self._client.ACTIVATION_STATE_ENABLE_SLEEPING,
+        )  # fmt: skip
+        self.object_of[body] = obj.id
+        self._movable[obj.id] = body, centre
+
+    def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
+        """One shape for some hulls: boxes as boxes, which Bullet stacks better; others from a file."""
+        client, boxes = self._client, [box_of(hull) for hull in hulls]
+        if len(hulls) == 1 and boxes[0] is not None:
+            centre, half = boxes[0]
+            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
+        else:
+            shape = self._convex(hulls)
+        if shape < 0:
+            raise SceneError(
+                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?"
+            )
+        return int(shape)
+
+    def _convex(self, hulls: Sequence[Array]) -> int:
+        """Convex pieces from a Wavefront file, each a named object of it.
+
+        Bullet takes several hulls in one shape from a file only, and what it is given as points it never frees.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "hulls.obj"
+            path.write_text(_wavefront(hulls), encoding="utf-8")
+            return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
+
+    def motion(self, object_id: int) -> ObjectMotion:
+        """How a movable object moves now."""
+        body, _ = self._movable[object_id]
+        position, quaternion = self._client.getBasePositionAndOrientation(body)
+        velocity, spin = self._client.getBaseVelocity(body)
+        return ObjectMotion(*map(np.array, (position, quaternion, velocity, spin)))
+
+    def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
+        """Let it move otherwise."""
+        body, _ = self._movable[object_id]
+        self._client.resetBasePositionAndOrientation(body, motion.position, motion.quaternion)
+        self._client.resetBaseVelocity(body, motion.velocity, motion.spin)
+
+    def movable_bodies(self) -> list[int]:
+        """The Bullet bodies of the movable objects."""
+        return [body for body, _ in self._movable.values()]
+
+    def lull(self) -> None:
+        """Let objects that lie still sleep until something touches them; asleep they cost next to nothing."""
+        for body in self.movable_bodies():
+            if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
+                self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
+
+    def states(self) -> Mapping[int, Array]:
+        """Movable object id to (7,) position and quaternion of the asset's own frame."""
+        found = dict(self._still)
+        if self._movable:
+            centres = np.array([centre for _, centre in self._movable.values()])
+            poses = [self._client.getBasePositionAndOrientation(body) for body, _ in self._movable.values()]
+            position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
+            corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
+            found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
+        return found
+
+
+def _wavefront(hulls: Sequence[Array]) -> str:
+    """An OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points alone."""
+    lines, first = [], 1
+    for number, hull in enumerate(hulls):
+        lines.append(f"o hull{number}")
+        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in hull]
+        lines += [f"f {first} {first + k} {first + k + 1}" for k in range(1, len(hull) - 1)]
+        first += len(hull)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,25 @@
+"""Half-physics on MuJoCo (paper, section "Locomotion-Decoupled Physical Simulation")."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    from humanclaw.half_physics import Profile
+    from humanclaw.hookspecs import Register, SimulatorFactory
+    from humanclaw.interfaces import Simulator
+
+__version__ = "0.1.0"
+
+
+def _simulator(profile: str | Profile = "default") -> Simulator:
+    from humanclaw_mujoco.world import mujoco
+
+    return mujoco(profile)
+
+
+@hookimpl
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
+    register("mujoco", _simulator, "Half-physics on MuJoCo: the same laws, for every Python and system.")

@@ -1,0 +1,180 @@
+"""A scene and the body as a MuJoCo model, and which of its numbers belong to what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import mujoco as mj
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
+from humanclaw.errors import SceneError
+from humanclaw.half_physics import (
+    LINK_OF,
+    Profile,
+    box_of,
+    capsule_frame,
+    centre_of_mass,
+    inertia,
+    link_inertia,
+    link_mass,
+)
+from humanclaw.pose import Array, quaternion_from_matrix
+from humanclaw.scene import Asset, Scene, SceneObject
+
+FIXED_GROUP, BODY_GROUP = 0, 1
+_MARGIN: Final = 0.03
+"""Contacts are looked for this far ahead of the body and of movable objects, metres: no link comes further between two looks."""
+_IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""How hard contacts are: as hard as MuJoCo makes them."""
+_FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
+MOVABLE: Final = {"contype": 2, "conaffinity": 3, "group": FIXED_GROUP, "margin": _MARGIN}
+_BODY: Final = {"contype": 0, "conaffinity": 3, "group": BODY_GROUP, "margin": _MARGIN}
+"""Everything meets everything but the body itself, and fixed things one another."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A compiled model. Addresses are MuJoCo's, into qpos and qvel."""
+
+    mj: Any
+    joint_of: NDArray[np.int64]
+    """Geom to the index of the body's joint that it moves with; -1 for those of objects."""
+    object_of: NDArray[np.int64]
+    """Geom to object id; 0 for those of the body."""
+    friction: Array
+    """(geoms,) of each surface."""
+    turns: NDArray[np.int64]
+    """(23, 4) addresses of the joints' quaternions, in the order of JOINTS[1:]."""
+    spins: NDArray[np.int64]
+    """(23, 3) addresses of their angular velocities."""
+    root: int
+    """First address of the pelvis's position; that of its velocity is next."""
+    root_dof: int
+    movable: Mapping[int, tuple[int, int, Array]]
+    """Object id to its first addresses in qpos and qvel, and (3,) its centre of mass in the asset's frame."""
+
+
+def build(scene: Scene, profile: Profile) -> Model:
+    """Compile a scene with a body. Raises SceneError for a movable object without a mass, and for hulls without a volume."""
+    spec = mj.MjSpec()
+    spec.option.gravity = [0.0, -profile.gravity, 0.0]
+    spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC
+    spec.memory = 1 << 26
+    spec.default.geom.solimp[:] = _IMPEDANCE
+    _add_body(spec, profile)
+    centres = _Objects(spec, scene).add()
+    try:
+        compiled = spec.compile()
+    except ValueError as error:
+        raise SceneError(
+            f"MuJoCo cannot make a model of scene {scene.name!r}: {error}", "Are its hulls flat or empty?"
+        ) from error
+    return _addressed(compiled, scene, profile, centres)
+
+
+def _add_body(spec: Any, profile: Profile) -> None:
+    bodies: list[Any] = []
+    for joint, name in enumerate(JOINTS):
+        parent = bodies[PARENTS[joint]] if joint else spec.worldbody
+        body = parent.add_body(name=name, pos=OFFSETS[joint])
+        body.explicitinertial, body.mass = True, link_mass(name, profile)
+        body.ipos, body.inertia = [0.0] * 3, [link_inertia(name, profile)] * 3
+        body.add_joint(name=name, type=mj.mjtJoint.mjJNT_BALL if joint else mj.mjtJoint.mjJNT_FREE)
+        if name in LINK_OF:
+            _add_link(body, name)
+        bodies.append(body)
+
+
+def _add_link(body: Any, name: str) -> None:
+    shape = LINK_OF[name].shape
+    if isinstance(shape, Box):
+        body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=shape.half, pos=shape.centre, **_BODY)
+        return
+    centre, turn, length = capsule_frame(shape)
+    size, quaternion = [shape.radius, length / 2, 0.0], wxyz(quaternion_from_matrix(turn))
+    body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_CAPSULE, size=size, pos=centre, quat=quaternion, **_BODY)
+
+
+class _Objects:
+    """Puts a scene's objects into a model. A hull that several objects share is one mesh."""
+
+    def __init__(self, spec: Any, scene: Scene) -> None:
+        self._spec, self._scene, self._meshes = spec, scene, set[str]()
+
+    def add(self) -> Mapping[int, Array]:
+        """Add all; object id to centre of mass in the asset's frame for the movable ones."""
+        centres = {}
+        for obj in self._scene.objects:
+            asset = self._scene.assets[obj.asset]
+            if not asset.hulls:
+                continue
+            if obj.movable:
+                centres[obj.id] = self._add_movable(obj, asset)
+            else:
+                place = {"pos": obj.position, "quat": wxyz(np.array(obj.rotation)), **_FIXED}
+                self._add_hulls(self._spec.worldbody, obj, asset, np.zeros(3), place)
+        return centres
+
+    def _add_movable(self, obj: SceneObject, asset: Asset) -> Array:
+        if obj.mass <= 0:
+            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
+        hulls = [hull.astype(float) for hull in asset.hulls]
+        centre = centre_of_mass(hulls)
+        body = self._spec.worldbody.add_body(name=f"object {obj.id}")
+        body.add_freejoint(name=f"object {obj.id}")
+        body.explicitinertial, body.mass, body.ipos = True, obj.mass, [0.0] * 3
+        matrix = inertia(hulls, obj.mass)
+        body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
+        self._add_hulls(body, obj, asset, centre, dict(MOVABLE))
+        return centre
+
+    def _add_hulls(self, body: Any, obj: SceneObject, asset: Asset, centre: Array, facts: dict[str, Any]) -> None:
+        for number, hull in enumerate(asset.hulls):
+            name = f"{obj.id} {number}"
+            box = box_of(hull.astype(float) - centre)
+            if box is None:
+                mesh = self._mesh(asset, number, hull.astype(float) - centre, obj.movable)
+                body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_MESH, meshname=mesh, **facts)
+            else:
+                body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=box[1], **_moved(facts, box[0]))
+
+    def _mesh(self, asset: Asset, number: int, hull: Array, movable: bool) -> str:
+        name = f"{asset.name} {number} {'movable' if movable else 'fixed'}"
+        if name not in self._meshes:
+            mesh = self._spec.add_mesh(name=name)
+            mesh.uservert = hull.ravel()
+            self._meshes.add(name)
+        return name
+
+
+def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
+    """The same facts for a geom that is not at the origin of its object."""
+    turn, turned = np.array(facts.get("quat", (1.0, 0.0, 0.0, 0.0))), np.zeros(3)
+    mj.mju_rotVecQuat(turned, offset, turn)
+    return facts | {"pos": np.array(facts.get("pos", np.zeros(3))) + turned}
+
+
+def _addressed(compiled: Any, scene: Scene, profile: Profile, centres: Mapping[int, Array]) -> Model:
+    names = [compiled.geom(k).name for k in range(compiled.ngeom)]
+    joints = np.array([JOINTS.index(name) if name in JOINTS else -1 for name in names])
+    objects = np.array([0 if name in JOINTS else int(name.split()[0]) for name in names])
+    friction = np.array([scene.by_id[key].friction if key else profile.friction for key in objects.tolist()])
+    at, dof = compiled.jnt_qposadr, compiled.jnt_dofadr
+    numbers = [compiled.joint(name).id for name in JOINTS]
+    turns = np.array([[at[k] + i for i in (1, 2, 3, 0)] for k in numbers[1:]])
+    spins = np.array([[dof[k] + i for i in range(3)] for k in numbers[1:]])
+    movable = {}
+    for key, centre in centres.items():
+        number = compiled.joint(f"object {key}").id
+        movable[key] = (int(at[number]), int(dof[number]), centre)
+    return Model(compiled, joints, objects, friction, turns, spins, int(at[numbers[0]]), int(dof[numbers[0]]), movable)
+
+
+def wxyz(quaternion: Array) -> Sequence[float]:
+    """x, y, z, w to MuJoCo's order."""
+    x, y, z, w = (float(number) for number in quaternion)
+    return [w, x, y, z]

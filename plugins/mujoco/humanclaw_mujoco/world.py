@@ -1,0 +1,208 @@
+"""A scene and a body in MuJoCo.
+
+MuJoCo's contacts are springs and dampers that act once shapes have met. Here they are made hard, and act ahead: a contact at a
+distance allows the approach that closes the distance by the end of the step, and no more, so that what is driven by velocities
+does not enter a wall first and is pushed out afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import starmap
+from typing import Final
+
+import mujoco as mj
+import numpy as np
+
+from humanclaw.half_physics import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.scene import Scene
+from humanclaw_mujoco.model import FIXED_GROUP, Model, build
+from humanclaw_mujoco.sleep import Sleep
+
+_RECOVERY: Final = 0.2
+"""Share of a penetration that a step takes back."""
+_LEVEL: Final = 0.7
+"""Upward part of a normal from which on a surface is level."""
+_XYZW: Final = [1, 2, 3, 0]
+_WXYZ: Final = [3, 0, 1, 2]
+_OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint8)
+
+
+class MujocoWorld:
+    """The World of humanclaw.half_physics on MuJoCo."""
+
+    def __init__(self, model: Model, scene: Scene, profile: Profile, pose: Pose) -> None:
+        """Put a scene and a body at rest in a pose."""
+        self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
+        self._gravity = profile.gravity
+        self._sleep = Sleep(model)
+        self._tree = np.concatenate([np.arange(model.root_dof, model.root_dof + 6), model.spins.ravel()])
+        self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
+        for key, (at, _, centre) in model.movable.items():
+            place = self._still[key]
+            self._d.qpos[at : at + 3] = place[:3] + matrix_from_quaternion(place[3:]) @ centre
+            self._d.qpos[at + 3 : at + 7] = place[3:][_WXYZ]
+        self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
+        self.bend(pose.quaternions[1:], np.zeros((len(model.spins), 3)))
+
+    # -- the body ------------------------------------------------------------------------------------------------------
+    def pose(self) -> Pose:
+        at, qpos = self._model.root, self._d.qpos
+        return Pose(qpos[at : at + 3].copy(), np.vstack([qpos[at + 3 : at + 7][_XYZW], qpos[self._model.turns]]))
+
+    def velocity(self) -> tuple[Array, Array]:
+        return self._moving(self._model.root, self._model.root_dof)
+
+    def move(self, root: Array, quaternion: Array, velocity: Array, spin: Array) -> None:
+        self._put(self._model.root, root, quaternion)
+        self.drive(velocity, spin)
+
+    def drive(self, velocity: Array, spin: Array) -> None:
+        self._set_moving(self._model.root, self._model.root_dof, velocity, spin)
+
+    def bend(self, quaternions: Array, speeds: Array) -> None:
+        self._d.qpos[self._model.turns] = quaternions
+        self._d.qvel[self._model.spins] = speeds
+
+    # -- time ----------------------------------------------------------------------------------------------------------
+    def step(self, seconds: float) -> Sequence[Touch]:
+        m, d = self._m, self._d
+        m.opt.timestep = seconds
+        self._collide()
+        self._harden(seconds)
+        self._sleep.arrange(d)
+        mj.mj_makeConstraint(m, d)
+        mj.mj_island(m, d)
+        mj.mj_projectConstraint(m, d)
+        mj.mj_fwdVelocity(m, d)
+        mj.mj_fwdActuation(m, d)
+        mj.mj_fwdAcceleration(m, d)
+        self._let_fall()
+        mj.mj_fwdConstraint(m, d)
+        forces = self._forces()
+        mj.mj_Euler(m, d)
+        return self._touches(forces)
+
+    def overlaps(self) -> Sequence[Touch]:
+        self._collide()
+        return self._touches(np.zeros(self._d.ncon))
+
+    def _collide(self) -> None:
+        m, d = self._m, self._d
+        mj.mj_kinematics(m, d)
+        mj.mj_comPos(m, d)
+        mj.mj_makeM(m, d)
+        mj.mj_factorM(m, d)
+        mj.mj_collision(m, d)
+
+    def _harden(self, seconds: float) -> None:
+        """Let each contact allow the approach that closes its distance in this step; MuJoCo would let the shapes meet first."""
+        contact = self._d.contact
+        contact.includemargin[:] = 0.0
+        contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
+        contact.solref[:, 1] = -1 / seconds
+        contact.friction[:, :2] = self._model.friction[contact.geom].prod(axis=1)[:, None]
+
+    def _let_fall(self) -> None:
+        """Without contacts the body's velocity changes by gravity alone: its limbs move as they are told and have no recoil."""
+        d = self._d
+        d.qacc_smooth[self._tree] = 0.0
+        d.qacc_smooth[self._model.root_dof + 1] = -self._gravity
+        d.qacc_smooth[self._sleep.held()] = 0.0
+        mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
+
+    def _forces(self) -> Array:
+        """(contacts,) along their normals, newtons."""
+        address = self._d.contact.efc_address
+        return np.where(address >= 0, np.append(self._d.efc_force, 0.0)[address], 0.0)
+
+    def _touches(self, forces: Array) -> Sequence[Touch]:
+        contact, model = self._d.contact, self._model
+        geoms, gaps = contact.geom, contact.dist
+        joints = model.joint_of[geoms]
+        met = np.flatnonzero((joints.max(axis=1, initial=-1) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
+        if not len(met):
+            return ()
+        second = (joints[met, 1] >= 0).astype(int)
+        normals = contact.frame[met, :3] * (2 * second - 1)[:, None]
+        columns = (
+            joints[met, second], model.object_of[geoms[met, 1 - second]], contact.pos[met], normals,
+            # One that is still ahead and pushes closes in this step.
+            np.minimum(gaps[met], TOUCHING), forces[met],
+        )  # fmt: skip
+        return list(starmap(Touch, zip(*(column.tolist() for column in columns), strict=True)))
+
+    # -- objects -------------------------------------------------------------------------------------------------------
+    def touching(self) -> Collection[tuple[int, int]]:
+        contact = self._d.contact
+        pairs = np.sort(self._model.object_of[contact.geom[contact.dist <= TOUCHING]], axis=1)
+        return {(a, b) for a, b in pairs.tolist() if a}
+
+    def top(self, object_id: int, above: Array, below: Array) -> float | None:
+        geom, face = np.zeros(1, np.int32), np.zeros(3)
+        share = mj.mj_ray(self._m, self._d, above, below - above, _OBJECTS, 1, -1, geom, face)
+        if not 0 <= share <= 1 or self._model.object_of[geom[0]] != object_id or face[1] <= _LEVEL:
+            return None
+        return float(above[1] + share * (below[1] - above[1]))
+
+    def motion(self, object_id: int) -> ObjectMotion:
+        at, dof, _ = self._model.movable[object_id]
+        qpos = self._d.qpos
+        return ObjectMotion(qpos[at : at + 3].copy(), qpos[at + 3 : at + 7][_XYZW], *self._moving(at, dof))
+
+    def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
+        at, dof, _ = self._model.movable[object_id]
+        self._put(at, motion.position, motion.quaternion)
+        self._set_moving(at, dof, motion.velocity, motion.spin)
+
+    def objects(self) -> Mapping[int, Array]:
+        found = dict(self._still)
+        if self._model.movable:
+            at = np.array([place for place, _, _ in self._model.movable.values()])
+            centres = np.array([centre for _, _, centre in self._model.movable.values()])
+            poses = self._d.qpos[at[:, None] + np.arange(7)]
+            turn = poses[:, 3:][:, _XYZW]
+            corner = poses[:, :3] - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
+            found.update(zip(self._model.movable, np.concatenate([corner, turn], axis=1), strict=True))
+        return found
+
+    def settled(self) -> None:
+        self._sleep.lull(self._d)
+
+    def close(self) -> None:
+        """MuJoCo frees its memory with the last reference."""
+
+    # -- free joints ---------------------------------------------------------------------------------------------------
+    def _put(self, at: int, position: Array, quaternion: Array) -> None:
+        self._d.qpos[at : at + 3] = position
+        self._d.qpos[at + 3 : at + 7] = np.asarray(quaternion)[_WXYZ]
+
+    def _moving(self, at: int, dof: int) -> tuple[Array, Array]:
+        """Linear and angular velocity in the world frame; MuJoCo keeps the angular one in the joint's own."""
+        qvel, spin = self._d.qvel, np.zeros(3)
+        mj.mju_rotVecQuat(spin, qvel[dof + 3 : dof + 6], self._d.qpos[at + 3 : at + 7])
+        return qvel[dof : dof + 3].copy(), spin
+
+    def _set_moving(self, at: int, dof: int, velocity: Array, spin: Array) -> None:
+        turn, local = np.zeros(4), np.zeros(3)
+        mj.mju_negQuat(turn, self._d.qpos[at + 3 : at + 7])
+        mj.mju_rotVecQuat(local, np.asarray(spin, float), turn)
+        self._d.qvel[dof : dof + 3], self._d.qvel[dof + 3 : dof + 6] = velocity, local
+
+
+class _Worlds:
+    """Opens worlds; the model of the last scene is kept, so that going back to its start is cheap."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Scene, Profile, Model] | None = None
+
+    def __call__(self, scene: Scene, profile: Profile, pose: Pose) -> MujocoWorld:
+        if self._last is None or self._last[0] is not scene or self._last[1] != profile:
+            self._last = scene, profile, build(scene, profile)
+        return MujocoWorld(self._last[2], scene, profile, pose)
+
+
+def mujoco(profile: str | Profile = "default") -> HalfPhysics:
+    """Half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own."""
+    return HalfPhysics(_Worlds(), profile)

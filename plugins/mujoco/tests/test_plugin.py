@@ -1,0 +1,55 @@
+"""How the plugin is found, and what is MuJoCo's own."""
+
+import subprocess
+import sys
+
+import numpy as np
+
+import humanclaw_mujoco
+from humanclaw.half_physics import HalfPhysics
+from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.testing.speed import reset_times
+from humanclaw_mujoco.world import mujoco
+
+
+def offered(hook):
+    found = {}
+    hook(lambda name, factory, description="": found.update({name: factory}))
+    return found
+
+
+def test_the_simulator_is_offered_as_mujoco():
+    simulators = offered(humanclaw_mujoco.humanclaw_simulators)
+    assert isinstance(simulators["mujoco"](profile="paper"), HalfPhysics)
+
+
+def test_importing_the_plugin_does_not_load_the_engine():
+    code = "import sys, humanclaw_mujoco; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_nothing_is_printed_so_that_protocols_may_use_stdout():
+    code = "import humanclaw_mujoco.world"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_a_scene_that_is_loaded_again_is_not_compiled_again():
+    builder = SceneBuilder()
+    builder.floor()
+    for number in range(60):
+        hull = np.random.default_rng(number).uniform(0, 0.1, (40, 3)).astype(np.float32)
+        builder.solid(f"rock {number}", [hull], (0.15 * number, 0, 3))
+    times, _ = reset_times(mujoco(), builder.scene(), 5, lambda: None)
+    assert min(times[1:]) < times[0]
+
+
+def test_resetting_keeps_no_memory():
+    """Neither of boxes nor of a hundred other shapes, which are given to the engine in a different way."""
+    builder, random = SceneBuilder(), np.random.default_rng(0)
+    builder.room()
+    for number in range(100):
+        hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
+        builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
+    _, memory = reset_times(mujoco(), builder.scene(), 40, lambda: None)
+    assert memory[-1] - memory[9] < 2.0

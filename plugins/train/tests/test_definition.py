@@ -1,0 +1,120 @@
+"""The definition of the motion model in torch, and that what runs without torch follows it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tiny_motion import WALK
+
+from humanclaw.motion.checkpoint import shipped_base
+from humanclaw.motion.dit import ModelConfig
+from humanclaw.motion.flow import PROFILES, Solver, noise_of
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.pose import Motion, decode, encode
+from humanclaw_train import flow
+from humanclaw_train.checkpoint import load_adapter, load_base
+from humanclaw_train.control import Adapter
+from humanclaw_train.dit import DiT, Modulations
+from humanclaw_train.rollouts import Command, adapters
+
+SHIPPED = adapters([Path(__file__).parents[3] / "skills"])
+
+
+def _shaken(module, seed: int):
+    """Random numbers in every weight, so that no branch is silenced by its zero initialisation."""
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for parameter in module.parameters():
+            parameter.add_(0.05 * torch.randn(parameter.shape, generator=generator))
+    return module
+
+
+def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    generator = torch.Generator().manual_seed(0)
+    history, noisy = (torch.randn(2, frames, 219, generator=generator) for frames in (5, 15))
+    return history, noisy, torch.tensor([0.2, 0.7])
+
+
+@pytest.mark.parametrize("prediction", ["clean", "velocity"])
+def test_an_untrained_adapter_leaves_every_bit_of_the_base(prediction):
+    base = _shaken(DiT(ModelConfig(32, 3, 4, prediction=prediction)), seed=1)
+    adapter = Adapter(base, WALK)
+    history, noisy, tau = _inputs()
+    residual = adapter.residual(adapter.condition(torch.randn(2, 3)), adapter.modulations(base, tau))
+    alone, together = (base(history, noisy, base.modulations(tau), branch) for branch in (None, residual))
+    assert torch.equal(alone, together)
+
+
+def test_only_the_control_branch_learns():
+    base = _shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1).requires_grad_(False)
+    adapter = Adapter(base, WALK)
+    before = {name: value.clone() for name, value in base.state_dict().items()}
+    optimiser = torch.optim.SGD(adapter.parameters(), lr=0.1)
+    history, noisy, tau = _inputs()
+    for _ in range(2):  # the zero weights move first, what lies behind them after that
+        residual = adapter.residual(adapter.condition(torch.randn(2, 3)), adapter.modulations(base, tau))
+        base(history, noisy, base.modulations(tau), residual).square().mean().backward()
+        optimiser.step()
+    assert all(torch.equal(value, before[name]) for name, value in base.state_dict().items())
+    assert all(layer.weight.count_nonzero() > 0 for layer in adapter.weights)
+    assert adapter.encode[-1].weight.grad.abs().max() > 0
+
+
+def test_a_trained_branch_answers_to_its_condition():
+    base = _shaken(DiT(ModelConfig(32, 2, 4, prediction="clean")), seed=1)
+    adapter = _shaken(Adapter(base, WALK), seed=2)
+    history, noisy, tau = _inputs()
+    outputs = [
+        base(
+            history,
+            noisy,
+            base.modulations(tau),
+            adapter.residual(adapter.condition(values), adapter.modulations(base, tau)),
+        )
+        for values in (torch.zeros(2, 3), torch.ones(2, 3))
+    ]
+    assert not torch.allclose(*outputs)
+
+
+def test_an_untrained_clean_model_holds_the_last_pose():
+    model = DiT(ModelConfig(32, 2, 4, prediction="clean"))
+    history, noisy, tau = _inputs()
+    assert torch.equal(model(history, noisy, model.modulations(tau)), history[:, -1:].expand(-1, 15, -1))
+
+
+def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float], key: int, solver: Solver) -> Motion:
+    """What the definition generates. history: five frames at the origin facing +Z."""
+    base, times = load_base(shipped_base()), torch.tensor(solver.times)
+    own, branch = base.model.modulations(times), None
+    if adapter_file is not None:
+        adapter = load_adapter(adapter_file, base)
+        condition, branch = (
+            adapter.condition(torch.tensor([[values[name] for name in adapter.config.params]])),
+            adapter.modulations(base.model, times),
+        )
+    state = base.normaliser.forward(torch.from_numpy(encode(history)).float())[None]
+
+    def field(index: int, noisy: torch.Tensor) -> torch.Tensor:
+        one = slice(index, index + 1)
+        residual = None if branch is None else adapter.residual(condition, branch[:, :, one])
+        output = base.model(state, noisy, Modulations(own.blocks[:, :, one], own.final[:, one]), residual)
+        return flow.velocity(base.model.config.prediction, output, noisy, times[one])
+
+    future = solver.solve(field, torch.from_numpy(noise_of([(key,)])))
+    return decode(base.normaliser.inverse(future)[0].numpy())
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("skill", [*SHIPPED, "base"])
+def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_millimetre(skill, profile):
+    path, solver = SHIPPED.get(skill), PROFILES[profile]
+    command = Command.of(skill, path) if path else None
+    values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}
+    generator = DiTGenerator(DiTGenerator.shipped().base, solver, foot_locking=False)
+    run = generator.generate(generator.start(), path, values, (3,))
+    defined = _defined(generator.start(), path, values, 3, solver)
+    assert np.abs(run.root - defined.root).max() < 1e-5
+    assert np.abs(run.rotations - defined.rotations).max() < 1e-5

@@ -1,0 +1,68 @@
+"""What training writes is what the runtime reads."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from safetensors.numpy import load_file
+from tiny_motion import WALK
+
+from humanclaw.motion import checkpoint
+from humanclaw.motion.checkpoint import Card
+from humanclaw.motion.control import AdapterConfig
+from humanclaw.motion.dit import ModelConfig
+from humanclaw_train.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
+from humanclaw_train.control import Adapter
+from humanclaw_train.dit import DiT
+
+START = torch.zeros(5, 3), torch.zeros(5, 24, 3)
+NORMALISER = Normaliser(torch.zeros(219), torch.ones(219))
+
+
+@pytest.fixture
+def base(tmp_path):
+    """A base as training leaves it."""
+    path = tmp_path / "base.safetensors"
+    save_base(path, DiT(ModelConfig(32, 2, 4, prediction="clean")), NORMALISER, START, Card())
+    return load_base(path)
+
+
+def test_the_digest_names_the_numbers_and_not_the_notes(base, tmp_path):
+    def save(name: str, card: Card, shift: float = 0.0) -> str:
+        return save_base(tmp_path / name, base.model, base.normaliser, (START[0] + shift, START[1]), card)
+
+    assert save("a", Card()) == save("b", Card({"note": "another"})) == base.digest
+    assert save("c", Card(), shift=0.01) != base.digest
+
+
+def test_an_adapter_comes_back_with_its_numbers_in_half_precision(base, tmp_path):
+    path = tmp_path / "adapter.safetensors"
+    adapter = Adapter(base.model, WALK)
+    save_adapter(path, adapter, base.digest, Card())
+    stored = load_file(path)
+    for name, value in load_adapter(path, base, "walk").state_dict().items():
+        assert stored[f"model.{name}"].dtype == np.float16
+        assert np.array_equal(stored[f"model.{name}"], value.numpy())
+        assert torch.equal(value, adapter.state_dict()[name].half().float())
+
+
+def test_a_card_is_read_by_the_runtime_as_it_was_written(base, tmp_path):
+    path, card = tmp_path / "base.safetensors", Card({"steps": 3}, {"chunks": 10}, ("CC0",))
+    save_base(path, base.model, base.normaliser, START, card)
+    assert checkpoint.load_base(path).card == card
+
+
+def test_a_save_that_is_cut_short_leaves_the_old_checkpoint(base, tmp_path, monkeypatch):
+    path = tmp_path / "adapter.safetensors"
+    config = AdapterConfig("stop", "token")
+    save_adapter(path, Adapter(base.model, config), base.digest, Card())
+    before = path.read_bytes()
+
+    def interrupted(self, target):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(type(path), "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_adapter(path, Adapter(base.model, config), "another", Card())
+    assert path.read_bytes() == before

@@ -1,0 +1,77 @@
+"""Physics checks and the world's speed: their own arithmetic, and the commands that print them."""
+
+import pytest
+from click.testing import CliRunner
+
+from humanclaw.cli.physics import physics
+from humanclaw.embodiment import Backends, default_simulator
+from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.plugins import Plugins
+from humanclaw.testing.physics import Finding, skill_with, table
+from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.testing.speed import Quartiles, crowded
+
+
+def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
+    wrong = Finding("falling", "acceleration", 12.0, "m/s2", 9.6, 10.0)
+    assert not wrong.holds
+    assert table([wrong]).splitlines()[-1] == "| falling | acceleration | 12 m/s2 | ≥ 9.6, ≤ 10 | **no** |"
+
+
+@pytest.mark.parametrize("simulator", ["bullet", "mujoco"])
+def test_the_command_prints_the_table_and_nothing_else(simulator):
+    done = CliRunner().invoke(physics, ["--simulator", simulator, "free-space"])
+    assert done.exit_code == 0
+    assert done.stdout.startswith("| law | measure | found | bound | holds |")
+    assert len(done.stdout.splitlines()) == 5
+
+
+def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first():
+    builder = SceneBuilder()
+    builder.floor()
+    builder.box("box", (0.3, 0.3, 0.3), (1, 0, 1), movable=True, mass=1.0)
+    scene = crowded(builder.scene(), fixed=3, movable=2)
+    assert [obj.movable for obj in scene.objects] == [False, True, False, True, False]
+    assert [obj.id for obj in scene.objects] == [1, 2, 3, 4, 5]
+    assert [obj.position[0] for obj in scene.objects] == [0, 1, 40, 41, 80]
+
+
+def test_quartiles_are_those_of_the_numbers():
+    assert str(Quartiles.of([1, 2, 3, 4, 5])) == "3 [2, 4]"
+
+
+def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():
+    skill, keys = skill_with(Plugins.discover(), "hips.forward", "heading.left")
+    assert {"hips.forward", "heading.left"} <= set(keys)
+    assert set(keys.values()) <= set(skill.schema["properties"])
+    with pytest.raises(HumanclawError, match="flapped"):
+        skill_with(Plugins.discover(), "arms.flapped")
+
+
+def _offering(*names):
+    plugins = Plugins()
+
+    class Offers:
+        from humanclaw.hookspecs import hookimpl
+
+        @hookimpl
+        def humanclaw_simulators(self, register):
+            for name in names:
+                register(name, lambda: None)
+
+    plugins.add(Offers(), "offers")
+    return plugins
+
+
+@pytest.mark.parametrize(
+    ("installed", "chosen"),
+    [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")],
+)
+def test_bullet_moves_the_world_where_it_is_installed_or_else_mujoco_or_whatever_is(installed, chosen):
+    assert Backends().chosen(_offering(*installed)).simulator == chosen
+
+
+def test_a_simulator_that_is_named_is_taken_and_no_simulator_at_all_is_told():
+    assert Backends("mine").chosen(_offering("bullet")).simulator == "mine"
+    with pytest.raises(PluginError, match="no simulator"):
+        default_simulator(_offering())
