@@ -23,7 +23,7 @@ test: install  ## All tests
 lint: install  ## Style, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy core/humanclaw
+	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
 	$(BIN)/lint-imports
 
 CHUNKS ?= .data/chunks
