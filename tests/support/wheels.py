@@ -25,14 +25,14 @@ def build(folder: Path) -> list[Path]:
         command = [
             sys.executable,
             "-m",
+            "hatchling",
             "build",
-            "--wheel",
-            "--no-isolation",
-            "--outdir",
-            str(folder),
-            str(distribution),
+            "--target",
+            "wheel",
+            "--directory",
+            str(folder.absolute()),
         ]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(command, cwd=distribution, check=True, capture_output=True)
     return sorted(folder.glob("*.whl"))
 
 
