@@ -1,4 +1,4 @@
-"""The loop: what the decision maker does wrong comes back to it as words, and nothing illegal reaches the motion model."""
+"""The loop: what the agent does wrong comes back to it as words, and nothing illegal reaches the motion model."""
 
 import json
 import math

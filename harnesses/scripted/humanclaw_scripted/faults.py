@@ -144,12 +144,12 @@ class Fault:
 
     @property
     def agent(self) -> str:
-        """The decision maker that can have it."""
+        """The agent that can have it."""
         return "faulty"
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the decision maker, for it to have the fault."""
+        """Of the agent, for it to have the fault."""
         return {"fault": self.name}
 
     def fits(self, spec: EpisodeSpec) -> bool:
