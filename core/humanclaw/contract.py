@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import CallError, PluginError
 from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, role_of, si_name, to_si
-from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, vector_from_matrix
+from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
 NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
 
@@ -93,7 +93,7 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
     """Interpolate keys with zero velocity at each of them."""
     index = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, len(times) - 2)
     share = (clock - times[index]) / (times[index + 1] - times[index])
-    ease = (share * share * (3 - 2 * share))[:, None]
+    ease = smoothstep(share)[:, None]
     return keys[index] * (1 - ease) + keys[index + 1] * ease
 
 

@@ -35,6 +35,12 @@ def in_view(step: StepRecord) -> bool:
     return sum(step.target_pixels.values()) >= SEEN_PIXELS
 
 
+def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
+    """The role of the skill that a step called; empty for a step without a call, or of a skill that the record does not know."""
+    info = recorded.record.skills.get(step.call.skill) if step.call else None
+    return info.role if info else ""
+
+
 def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Whether the pelvis touches a target in the last frame of a step."""
     return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
@@ -43,3 +49,23 @@ def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
 def footing(contact: ContactRecord, ground: Set[int]) -> bool:
     """Whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
+
+
+def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[ContactRecord, ...]:
+    """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper floor."""
+    level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
+    return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
+
+
+def end_distance(recorded: RecordedEpisode) -> float:
+    """From the nearest body point to the nearest target's bounding box at the end, metres; infinite if unknown.
+
+    A step without a usable call leaves the body where it is, so the last distance that was recorded holds.
+    """
+    known = [step.target_distance for step in recorded.steps if step.target_distance is not None]
+    return known[-1] if known else float("inf")
+
+
+def reached(recorded: RecordedEpisode) -> bool:
+    """Whether the body ends within reach of a target, stopped or not."""
+    return end_distance(recorded) <= REACHED

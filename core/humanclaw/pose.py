@@ -252,3 +252,28 @@ def decode(state: Array) -> Motion:
     if state.ndim != 2 or state.shape[1] != STATE_SIZE:
         raise ValueError(f"a state sequence needs shape (T, {STATE_SIZE}); got {state.shape}")
     return Motion(state[:, :3].copy(), state[:, 3 : 3 + 3 * N_JOINTS].reshape(-1, N_JOINTS, 3).copy())
+
+
+JERK_STRIDE: Final = 8
+"""Frames between the points of the jerk's third difference: 0.27 s, the time scale of decisions."""
+
+
+def root_jerk(motion: Motion) -> float:
+    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames (paper, section 4.2).
+
+    Root translation and rotation carry the rest skeleton's joints but for the hands, so gait plays no part; then a moving average
+    of 3 frames and the third difference of points 8 frames apart.
+    """
+    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
+    points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
+    smooth = (points[:-2] + points[1:-1] + points[2:]) / 3
+    if len(smooth) <= 3 * JERK_STRIDE:
+        return float("nan")
+    a, b, c, d = (smooth[k * JERK_STRIDE : len(smooth) - (3 - k) * JERK_STRIDE] for k in range(4))
+    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (JERK_STRIDE / FPS) ** 3)
+
+
+def smoothstep(share: Array) -> Array:
+    """From 0 to 1 with no velocity at either end; share is held within 0 and 1."""
+    share = np.clip(share, 0.0, 1.0)
+    return np.asarray(share * share * (3 - 2 * share))

@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image
 
 import humanclaw
+from humanclaw.contract import Skill
 from humanclaw.embodiment import Body, Deed
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.geometry import distance_to_nearest
@@ -27,6 +28,7 @@ from humanclaw.interfaces import (
     View,
     WorldState,
 )
+from humanclaw.plugins import Plugins
 from humanclaw.pose import HISTORY, Array, Motion
 from humanclaw.records import (
     AnswerRecord,
@@ -34,6 +36,7 @@ from humanclaw.records import (
     CallRecord,
     ContactRecord,
     EpisodeRecord,
+    SkillInfo,
     StepRecord,
     UsageRecord,
     VerdictRecord,
@@ -108,9 +111,20 @@ def episode_record(
         targets={key: (_vec3(low), _vec3(high)) for key, (low, high) in boxes.items()},
         movable=tuple(thing.id for thing in body.scene.objects if thing.movable),
         ground=tuple(thing.id for thing in body.scene.objects if thing.category in GROUND),
-        skills=tuple(sorted(body.skills)),
+        skills=skill_infos(body.plugins),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
+
+
+def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
+    """What the record says of every skill that can be called: metrics read it, and no skill's name."""
+    versions = {info.name: info.version for info in plugins.infos}
+    return {name: _info(plugins.skill(name), plugins.owner(name), versions) for name in sorted(plugins.skills)}
+
+
+def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
+    commands = {one.key: one.measure for one in skill.parameters if one.measure}
+    return SkillInfo(role=skill.role, owner=owner, version=versions.get(owner, ""), commands=commands)
 
 
 def place(state: WorldState, prefix: str = "start") -> dict[str, Any]:

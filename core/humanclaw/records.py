@@ -125,6 +125,18 @@ class StepRecord(Record):
     """Wall time of observe, decide, verify, generate, simulate."""
 
 
+class SkillInfo(Record):
+    """A skill that could be called, as the episode found it."""
+
+    role: str
+    """What it is: locomotion, sit, posture, gesture or stop."""
+    owner: str = ""
+    """The plugin that brought it."""
+    version: str = ""
+    commands: dict[str, str] = {}
+    """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
+
+
 class EpisodeRecord(Record):
     """episode.json: what was asked, of whom, with what; and how it ended."""
 
@@ -151,7 +163,8 @@ class EpisodeRecord(Record):
     """Ids of the objects that can be moved."""
     geodesic: float | None = None
     """Shortest way from the start to a place beside the nearest target, metres; None if not measured."""
-    skills: tuple[str, ...] = ()
+    skills: dict[str, SkillInfo] = {}
+    """Every skill that could be called, by name."""
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from declared import INFOS
 
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.pose import HISTORY, Motion, rest_pose
@@ -69,7 +70,7 @@ def rollout(
     """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
     fields = {
         "start": StartPose(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
-        "movable": (LAMP, VASE, BOOK),
+        "movable": (LAMP, VASE, BOOK), "skills": INFOS,
     } | record  # fmt: skip
     spec = EpisodeSpec(
         id=name, instruction="find a couch", scene="test:rooms", target_category=category,

@@ -15,20 +15,16 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from humanclaw.body import BODY_GROUPS, N_JOINTS
+from humanclaw.body import BODY_GROUPS
 from humanclaw.errors import RecordError
-from humanclaw.outcomes import FLOOR_THRESHOLD, REACHED, acknowledges, footing, in_view, on_target
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Frame, Motion, forward_kinematics, matrix_from_vector
+from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
+from humanclaw.pose import FUTURE, HISTORY, Array, Frame, Motion, root_jerk
 from humanclaw.records import Outcome, RecordedEpisode, StepRecord
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
-STRIDE: Final = 8
-"""Frames between the points of the jerk's third difference: 0.27 s, the time scale of decisions."""
-RIGID_JOINTS: Final = 22
-"""Joints that the jerk is measured on: all but the hands."""
 FINISHED: Final = ("stopped", "out_of_steps")
 
 
@@ -39,30 +35,21 @@ def claims(step: StepRecord, category: str) -> bool:
 
 
 # -- where the body was ----------------------------------------------------------------------------------------------------
-def end_distance(recorded: RecordedEpisode) -> float:
-    """From the nearest body point to the nearest target's bounding box at the end, metres; infinite if unknown.
-
-    A step without a usable call leaves the body where it is, so the last distance that was recorded holds.
-    """
-    known = [step.target_distance for step in recorded.steps if step.target_distance is not None]
-    return known[-1] if known else float("inf")
-
-
-def is_sit(step: StepRecord) -> bool:
-    """Whether a step executed a sitting skill: sit, or one whose name begins with sit_, as sit_in_place does."""
-    return step.call is not None and step.call.skill.split("_")[0] == "sit"
+def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Whether a step called a skill that sits down."""
+    return role_of(recorded, step) == "sit"
 
 
 def sat_down(recorded: RecordedEpisode) -> bool:
     """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
-    return any(is_sit(step) and on_target(recorded, step) for step in recorded.steps)
+    return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
 def stayed_seated(recorded: RecordedEpisode) -> bool:
     """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
     before = [step for step in recorded.steps if step.status == "executed"]
     stopped = recorded.record.outcome == "stopped"
-    return stopped and any(map(is_sit, before)) and on_target(recorded, before[-1])
+    return stopped and any(is_sit(recorded, step) for step in before) and on_target(recorded, before[-1])
 
 
 # -- what the body ran into ------------------------------------------------------------------------------------------------
@@ -72,12 +59,8 @@ def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
     NaN without motion.
     """
-    level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     moving = [step for step in recorded.steps if step.motion_frames]
-    hit = [
-        {c.group for c in step.contacts if not (c.movable or c.height <= level or footing(c, ground))}
-        for step in moving
-    ]
+    hit = [{c.group for c in touched_above_ground(recorded, step) if not c.movable} for step in moving]
     count = len(moving) or float("nan")
     return {"any": sum(map(bool, hit)) / count} | {
         group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
@@ -131,7 +114,7 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
-def choreography(recorded: RecordedEpisode) -> Motion:
+def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """The generated motion of all steps as one: each chunk taken up where the one before it was left.
 
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a jerk
@@ -156,21 +139,6 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 def _hips(motion: Motion) -> Frame:
     """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
     return Frame.of(motion, floor=float(motion.root[-1, 1]))
-
-
-def jerk(motion: Motion) -> float:
-    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames.
-
-    Root translation and rotation carry the rest skeleton's joints, so gait plays no part; then a moving average of 3 frames
-    and the third difference of points 8 frames apart.
-    """
-    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:RIGID_JOINTS]
-    points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
-    smooth = (points[:-2] + points[1:-1] + points[2:]) / 3
-    if len(smooth) <= 3 * STRIDE:
-        return float("nan")
-    a, b, c, d = (smooth[k * STRIDE : len(smooth) - (3 - k) * STRIDE] for k in range(4))
-    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (STRIDE / FPS) ** 3)
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
@@ -266,8 +234,8 @@ def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     return {
         "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
         "geo_find": any(map(in_view, steps)),
-        "nav": stopped and distance <= REACHED,
-        "geo_nav": distance <= REACHED,
+        "nav": stopped and reached(recorded),
+        "geo_nav": reached(recorded),
         "nav_1m": stopped and distance <= NEARBY,
         "interact": stayed_seated(recorded) if spec.interact else None,
         "geo_interact": sat_down(recorded) if spec.interact else None,
@@ -279,7 +247,7 @@ def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
     if not (recorded.folder / "motion.npz").exists():
         return {}, float("nan")
     try:
-        return recorded.objects(), jerk(choreography(recorded))
+        return recorded.objects(), root_jerk(generated_trajectory(recorded))
     except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
         raise RecordError(
             f"{recorded.folder / 'motion.npz'} cannot be read: {error}.", "Run the episode again, or remove its folder."

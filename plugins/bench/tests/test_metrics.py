@@ -16,20 +16,19 @@ from humanclaw.embodiment import Chunk, Deed
 from humanclaw.episode import StartPose
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Call, Contact, Execution
-from humanclaw.pose import FPS, HISTORY, Motion, rest_pose
+from humanclaw.pose import FPS, HISTORY, Motion, rest_pose, root_jerk
 from humanclaw.recorder import outcome
 from humanclaw.records import AttemptRecord, UsageRecord, VerdictRecord
 from humanclaw_bench.metrics import (
     ALL,
     Scores,
     acknowledges,
-    choreography,
     collisions,
     compare,
     disturbed,
     disturbed_path,
     estimate,
-    jerk,
+    generated_trajectory,
     score,
 )
 
@@ -256,12 +255,12 @@ TIME = np.arange(90) / FPS
 
 
 def test_the_jerk_of_a_cubic_is_six() -> None:
-    assert jerk(track(TIME**3)) == pytest.approx(6.0)
-    assert jerk(track(TIME**3, 2 * TIME**3)) == pytest.approx(6.0 * 5**0.5)
+    assert root_jerk(track(TIME**3)) == pytest.approx(6.0)
+    assert root_jerk(track(TIME**3, 2 * TIME**3)) == pytest.approx(6.0 * 5**0.5)
 
 
 def test_constant_acceleration_has_no_jerk() -> None:
-    assert jerk(track(3 * TIME + 2 * TIME**2)) == pytest.approx(0.0, abs=1e-9)
+    assert root_jerk(track(3 * TIME + 2 * TIME**2)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_turning_carries_the_joints_on_circles() -> None:
@@ -273,7 +272,7 @@ def test_turning_carries_the_joints_on_circles() -> None:
     # Of a sine of angular speed w: three differences of stride h give (2 sin(wh/2))^3, the average of 3 frames (1 + 2 cos w/30)/3.
     stride = 8 / 30
     gain = (2 * np.sin(speed * stride / 2) / stride) ** 3 * (1 + 2 * np.cos(speed / 30)) / 3
-    assert jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(radius * gain)
+    assert root_jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(radius * gain)
 
 
 def test_waving_is_no_jerk_and_neither_is_the_place(tmp_path: Path) -> None:
@@ -281,12 +280,12 @@ def test_waving_is_no_jerk_and_neither_is_the_place(tmp_path: Path) -> None:
     walk = track(np.cumsum(rng.normal(0, 0.02, 90)), np.cumsum(rng.normal(0, 0.02, 90)), 0.3 * TIME)
     waving = walk.rotations.copy()
     waving[:, 1:] += rng.normal(0, 0.5, waving[:, 1:].shape)
-    assert jerk(Motion(walk.root + [5.0, 1.0, -3.0], waving)) == pytest.approx(jerk(walk))
+    assert root_jerk(Motion(walk.root + [5.0, 1.0, -3.0], waving)) == pytest.approx(root_jerk(walk))
 
 
 def test_a_motion_shorter_than_the_stencil_has_no_jerk() -> None:
-    assert np.isnan(jerk(track(np.arange(26.0))))
-    assert np.isfinite(jerk(track(np.arange(27.0))))
+    assert np.isnan(root_jerk(track(np.arange(26.0))))
+    assert np.isfinite(root_jerk(track(np.arange(27.0))))
 
 
 def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Path) -> None:
@@ -303,12 +302,12 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
     for made, real in zip(generated[1:], realised[1:], strict=True):
         whole = [whole[0].then(made), whole[1].then(real)]
     recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step("stop")], motion=tuple(whole))
-    line = choreography(recorded)
+    line = generated_trajectory(recorded)
     assert len(line) == 60
     np.testing.assert_allclose(line.root[:, 0], np.arange(1, 61) * 0.4 / 15, atol=1e-9)
     np.testing.assert_allclose(line.root[:, 2], 0.0, atol=1e-9)
     assert score(recorded).jerk == pytest.approx(0.0, abs=1e-6)
-    assert jerk(whole[0][HISTORY:]) > 1.0
+    assert root_jerk(whole[0][HISTORY:]) > 1.0
 
 
 # -- cost and what is left out -----------------------------------------------------------------------------------------

@@ -15,6 +15,8 @@ from humanclaw.errors import SceneError
 from humanclaw.scene import Scene
 from humanclaw.scene_file import pack_scene, unpack_scene
 
+CORE: Final = ("body.py", "meshes", "navigation", "pose.py", "scene.py", "tasks.py")
+"""The parts of the core in which a change may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
 
@@ -36,25 +38,21 @@ def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | N
 
 @cache
 def generator_version() -> str:
-    """Digest of all code that a house may come from: this package, the core, and the versions of their libraries.
-
-    All of it and not a list of modules: a list would be forgotten one day, and a stale house served.
-    """
+    """Digest of the code that a house may come from: this package, the parts of the core that shape it, and the versions of their
+    libraries. A test holds CORE to what this package imports, so that no stale house is served."""
     state = hashlib.sha256()
-    for package in ("humanclaw", __package__):
-        for path in _sources(resources.files(package)):
+    core = resources.files("humanclaw")
+    for part in (*(core / name for name in CORE), resources.files(__package__)):
+        for path in _sources(part):
             state.update(path.name.encode() + path.read_bytes())
     for name in _LIBRARIES:
         state.update(f"{name} {importlib.metadata.version(name)}".encode())
     return state.hexdigest()
 
 
-def _sources(folder: Traversable) -> list[Traversable]:
-    """Python and table files of a package and the packages in it, in order."""
-    found: list[Traversable] = []
-    for item in sorted(folder.iterdir(), key=lambda item: item.name):
-        if item.is_dir() and item.name != "__pycache__":
-            found += _sources(item)
-        elif item.name.endswith((".py", ".toml")):
-            found.append(item)
-    return found
+def _sources(part: Traversable) -> list[Traversable]:
+    """A file, or the Python and table files of a package and the packages in it, in order."""
+    if part.is_file():
+        return [part] if part.name.endswith((".py", ".toml")) else []
+    inside = sorted(part.iterdir(), key=lambda item: item.name)
+    return [path for item in inside if item.name != "__pycache__" for path in _sources(item)]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import multiprocessing
+import os
+import shutil
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+import humanclaw
+import humanclaw_houses
 from humanclaw.scene import Scene
 from humanclaw_houses import caching
 from humanclaw_houses.door import open_house
@@ -66,26 +72,71 @@ def test_another_generator_or_library_never_gets_a_stale_house(
     assert caching.kept("2", "", lambda: fresh) is fresh
 
 
-def test_any_change_of_the_code_is_another_generator(tmp_path: Path) -> None:
-    """A copy of the package with one character more has another version."""
-    import shutil
-
-    import humanclaw_houses
-
-    copy = tmp_path / "humanclaw_houses"
-    shutil.copytree(Path(humanclaw_houses.__file__).parent, copy)
-    versions = [_version_of(tmp_path)]
-    plan = copy / "plan.py"
-    plan.write_text(plan.read_text() + "\n# another thought\n")
-    versions.append(_version_of(tmp_path))
-    assert versions[0] == caching.generator_version()
-    assert versions[1] != versions[0]
+@pytest.fixture
+def copies(tmp_path: Path) -> Path:
+    """A folder with copies of the core and of this plugin, to be changed."""
+    for package in (humanclaw, humanclaw_houses):
+        source = Path(package.__file__).parent
+        shutil.copytree(source, tmp_path / source.name, ignore=shutil.ignore_patterns("*.safetensors", "__pycache__"))
+    return tmp_path
 
 
-def _version_of(folder: Path) -> str:
-    code = f"import sys; sys.path.insert(0, {str(folder)!r})\n"
-    code += "from humanclaw_houses import caching; print(caching.generator_version())"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+@pytest.mark.parametrize(
+    "changed", ["humanclaw_houses/plan.py", "humanclaw/navigation/occupancy.py", "humanclaw/scene.py"]
+)
+def test_a_change_of_what_shapes_a_house_is_another_generator(copies: Path, changed: str) -> None:
+    before = version_of(copies)
+    with (copies / changed).open("a") as stream:
+        stream.write("\n# another thought\n")
+    assert before == caching.generator_version()
+    assert version_of(copies) != before
+
+
+@pytest.mark.parametrize("changed", ["loop.py", "plugins.py", "motion/generator.py"])
+def test_a_change_elsewhere_in_the_core_leaves_the_houses_in_the_cache(copies: Path, changed: str) -> None:
+    with (copies / "humanclaw" / changed).open("a") as stream:
+        stream.write("\n# another thought\n")
+    assert version_of(copies) == caching.generator_version()
+
+
+def test_every_part_of_the_core_that_houses_rest_on_is_in_the_digest() -> None:
+    """What they import of the core, and what that imports, but for what keeps, names or refuses a house and cannot shape it."""
+    core = Path(humanclaw.__file__).parent
+    found, waiting = set(), imported(Path(humanclaw_houses.__file__).parent)
+    while waiting:
+        name = waiting.pop()
+        part = core / name if (core / name).is_dir() else core / f"{name}.py"
+        found.add(part.name)
+        waiting |= {other for other in imported(part) if other not in {Path(known).stem for known in found}}
+    harmless = {"cache.py", "episode.py", "errors.py", "files.py", "hookspecs.py", "scene_file.py"}
+    assert found - harmless == set(caching.CORE)
+
+
+def imported(part: Path) -> set[str]:
+    """Top names in the core that the sources of a package or file import when they run."""
+    names: set[str] = set()
+    for path in [part] if part.is_file() else part.rglob("*.py"):
+        for node in runtime(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("humanclaw."):
+                names.add(str(node.module).split(".")[1])
+    return names
+
+
+def runtime(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but those under `if TYPE_CHECKING`."""
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            yield node
+            yield from runtime(node)
+
+
+def version_of(copies: Path) -> str:
+    code = "from humanclaw_houses import caching; print(caching.generator_version())"
+    paths = os.pathsep.join([str(copies), *sys.path])
+    return subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(copies)!r}); {code}"],
+        capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": paths},
+    ).stdout.strip()  # fmt: skip
 
 
 def test_two_processes_may_fill_the_cache_at_once(folder: Path, fresh: Scene) -> None:

@@ -31,7 +31,7 @@ _MARGIN: Final = 0.03
 _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """How hard contacts are: as hard as MuJoCo makes them."""
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
-_MOVABLE: Final = {"contype": 2, "conaffinity": 3, "group": FIXED_GROUP, "margin": _MARGIN}
+MOVABLE: Final = {"contype": 2, "conaffinity": 3, "group": FIXED_GROUP, "margin": _MARGIN}
 _BODY: Final = {"contype": 0, "conaffinity": 3, "group": BODY_GROUP, "margin": _MARGIN}
 """Everything meets everything but the body itself, and fixed things one another."""
 
@@ -129,7 +129,7 @@ class _Objects:
         body.explicitinertial, body.mass, body.ipos = True, obj.mass, [0.0] * 3
         matrix = inertia(hulls, obj.mass)
         body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
-        self._add_hulls(body, obj, asset, centre, dict(_MOVABLE))
+        self._add_hulls(body, obj, asset, centre, dict(MOVABLE))
         return centre
 
     def _add_hulls(self, body: Any, obj: SceneObject, asset: Asset, centre: Array, facts: dict[str, Any]) -> None:

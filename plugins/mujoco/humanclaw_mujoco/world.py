@@ -8,6 +8,7 @@ does not enter a wall first and is pushed out afterwards.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import starmap
 from typing import Final
 
 import mujoco as mj
@@ -17,6 +18,7 @@ from humanclaw.half_physics import TOUCHING, HalfPhysics, ObjectMotion, Pose, Pr
 from humanclaw.pose import Array, matrix_from_quaternion
 from humanclaw.scene import Scene
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
+from humanclaw_mujoco.sleep import Sleep
 
 _RECOVERY: Final = 0.2
 """Share of a penetration that a step takes back."""
@@ -34,6 +36,7 @@ class MujocoWorld:
         """Put a scene and a body at rest in a pose."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
         self._gravity = profile.gravity
+        self._sleep = Sleep(model)
         self._tree = np.concatenate([np.arange(model.root_dof, model.root_dof + 6), model.spins.ravel()])
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
         for key, (at, _, centre) in model.movable.items():
@@ -68,6 +71,7 @@ class MujocoWorld:
         m.opt.timestep = seconds
         self._collide()
         self._harden(seconds)
+        self._sleep.arrange(d)
         mj.mj_makeConstraint(m, d)
         mj.mj_island(m, d)
         mj.mj_projectConstraint(m, d)
@@ -105,6 +109,7 @@ class MujocoWorld:
         d = self._d
         d.qacc_smooth[self._tree] = 0.0
         d.qacc_smooth[self._model.root_dof + 1] = -self._gravity
+        d.qacc_smooth[self._sleep.held()] = 0.0
         mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
 
     def _forces(self) -> Array:
@@ -114,20 +119,19 @@ class MujocoWorld:
 
     def _touches(self, forces: Array) -> Sequence[Touch]:
         contact, model = self._d.contact, self._model
-        joints = model.joint_of[contact.geom]
-        met = np.flatnonzero((joints.max(axis=1, initial=-1) >= 0) & ((contact.dist <= TOUCHING) | (forces > 0)))
-        touches = []
-        for k in met.tolist():
-            second = int(joints[k, 1] >= 0)
-            normal = contact.frame[k, :3] if second else -contact.frame[k, :3]
-            key = int(model.object_of[contact.geom[k, 1 - second]])
+        geoms, gaps = contact.geom, contact.dist
+        joints = model.joint_of[geoms]
+        met = np.flatnonzero((joints.max(axis=1, initial=-1) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
+        if not len(met):
+            return ()
+        second = (joints[met, 1] >= 0).astype(int)
+        normals = contact.frame[met, :3] * (2 * second - 1)[:, None]
+        columns = (
+            joints[met, second], model.object_of[geoms[met, 1 - second]], contact.pos[met], normals,
             # One that is still ahead and pushes closes in this step.
-            distance = min(float(contact.dist[k]), TOUCHING)
-            point = tuple(contact.pos[k].tolist())
-            touches.append(
-                Touch(int(joints[k, second]), key, point, tuple(normal.tolist()), distance, float(forces[k]))
-            )
-        return touches
+            np.minimum(gaps[met], TOUCHING), forces[met],
+        )  # fmt: skip
+        return list(starmap(Touch, zip(*(column.tolist() for column in columns), strict=True)))
 
     # -- objects -------------------------------------------------------------------------------------------------------
     def touching(self) -> Collection[tuple[int, int]]:
@@ -164,7 +168,7 @@ class MujocoWorld:
         return found
 
     def settled(self) -> None:
-        """Nothing sleeps here."""
+        self._sleep.lull(self._d)
 
     def close(self) -> None:
         """MuJoCo frees its memory with the last reference."""

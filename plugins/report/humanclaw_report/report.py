@@ -6,7 +6,6 @@ Everything comes from the records; the scene is only needed to draw the house ar
 from __future__ import annotations
 
 import base64
-import io
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -22,9 +21,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
-from humanclaw.outcomes import REACHED, footing, in_view
+from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
+from humanclaw.pictures import jpeg
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
-from humanclaw.records import CallRecord, ContactRecord, RecordedEpisode, StepRecord, Vec3, load_run
+from humanclaw.records import CallRecord, RecordedEpisode, StepRecord, Vec3, load_run
 from humanclaw.scene import Scene, SceneObject
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
@@ -226,14 +226,14 @@ def _seconds(value: float) -> str:
 
 # -- episodes ----------------------------------------------------------------------------------------------------------
 def _episode(recorded: RecordedEpisode, number: int) -> EpisodeView:
-    reached = stages(recorded)
+    met = stages(recorded)
     usages = [a.usage for s in recorded.steps for a in s.attempts]
     usages += [s.verdict.usage for s in recorded.steps if s.verdict]
     times = {part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS}
     anchor = f"episode-{number}-{re.sub(r'[^A-Za-z0-9]+', '-', recorded.record.spec.id)}"
     tokens = sum(usage.tokens_in + usage.tokens_out for usage in usages)
     cost = sum(usage.cost for usage in usages)
-    return EpisodeView(recorded, anchor, in_words(recorded, reached), reached, times, tokens, cost)
+    return EpisodeView(recorded, anchor, in_words(recorded, met), met, times, tokens, cost)
 
 
 def _detailed(view: EpisodeView, houses: Houses, pictures: int, page: Path) -> EpisodeView:
@@ -279,10 +279,11 @@ def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
     if not spec.target_ids:
         return (stopped,)
     seen = [s.step for s in steps if in_view(s)]
-    distances = [s.target_distance for s in steps if s.target_distance is not None]
-    last = distances[-1] if distances else float("inf")
+    last = end_distance(recorded)
     found = Stage("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
-    near = Stage("reached", last <= REACHED, f"{last:.2f} m at the end" if distances else "no distance recorded")
+    near = Stage(
+        "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
+    )
     if not spec.interact:
         return found, near, stopped
     return found, near, _sat(recorded), stopped
@@ -291,13 +292,13 @@ def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
 def _sat(recorded: RecordedEpisode) -> Stage:
     """Whether the hips were on a target when the episode was stopped."""
     moved = [step for step in recorded.steps if step.status == "executed"]
-    on = [step.step for step in moved if set(step.pelvis_contacts) & set(recorded.record.spec.target_ids)]
+    on = [step.step for step in moved if on_target(recorded, step)]
     if moved and on and on[-1] == moved[-1].step:
         return Stage("sat", True, f"since step {on[-1]}")
     return Stage("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
 
 
-def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
+def in_words(recorded: RecordedEpisode, met: Sequence[Stage]) -> str:
     """The outcome as a sentence."""
     record = recorded.record
     endings = {
@@ -308,7 +309,7 @@ def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
         "limit_reached": f"was ended by a limit ({record.error})",
         "interrupted": f"was interrupted after {len(recorded.steps)} steps",
     }
-    facts = {stage.name: stage for stage in reached}
+    facts = {stage.name: stage for stage in met}
     noun = record.spec.target_category.replace("_", " ") or "target"
     told = [f"{'had' if facts[name].met else 'never had'} the {noun} in view" for name in facts if name == "in view"]
     told += [
@@ -322,7 +323,8 @@ def in_words(recorded: RecordedEpisode, reached: Sequence[Stage]) -> str:
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: bool, scene: Scene | None) -> StepView:
     kind, verdict = _verdict(step)
     touched = {
-        c.object_id: f"{c.joint.replace('_', ' ')} on {_name(scene, c.object_id)}" for c in _touched(recorded, step)
+        c.object_id: f"{c.joint.replace('_', ' ')} on {_name(scene, c.object_id)}"
+        for c in touched_above_ground(recorded, step)
     }
     return StepView(
         record=step,
@@ -366,24 +368,16 @@ def _picture(path: Path, size: int = 240) -> str:
     """A frame as a small JPEG data URI; empty if the file is missing."""
     if not path.is_file():
         return ""
-    buffer = io.BytesIO()
     with Image.open(path) as image:
         image.thumbnail((size, size), Image.Resampling.LANCZOS)
-        image.convert("RGB").save(buffer, "JPEG", quality=78, optimize=True)
-    return _data_uri(buffer.getvalue(), "image/jpeg")
-
-
-def _touched(recorded: RecordedEpisode, step: StepRecord) -> list[ContactRecord]:
-    """Contacts above the floor of the start, without feet on an upper floor or on stairs."""
-    level, ground = recorded.record.start.floor + 0.03, set(recorded.record.ground)
-    return [contact for contact in step.contacts if contact.height > level and not footing(contact, ground)]
+        return _data_uri(jpeg(np.asarray(image.convert("RGB")), quality=78), "image/jpeg")
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
     """What was touched other than by standing on it, the longest first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
-        for contact in _touched(recorded, step):
+        for contact in touched_above_ground(recorded, step):
             part = contact.joint.replace("_", " ")
             rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
     table = [

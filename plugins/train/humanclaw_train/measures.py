@@ -11,14 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, N_JOINTS, TOE_SOLE
+from humanclaw.body import JOINT_INDEX, TOE_SOLE
 from humanclaw.pose import (
     FPS,
     HISTORY,
     Array,
-    Motion,
     forward_kinematics,
-    matrix_from_vector,
     support_height,
 )
 
@@ -79,21 +77,6 @@ def seam_and_inside(joints: Array) -> tuple[float, float]:
 def joint_jerk(joints: Array) -> float:
     """Mean third derivative of all joint positions, m/s^3, from one-frame differences."""
     return float(np.linalg.norm(np.diff(joints, n=3, axis=-3), axis=-1).mean() * FPS**3)
-
-
-def root_jerk(motion: Motion, stride: int = 8) -> float:
-    """Mean norm of the third difference of 22 joints carried rigidly by the root, m/s^3, at a stride of 8 frames (0.27 s).
-
-    The paper's motion jerk: root translation and orientation carry the rest skeleton, so gait plays no part; a moving average
-    of 3 frames comes first. NaN for less than 27 frames.
-    """
-    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
-    carried = motion.root[:, None] + np.einsum("tij,nj->tni", matrix_from_vector(motion.rotations[:, 0]), rest)
-    smooth = (carried[:-2] + carried[1:-1] + carried[2:]) / 3
-    if len(smooth) <= 3 * stride:
-        return float("nan")
-    a, b, c, d = (smooth[start : len(smooth) - 3 * stride + start] for start in (0, stride, 2 * stride, 3 * stride))
-    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (stride / FPS) ** 3)
 
 
 # -- joint limits ------------------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
 from humanclaw.measures import Declaration, suited
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.fidelity import generator_options, made_generator
@@ -259,7 +259,7 @@ def sequence_jerks(
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
         if {measure for measure, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
             motions = _sequence(generator, known, calls, bodies, (seed, number))
-            found[name] = float(np.mean([measures.root_jerk(motion) for motion in motions]))
+            found[name] = float(np.mean([root_jerk(motion) for motion in motions]))
     return found
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from humanclaw import pose
 from humanclaw.body import JOINT_INDEX
-from humanclaw_bench import metrics
 from humanclaw_train.measures import (
     Features,
     acceleration,
@@ -13,7 +12,6 @@ from humanclaw_train.measures import (
     frechet,
     joint_jerk,
     penetration,
-    root_jerk,
     seam_and_inside,
     skate,
     slower_toe,
@@ -48,28 +46,6 @@ def test_a_jump_where_history_and_future_meet_is_seen_there_and_nowhere_else():
     seam, inside = seam_and_inside(joints[None])
     assert seam == pytest.approx(0.01 * 30**2)
     assert inside == 0
-
-
-def test_even_and_evenly_accelerated_motion_have_no_jerk_and_cubic_motion_has_its_own():
-    seconds = np.arange(60) / 30
-    rest = pose.rest_pose(60)
-
-    def jerk(ahead: np.ndarray) -> float:
-        return root_jerk(pose.Motion(rest.root + np.outer(ahead, [0, 0, 1.0]), rest.rotations))
-
-    assert jerk(2 * seconds) == pytest.approx(0, abs=1e-9)
-    assert jerk(seconds**2) == pytest.approx(0, abs=1e-9)
-    assert jerk(seconds**3) == pytest.approx(6, rel=1e-6)
-
-
-def test_the_benchmark_measures_the_same_jerk():
-    random = np.random.default_rng(0)
-    path = np.cumsum(random.normal(0, 0.01, (60, 3)), 0)
-    turns = pose.rest_pose(60).rotations
-    turns[:, 0, 1] = np.cumsum(random.normal(0, 0.05, 60))
-    motion = pose.Motion(path, turns)
-    assert root_jerk(motion) == pytest.approx(metrics.jerk(motion), rel=1e-9)
-    assert np.isnan(root_jerk(motion[:26]))
 
 
 def test_who_slides_on_one_foot_and_stands_on_the_other_skates_with_neither():

@@ -1,0 +1,88 @@
+"""Objects that lie still sleep until something that moves comes near: asleep they cost next to nothing, and do not creep."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.pose import Array
+from humanclaw_mujoco.model import MOVABLE, Model
+
+_LULLED: Final = 0.1
+"""Speed below which an object that has been given time to settle counts as still, m/s and rad/s."""
+_STILL: Final = 0.01
+"""Speed below which an object comes to rest by itself."""
+_PATIENCE: Final = 60
+"""Steps that it must have been as slow for, with nothing awake near."""
+_NEAR: Final = 0.01
+"""Distance at which what is awake wakes what is not, metres."""
+
+
+class Sleep:
+    """Which movable objects of a world are asleep."""
+
+    def __init__(self, model: Model) -> None:
+        """All are awake."""
+        self._affinity = model.mj.geom_conaffinity
+        keys = list(model.movable)
+        places = {key: place for place, key in enumerate(keys)}
+        self._dofs = np.array([[model.movable[key][1] + k for k in range(6)] for key in keys], int).reshape(-1, 6)
+        self._place_of = np.array([places.get(key, len(keys)) for key in model.object_of.tolist()])
+        """Geom to the place of its movable object; one past the last for what is fixed and for the body."""
+        self._body = model.joint_of >= 0
+        self._asleep = np.zeros(len(keys), bool)
+        self._slow = np.zeros(len(keys), int)
+        self._woken = np.zeros(len(keys), bool)
+        self._geoms = np.flatnonzero(self._place_of < len(keys))
+        self._let_meet()
+
+    def lull(self, data: Any) -> None:
+        """Put everything to sleep that hardly moves."""
+        self._asleep |= self._speeds(data) < _LULLED
+        data.qvel[self._dofs[self._asleep]] = 0.0
+        self._let_meet()
+
+    def held(self) -> NDArray[np.int64]:
+        """Addresses of the velocities of those that do not fall: the sleepers, and who woke in this step, after the search for
+        contacts had left out what carries them."""
+        return self._dofs[self._asleep | self._woken].ravel()
+
+    def arrange(self, data: Any) -> None:
+        """Wake what something awake has come near, and let the still ones sleep."""
+        if not len(self._asleep):
+            return
+        before = self._asleep
+        contact = data.contact
+        geoms, gaps = contact.geom, contact.dist
+        places, body = self._place_of[geoms], self._body[geoms]
+        others = self._active(places, body)[:, ::-1]
+        stirred = places[others & (gaps <= _NEAR)[:, None]]
+        self._stir(stirred[stirred < len(self._asleep)])
+        self._rest(data)
+        self._woken = before & ~self._asleep
+        if (before != self._asleep).any():
+            self._let_meet()
+
+    def _active(self, places: NDArray[np.int64], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(contacts, 2) whether each of the two is the body's or awake."""
+        return np.asarray(body | np.append(~self._asleep, False)[places])
+
+    def _stir(self, places: NDArray[np.int64]) -> None:
+        self._asleep = self._asleep.copy()
+        self._asleep[places], self._slow[places] = False, 0
+
+    def _rest(self, data: Any) -> None:
+        speeds = self._speeds(data)
+        self._slow = np.where(speeds < _STILL, self._slow + 1, 0)
+        self._asleep = (self._asleep & (speeds < _STILL)) | (self._slow > _PATIENCE)
+        data.qvel[self._dofs[self._asleep]] = 0.0
+
+    def _let_meet(self) -> None:
+        """Sleepers meet neither what is fixed nor one another."""
+        asleep = self._asleep[self._place_of[self._geoms]]
+        self._affinity[self._geoms] = np.where(asleep, 0, MOVABLE["conaffinity"])
+
+    def _speeds(self, data: Any) -> Array:
+        return np.asarray(np.abs(data.qvel[self._dofs]).max(axis=1, initial=0.0))
