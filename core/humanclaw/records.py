@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -178,6 +178,8 @@ class SkillInfo:
     version: str = ""
     digest: str = ""
     """SHA-256 of its schema, checks and adapter."""
+    commands: dict[str, str] = field(default_factory=dict)
+    """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
 
 
 class EpisodeRecord(Record):
