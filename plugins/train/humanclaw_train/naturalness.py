@@ -8,6 +8,9 @@
 * Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against the peak in
   real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that move).
 * Life: 120 random calls in a row, as the model feeds on its own motion.
+* Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
+  generated at their speeds; the spread is over seeds. Heading: where a hundred straight walks of a dozen calls end up.
+* First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
 
@@ -15,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -24,12 +27,13 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
+from humanclaw.measures import Declaration
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
-from humanclaw_train.chunks import PARAMETERS, Chunks
+from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
-from humanclaw_train.measures import SEAM, Features
+from humanclaw_train.measures import SEAM, Features, Gait
 from humanclaw_train.rollouts import STAIRS, Command, adapters, extend, others, roll
 
 _NAN: Final = float("nan")
@@ -194,6 +198,104 @@ def _window_peaks(chunks: Chunks) -> Array:
     return np.maximum(size[:, 1:], size[:, :-1]).ravel()
 
 
+# -- gait --------------------------------------------------------------------------------------------------------------
+_STRAIGHT: Final = 0.96
+"""Least ratio of the way from end to end over the path of a walk that counts as straight."""
+
+
+def real_gaits(clips: Iterable[Clip]) -> dict[str, Gait]:
+    """Clip to the gait of its longest straight walk, for clips that show one of two steps and a second."""
+    found = {}
+    for clip in clips:
+        spans = sorted(clip.spans.get("walk", ()), key=lambda span: span[0] - span[1])
+        walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
+        if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
+            gait = Gait.of(walk)
+            if gait is not None and gait.speed > 0.7:
+                found[f"{clip.source.split()[0]} {clip.name}"] = gait
+    return found
+
+
+def _straightness(walk: Motion) -> float:
+    floor = walk.root[:, [0, 2]]
+    return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
+
+
+def straight_walks(
+    generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
+) -> list[Motion]:
+    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else nought."""
+    values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
+    motions = [generator.start() for _ in range(bodies)]
+    for call in range(calls):
+        extend(generator, command, motions, np.arange(bodies), values, (seed, 11, call))
+    return motions
+
+
+def _ahead(command: Command) -> str:
+    """The parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
+    declared = Declaration.read(command.adapter.parent).parameters
+    return next((one.name for one in declared if one.measure == "hips.forward"), "")
+
+
+def walker(commands: Sequence[Command]) -> Command | None:
+    """The skill that walks: it commands travel ahead and heading at once."""
+    for command in commands:
+        measures_of = {one.measure for one in Declaration.read(command.adapter.parent).parameters}
+        if {"hips.forward", "heading.left"} <= measures_of:
+            return command
+    return None
+
+
+def generated_gaits(
+    generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
+) -> dict[str, list[Gait]]:
+    """Speeds from slow to fast to the gaits of bodies that differ in nothing but their noise, from the third call on."""
+    found = {}
+    for speed in (0.9, 1.0, 1.3, 1.6):
+        walks = straight_walks(generator, command, speed, bodies, calls, seed)
+        gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
+        found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
+    return found
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the same)."""
+
+    side: tuple[float, float]
+    turned: tuple[float, float]
+
+
+def drift(generator: DiTGenerator, command: Command, bodies: int = 100, calls: int = 12, seed: int = 0) -> Drift:
+    """Of straight walks at 1 m/s."""
+    walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
+    side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
+    turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
+    pairs = ((float(one.mean()), float(np.percentile(np.abs(one), 95))) for one in (side, turned))
+    return Drift(*pairs)
+
+
+def first_steps(
+    generator: DiTGenerator, commands: Sequence[Command], bodies: int = 100, seed: int = 0
+) -> dict[str, tuple[float, float, float]]:
+    """Skill to the slide of the slower toe in first chunks from standing, cm: 95th and 99th percentile, and most."""
+    found = {}
+    for command in commands:
+        motions = [generator.start() for _ in range(bodies)]
+        extend(
+            generator,
+            command,
+            motions,
+            np.arange(bodies),
+            command.draw(bodies, np.random.default_rng(seed)),
+            (seed, 13),
+        )
+        slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
+        found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
+    return found
+
+
 # -- a long life -------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Life:
@@ -317,6 +419,33 @@ def skills_table(rows: Sequence[Manner]) -> str:
     ])  # fmt: skip
 
 
+_GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "arms", "toe")
+
+
+def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
+    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over seeds."""
+    heads = (
+        "walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
+    )  # fmt: skip
+    rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
+    for name, gaits in made.items():
+        spread = [np.percentile([getattr(gait, key) for gait in gaits], [50, 5, 95]) for key in _GAIT]
+        rows.append((name, *(f"{mid:.2f} ({low:.2f} to {high:.2f})" for mid, low, high in spread)))
+    return _table(heads, rows)
+
+
+def drift_line(found: Drift) -> str:
+    return (
+        f"A hundred straight walks of 6 s end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
+        f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
+    )
+
+
+def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
+    rows = [(skill, *(_cell(value, 2) for value in values)) for skill, values in found.items()]
+    return _table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
+
+
 def transitions_table(found: Transitions) -> str:
     """Worst of the bodies over the peak of real motion; rows are the skill before, columns the one that takes over."""
     ratio = found.worst / found.real
@@ -356,6 +485,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         commands = [Command.of(skill, path) for skill, path in adapters(options.adapters, options.skills).items()]
         print(skills_table(skills(generator, commands, options.chunks, options.rollouts, options.seed)), flush=True)
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
+        print("\n" + first_steps_table(first_steps(generator, commands, seed=options.seed)), flush=True)
+        if (walks := walker(commands)) is not None:
+            made = generated_gaits(generator, walks, seed=options.seed)
+            clips = load_pack(options.clips) if options.clips else []
+            print("\n" + gait_table(real_gaits(clips), made), flush=True)
+            print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, [command.skill for command in commands])
         print(
             "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
@@ -372,6 +507,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw naturalness", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
     parser.add_argument("--chunks", type=Path, nargs="*", default=[], help="folders of chunks to compare with")
+    parser.add_argument(
+        "--clips", type=Path, help="folder with clips.csv, whose straight walks the gait is compared with"
+    )
     parser.add_argument("--bodies", type=int, default=20, help="for each pair of skills")
     parser.add_argument("--calls", type=int, default=120, help="of a long life")
     return parser
