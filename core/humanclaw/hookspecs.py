@@ -62,13 +62,13 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 
 
 @hookspec
-def humanclaw_skills(register: RegisterSkill) -> None:
-    """Register skills."""
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
 
 
 @hookspec
-def humanclaw_measures(register: RegisterMeasure) -> None:
-    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
+def humanclaw_skills(register: RegisterSkill) -> None:
+    """Register skills."""
 
 
 @hookspec

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import datetime
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 import humanclaw
+from humanclaw import pictures
 from humanclaw.embodiment import Body, Deed
 from humanclaw.episode import EpisodeSpec, StartPose
 from humanclaw.geometry import distance_to_nearest
@@ -231,6 +230,4 @@ def _vec3(point: Array) -> tuple[float, float, float]:
 
 
 def jpeg(view: View) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(view.rgb).save(buffer, "JPEG", quality=88)
-    return buffer.getvalue()
+    return pictures.jpeg(view.rgb, quality=88)

@@ -161,6 +161,8 @@ def parameter_schema(skill: Skill) -> Json:
 
 def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: int = 0) -> Json:
     """A schema with references resolved, null alternatives dropped and single alternatives merged."""
+    if not isinstance(part, Mapping):
+        raise PluginError(f"{where} is {part!r} somewhere, not a type.", "Give it a type.")
     if depth > _MAX_DEPTH:
         raise PluginError(f"{where} is nested too deeply or refers to itself.", "Give it a flat type.")
     flat = _one_type(_merge_alternatives(dict(part), defs, where), where)

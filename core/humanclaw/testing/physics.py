@@ -178,19 +178,8 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
     return plugins.skill(name), found[name]
 
 
-_UNDECLARED: Final[Mapping[str, Mapping[str, str]]] = {  # Until schemas declare their measures.
-    "walk": {FORWARD: "z_cm", TURN: "yaw_deg"},
-    "climb_upstairs": {RISE: "h_cm", FORWARD: "d_cm"},
-    "walk_downstairs": {DROP: "h_cm", FORWARD: "d_cm"},
-    "sit_in_place": {HEIGHT: "h_cm"},
-}
-
-
 def _commands(skill: Skill) -> Mapping[str, str]:
-    if skill.name in _UNDECLARED:
-        return _UNDECLARED[skill.name]
-    parts = skill.schema.get("properties", {})
-    return {part["x-measure"]: key for key, part in parts.items() if "x-measure" in part}
+    return {parameter.measure: parameter.key for parameter in skill.parameters if parameter.measure}
 
 
 def _written(key: str, value: float) -> int:

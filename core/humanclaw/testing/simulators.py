@@ -77,6 +77,37 @@ class SimulatorConformance:
         assert played.realised.joints()[..., 2].max() < 1.0
         assert max(contact.depth for contact in played.touched(wall)) < 0.02
 
+    @pytest.mark.parametrize("speed", [1.0, 1.6, 5.0])
+    def test_a_thin_wall_is_not_entered_however_fast_one_walks(self, speed: float) -> None:
+        """3 cm of wall, and a body that is moved 80 cm a step, and faster than any sprint."""
+        builder = SceneBuilder()
+        builder.floor()
+        wall = builder.box("wall", (6, 2.5, 0.03), (0, 0, 0.8))
+        played = self.play(builder.scene(), glide(0.0, speed, 30))
+        assert max(contact.depth for contact in played.touched(wall)) < 0.015
+        assert played.realised.joints()[..., 2].max() < 0.785
+
+    @pytest.mark.parametrize(("mass", "low", "high"), [(5.0, 1.0, 2.5), (60.0, 0.5, 1.6), (300.0, -0.01, 0.01)])
+    def test_mass_counts_and_nobody_pushes_with_more_than_a_person_can(
+        self, mass: float, low: float, high: float
+    ) -> None:
+        """Gliding 1.8 m at a box that begins 35 cm ahead; friction holds 60 kg with 147 N and 300 kg with 736 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.4, 0.8, 0.4), (0, 0, 0.55), movable=True, mass=mass)
+        played = self.play(builder.scene(), glide(0.0, 1.2, 45))
+        way = played.paths[box][:, 2]
+        assert low < way[-1] - way[0] < high
+        assert mass * np.diff(way, 2).max() * FPS**2 < 600
+
+    def test_a_body_that_pushes_what_it_cannot_move_stands_before_it_and_not_in_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.8, 1.2, 0.8), (0, 0, 0.75), movable=True, mass=1000.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.realised.root[-1, 2] < 0.35
+        assert max(contact.depth for contact in played.touched(box)) < 0.015
+
     def test_nobody_climbs_a_wall(self) -> None:
         builder = SceneBuilder()
         builder.floor()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import functools
-import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,11 +15,11 @@ from typing import Any
 import jinja2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.contract import Check, Skill
+from humanclaw.contract import Check, Skill, bounds
 from humanclaw.interfaces import Call, EpisodeContext, Observation, Past, ego_camera
+from humanclaw.pictures import jpeg
 from humanclaw.pose import Motion
 from humanclaw.tools import parameter_schema
 from humanclaw_litellm.settings import Settings
@@ -136,9 +135,7 @@ def verifier_content(
 
 def picture(rgb: NDArray[np.uint8]) -> Json:
     """An image as a part of a user message: a JPEG in a data URL, of the size that it has."""
-    buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=90)
-    url = f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
     return {"type": "image_url", "image_url": {"url": url}}
 
 
@@ -170,9 +167,8 @@ def _range(part: Mapping[str, Any], kind: bool = True) -> str:
     if "enum" in part:
         return "one of " + ", ".join(map(str, part["enum"]))
     name = str(part.get("type", "any value"))
-    if "minimum" not in part or "maximum" not in part:
-        return name
-    return (f"{name}, " if kind else "") + f"{part['minimum']} to {part['maximum']}"
+    within = bounds(part)
+    return name if not within else f"{name}, {within}" if kind else within
 
 
 def _dump(schema: Json | None) -> str:

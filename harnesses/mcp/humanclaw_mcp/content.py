@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import functools
-import io
 import json
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -26,12 +25,13 @@ from mcp_types import (
     ToolAnnotations,
 )
 from numpy.typing import NDArray
-from PIL import Image
 from pydantic import BaseModel, ConfigDict
 
+from humanclaw import pictures
 from humanclaw.body import JOINTS
-from humanclaw.contract import Skill
+from humanclaw.contract import Skill, bounds
 from humanclaw.errors import PluginError
+from humanclaw.outcomes import FLOOR_THRESHOLD
 from humanclaw.pose import Frame
 from humanclaw.records import StepRecord
 from humanclaw.tasks import ALIASES, SEATS
@@ -52,8 +52,6 @@ INSTRUCTIONS: Final = tuple(
     f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SEATS else ".") for category in ALIASES
 )
 """What a body may be asked to do, as the benchmark asks it."""
-_FLOOR_CONTACT: Final = 0.0205
-"""Contacts with fixed things up to this height, metres over the floor, are steps on it and not touches."""
 
 
 # -- tools -------------------------------------------------------------------------------------------------------------
@@ -193,9 +191,7 @@ def _outcome(moment: Moment, executed: bool) -> Outcome:
 
 def jpeg(rgb: NDArray[np.uint8]) -> str:
     """A picture as base64 of a JPEG."""
-    buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=90)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return base64.b64encode(pictures.jpeg(rgb)).decode()
 
 
 # -- resources -----------------------------------------------------------------------------------------------------------
@@ -308,7 +304,7 @@ def _point(place: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _touching(step: StepRecord, floor: float) -> tuple[str, ...]:
-    felt = {c.joint for c in step.contacts if c.movable or c.height - floor > _FLOOR_CONTACT}
+    felt = {c.joint for c in step.contacts if c.movable or c.height - floor > FLOOR_THRESHOLD}
     return tuple(name for name in JOINTS if name in felt)
 
 
@@ -356,7 +352,7 @@ def _sheet(skill: Skill) -> Json:
 
 
 def _bounds(part: Json) -> str:
-    return f"{part['minimum']} to {part['maximum']}" if {"minimum", "maximum"} <= set(part) else str(part.get("type"))
+    return bounds(part) or str(part.get("type"))
 
 
 @functools.cache

@@ -177,6 +177,8 @@ class Scores:
     """US dollars."""
     tier: str = ""
     """easy, medium or hard; empty where the episode's difficulty is not known."""
+    simulator: str = ""
+    """What moved the world, by name; empty where the record does not tell."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """What plugins measure (hook humanclaw_metrics), by name."""
 
@@ -222,6 +224,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
         tier=overall(spec.difficulty) if spec.difficulty else "",
+        simulator=record.settings.get("body", {}).get("simulator", ""),
         extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
     )
 

@@ -3,13 +3,14 @@
     humanclaw naturalness --chunks REAL EDITED
 
 * Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the Frechet
-  distance the model continues the histories of held-out real chunks with the parameters that those realise, so that only the
-  manner differs; its floor is the distance between two halves of the real chunks, split by clip.
+  distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing learnt from; without
+  them a half of the real chunks, split by clip) with the parameters that those realise, so that only the manner differs; its floor
+  is the distance of the other real chunks. Free-running, it begins from standing and feeds on its own motion.
 * Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against the peak in
   real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that move).
 * Life: 120 random calls in a row, as the model feeds on its own motion.
 * Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
-  generated at their speeds; the spread is over seeds. Heading: where a hundred straight walks of a dozen calls end up.
+  generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end up.
 * First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
@@ -27,14 +28,14 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
-from humanclaw.measures import Declaration
+from humanclaw.measures import Declaration, suited
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
-from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, load_pack
+from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.measures import SEAM, Features, Gait
-from humanclaw_train.rollouts import STAIRS, Command, adapters, extend, others, roll
+from humanclaw_train.rollouts import Command, adapters, extend, others, roll
 
 _NAN: Final = float("nan")
 _MOST: Final = 600
@@ -61,18 +62,22 @@ class Manner:
     beyond: float
     """Share of frames with a leg joint beyond its limits."""
     frechet: float = _NAN
-    """To held-out real chunks of the skill."""
+    """To held-out real chunks of the skill, whose histories and parameters the model is given."""
+    free: float = _NAN
+    """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
 
 
-def manner(skill: str, source: str, root: Array, rotations: Array, frechet: float = _NAN) -> Manner:
+def manner(
+    skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
+) -> Manner:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     joints, _ = forward_kinematics(root, rotations)
-    future, stairs = joints[:, HISTORY - 1 :], skill in STAIRS
+    future, stairs = joints[:, HISTORY - 1 :], skill.climbs
     return Manner(
-        skill, source, len(root),
+        skill.skill, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet,
+        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet, free,
     )  # fmt: skip
 
 
@@ -85,31 +90,63 @@ def skills(
     for command in commands:
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
-        distance, least = likeness(generator, command, data, features, seed) if data and features else (_NAN, _NAN)
-        rows.append(manner(command.skill, "generated", rolled.root, rolled.rotations, distance))
+        distance, least, free = _NAN, _NAN, _NAN
+        if data and features:
+            held, rest = held_out(folders, command.skill) or halves(data)
+            distance, least = likeness(generator, command, held, rest, features, seed)
+            free = free_running(generator, command, data, features, seed)
+        rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
         if data:
             kind = "real" if data.real.any() else "edited"
             some = _some(data, _MOST, seed)
-            rows.append(manner(command.skill, kind, some.root.astype(float), some.rotations.astype(float), least))
+            rows.append(manner(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least))
     return rows
 
 
 def likeness(
-    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int
+    generator: DiTGenerator, command: Command, held: Chunks, rest: Chunks, features: Features, seed: int
 ) -> tuple[float, float]:
     """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other chunks.
 
-    Clips are dealt out to the two halves; a skill whose chunks come from one clip is split in time. NaN for too few chunks.
+    NaN for too few chunks.
     """
-    held, rest = halves(data)
     held, rest = _some(held, _MOST, seed), _some(rest, _MOST, seed)
     motions = [held.motion(index)[:HISTORY] for index in range(len(held))]
-    values = np.clip(held.params.astype(float), command.low, command.high) if len(command.low) else held.params
-    extend(generator, command, motions, np.arange(len(held)), values.astype(float), (seed, 7))
+    extend(generator, command, motions, np.arange(len(held)), _asked(command, held), (seed, 7))
     made = features(*(np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations")))
-    true = features(held.root.astype(float), held.rotations.astype(float))
-    other = features(rest.root.astype(float), rest.rotations.astype(float))
+    true, other = (features(part.root.astype(float), part.rotations.astype(float)) for part in (held, rest))
     return measures.frechet(made, true), measures.frechet(other, true)
+
+
+def _asked(command: Command, chunks: Chunks) -> Array:
+    """(N, k) the parameters that chunks realise, as far as the adapter knows them."""
+    values = chunks.params.astype(float)
+    return np.clip(values, command.low, command.high) if len(command.low) else values
+
+
+def free_running(
+    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
+) -> float:
+    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not looked at.
+
+    Nothing real is given but parameters, drawn from those that the chunks realise.
+    """
+    some = _some(data, _MOST // 3, seed)
+    motions = [generator.start() for _ in range(len(some))]
+    random = np.random.default_rng((seed, 8))
+    for call in range(calls):
+        values = _asked(command, some[random.permutation(len(some))])
+        extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
+    starts = [call * FUTURE for call in range(1, calls)]
+    windows = [motion[start : start + HISTORY + FUTURE] for motion in motions for start in starts]
+    made = canonical(*(np.stack([getattr(window, part) for window in windows]) for part in ("root", "rotations")))
+    return measures.frechet(features(*made), features(data.root.astype(float), data.rotations.astype(float)))
+
+
+def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
+    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a distance."""
+    held, rest = _of_skill([folder / "held_out" for folder in folders], skill), _of_skill(folders, skill)
+    return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
 
 
 def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
@@ -182,12 +219,12 @@ def _seam_peaks(joints: Array) -> Array:
     return np.asarray(measures.acceleration(joints)[:, SEAM].max(1))
 
 
-def real_peak(folders: Sequence[Path], names: Sequence[str]) -> float:
+def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
     """99.9th percentile, over all windows of the real chunks of skills that move, of the peak that a seam is judged by, m/s^2."""
     peaks = [
         _window_peaks(data)
-        for name in names
-        if name != "stop" and (data := _of_skill(folders, name)) and data.real.all()
+        for one in commands
+        if one.declaration.role != "stop" and (data := _of_skill(folders, one.skill)) and data.real.all()
     ]
     return float(np.percentile(np.concatenate(peaks), 99.9)) if peaks else _NAN
 
@@ -234,15 +271,13 @@ def straight_walks(
 
 def _ahead(command: Command) -> str:
     """The parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
-    declared = Declaration.read(command.adapter.parent).parameters
-    return next((one.name for one in declared if one.measure == "hips.forward"), "")
+    return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
 
 
 def walker(commands: Sequence[Command]) -> Command | None:
     """The skill that walks: it commands travel ahead and heading at once."""
     for command in commands:
-        measures_of = {one.measure for one in Declaration.read(command.adapter.parent).parameters}
-        if {"hips.forward", "heading.left"} <= measures_of:
+        if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
             return command
     return None
 
@@ -256,6 +291,7 @@ def generated_gaits(
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
         gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
         found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
+    found = {name: gaits for name, gaits in found.items() if gaits}
     return found
 
 
@@ -267,8 +303,8 @@ class Drift:
     turned: tuple[float, float]
 
 
-def drift(generator: DiTGenerator, command: Command, bodies: int = 100, calls: int = 12, seed: int = 0) -> Drift:
-    """Of straight walks at 1 m/s."""
+def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: int = 100, seed: int = 0) -> Drift:
+    """Of straight walks at 1 m/s, from body to body."""
     walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
     side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
     turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
@@ -333,10 +369,11 @@ def life(
 
 
 # -- sequences ---------------------------------------------------------------------------------------------------------
-_WALK: Final = ("walk", {"z": 0.4})
-_SIDE: Final = ("side_step", {"x": 0.2})
-_TURN: Final = ("turn_in_place", {"yaw": np.radians(37.5)})
-Call = tuple[str, Mapping[str, float]]
+_WALK: Final = ("hips.forward", 0.4)
+_SIDE: Final = ("hips.left", 0.2)
+_TURN: Final = ("heading.left", float(np.radians(37.5)))
+Call = tuple[str, float]
+"""A measure and how much of it, SI: asked of the skill on the level that commands it and least besides, all else being 0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
@@ -345,22 +382,29 @@ SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "the same ten, interleaved": ((_WALK, _SIDE) * 5, 7.4),
     "aimless": ((), 9.7),
 }
-"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws walk, side_step, step_back and turn_in_place at random. The
+"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws steps ahead, aside and back, and turns, at random. The
 paper gives neither parameters nor lengths; ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5 degrees."""
-_AIMLESS: Final = ("walk", "side_step", "step_back", "turn_in_place")
+_AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 
 
 def sequence_jerks(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = 20, seed: int = 0
 ) -> dict[str, float]:
     """Name to the mean root-rigid jerk, m/s^3, of the sequences whose skills are all there."""
-    known = {command.skill: command for command in commands}
+    known = _by_measure(commands)
     found = {}
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
-        if {skill for skill, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
+        if {measure for measure, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
             motions = _sequence(generator, known, calls, bodies, (seed, number))
             found[name] = float(np.mean([root_jerk(motion) for motion in motions]))
     return found
+
+
+def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
+    """For each measure that a sequence asks for the skill that is asked, as far as there is one."""
+    level = {one.skill: one for one in commands if not one.declaration.climbs}
+    found = {measure: suited((one.declaration for one in level.values()), measure) for measure in _AIMLESS}
+    return {measure: level[one.skill] for measure, one in found.items() if one is not None}
 
 
 def _sequence(
@@ -371,14 +415,14 @@ def _sequence(
     everyone = np.arange(bodies)
     for step in range(10):
         if calls:
-            skill, params = calls[step]
-            values = np.array([[params.get(name, 0.0) for name in PARAMETERS[skill]]] * bodies)
-            extend(generator, known[skill], motions, everyone, values, (*key, step))
+            measure, amount = calls[step]
+            values = np.array([[amount * (one.measure == measure) for one in known[measure].parameters]] * bodies)
+            extend(generator, known[measure], motions, everyone, values, (*key, step))
             continue
         chosen = random.integers(len(_AIMLESS), size=bodies)
-        for index, skill in enumerate(_AIMLESS):
-            these = np.flatnonzero(chosen == index)
-            extend(generator, known[skill], motions, these, known[skill].draw(len(these), random), (*key, step))
+        for index, measure in enumerate(_AIMLESS):
+            these, command = np.flatnonzero(chosen == index), known[measure]
+            extend(generator, command, motions, these, command.draw(len(these), random), (*key, step))
     return motions
 
 
@@ -411,10 +455,11 @@ def skills_table(rows: Sequence[Manner]) -> str:
         "joint jerk m/s3",
         "beyond limits",
         "Frechet",
+        "free-running",
     )
     return _table(heads, [
         (row.skill, row.source, str(row.chunks), _cell(row.skate), _cell(row.slower_toe), _cell(row.sunk, 2),
-         _cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _cell(row.frechet))
+         _cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _cell(row.frechet), _cell(row.free))
         for row in rows
     ])  # fmt: skip
 
@@ -436,7 +481,7 @@ def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> 
 
 def drift_line(found: Drift) -> str:
     return (
-        f"A hundred straight walks of 6 s end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
+        f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
         f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
     )
 
@@ -491,7 +536,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             clips = load_pack(options.clips) if options.clips else []
             print("\n" + gait_table(real_gaits(clips), made), flush=True)
             print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
-        peak = real_peak(options.chunks, [command.skill for command in commands])
+        peak = real_peak(options.chunks, commands)
         print(
             "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
         )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
 from humanclaw import pose
@@ -14,7 +15,11 @@ from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     SEQUENCES,
     agreement,
+    drift,
+    first_steps,
+    free_running,
     halves,
+    held_out,
     life,
     likeness,
     main,
@@ -22,6 +27,7 @@ from humanclaw_train.naturalness import (
     real_peak,
     sequence_jerks,
     transitions,
+    walker,
 )
 from humanclaw_train.rollouts import Command, adapters
 
@@ -37,6 +43,7 @@ def still(tmp_path_factory, still_base):
         width = len(PARAMETERS[skill])
         config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
         write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
+        declare(folder / skill)
     return folder
 
 
@@ -73,19 +80,34 @@ def test_one_clip_is_halved_in_time():
 def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like_one_another(generator, commands):
     data = Chunks.join([_wobbling(80, 0.1, "one", 1), _wobbling(80, 0.1, "two", 2)])
     features = Features.of(data.root.astype(float), data.rotations.astype(float))
-    made, floor = likeness(generator, commands[0], data, features, seed=0)
+    made, floor = likeness(generator, commands[0], *halves(data), features, seed=0)
     assert made > 3 * floor
+    assert free_running(generator, commands[0], data, features, seed=0) > 3 * floor
+
+
+def test_chunks_of_clips_that_nothing_learnt_from_are_kept_apart(tmp_path):
+    _wobbling(50, 0.1, "learnt").save(tmp_path / "walk.npz")
+    assert held_out([tmp_path], "walk") is None
+    _wobbling(40, 0.1, "never seen").save(tmp_path / "held_out" / "walk.npz")
+    held, rest = held_out([tmp_path], "walk")
+    assert (set(held.source), set(rest.source)) == ({"never seen"}, {"learnt"})
+
+
+def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
+    assert first_steps(generator, commands[:1], bodies=3) == {"walk": pytest.approx((0, 0, 0), abs=1e-3)}
+    assert walker(commands) is commands[0]
+    assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
     rest = pose.rest_pose(20)
-    row = manner("walk", "generated", rest.root[None], rest.rotations[None])
+    row = manner(declaration("walk"), "generated", rest.root[None], rest.rotations[None])
     assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
 
 
 def test_feet_on_stairs_are_not_measured_against_a_floor_at_nought():
     rest = pose.rest_pose(20)
-    row = manner("climb_upstairs", "generated", rest.root[None], rest.rotations[None])
+    row = manner(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
     assert np.isnan([row.skate, row.sunk]).all()
     assert row.slower_toe == pytest.approx(0, abs=1e-6)
 
@@ -99,12 +121,16 @@ def test_a_body_that_holds_its_pose_pops_at_no_pair_and_drifts_nowhere(generator
     assert alive.beyond == 0
 
 
+def _command(skill: str) -> Command:
+    return Command.of(skill, folder_of(skill) / "adapter.safetensors")
+
+
 def test_the_peak_of_real_motion_is_that_of_its_sharpest_frame(tmp_path):
     chunks = _wobbling(1, 0.0, "clip")
     chunks.root[0, 10:, 2] += 0.01
     chunks.save(tmp_path / "walk.npz")
-    assert real_peak([tmp_path], ["walk", "sit_in_place"]) == pytest.approx(9, rel=1e-3)
-    assert np.isnan(real_peak([tmp_path], ["sit_in_place"]))
+    assert real_peak([tmp_path], [_command("walk"), _command("sit_in_place")]) == pytest.approx(9, rel=1e-3)
+    assert np.isnan(real_peak([tmp_path], [_command("sit_in_place")]))
 
 
 def test_the_papers_sequences_are_ten_chunks_long_and_stand_in_its_order():
