@@ -39,7 +39,7 @@ _TURNS: Final = ("yaw_deg",)
 
 # -- what the rules ask ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Facts:
+class EpisodeFeatures:
     """What the rules need to know of an episode."""
 
     seen: bool
@@ -61,7 +61,7 @@ class Facts:
     """The pelvis touched anything at any time."""
 
     @classmethod
-    def of(cls, recorded: RecordedEpisode) -> Facts:
+    def of(cls, recorded: RecordedEpisode) -> EpisodeFeatures:
         record, steps = recorded.record, recorded.steps
         first = next((step.step for step in steps if in_view(step)), None)
         return cls(
@@ -139,7 +139,7 @@ class Cause:
     stage: Stage
     name: str
     capability: str
-    rule: Callable[[Facts], bool]
+    rule: Callable[[EpisodeFeatures], bool]
     meaning: str
 
     @property
@@ -147,9 +147,9 @@ class Cause:
         return f"{self.stage}: {self.name}"
 
 
-def _gave_up(facts: Facts) -> bool:
+def _gave_up(features: EpisodeFeatures) -> bool:
     nearer, farther = GIVEN_UP
-    return min(facts.way) < nearer * facts.way[0] and facts.way[-1] > farther * facts.way[0]
+    return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0]
 
 
 CAUSES: Final = (
@@ -204,8 +204,8 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
-    facts = Facts.of(recorded)
-    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(facts))
+    features = EpisodeFeatures.of(recorded)
+    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(features))
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------

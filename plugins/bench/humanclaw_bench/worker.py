@@ -36,7 +36,7 @@ class Job:
     """Empty for none."""
     engines: Engines = field(default_factory=Engines)
     limits: Mapping[str, float] = field(default_factory=dict)
-    """As humanclaw.limits has them. Those of a run hold for one sitting."""
+    """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
     """Plugin files to load besides what is installed."""
 
@@ -50,10 +50,10 @@ class Report:
     limit: str = ""
     """Whose limit was reached, if one was."""
     steps: int = 0
-    """Steps of the episode, those of an earlier sitting included."""
+    """Steps of the episode, those of an earlier session included."""
     seconds: float = 0.0
     cost: float = 0.0
-    """US dollars that this sitting has spent on it."""
+    """US dollars that this session has spent on it."""
     tokens: int = 0
     error: str = ""
     fatal: bool = False
@@ -160,7 +160,7 @@ class _Watch:
     def begin(self) -> None:
         self.end: EpisodeRecord | None = None
         self.before: tuple[Usage, ...] = ()
-        """What the steps took that were played in an earlier sitting."""
+        """What the steps took that were played in an earlier session."""
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
@@ -173,7 +173,7 @@ class _Watch:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier sitting left behind, if any."""
+    """The steps of an episode that an earlier session left behind, if any."""
     return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
 
 
