@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import CallError, PluginError
-from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, si_name, to_si
+from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, role_of, si_name, to_si
 from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
 NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
@@ -33,10 +33,6 @@ class Check:
     id: str
     question: str
     """Answered yes or no from the current view alone; yes lets the call pass."""
-    cause: str = ""
-    """The root cause that a no is evidence for."""
-    predicate: str = ""
-    """Name of a geometric predicate that answers the same question without a model."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +166,7 @@ class Skill:
     def from_folder(cls, folder: Path) -> Skill:
         """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the skill."""
         schema = read_schema(folder)
-        role = Declaration.of(folder.name, schema).role
+        role = role_of(folder.name, schema)
         adapter, checks = folder / "adapter.safetensors", _load_checks(folder / "checklist.toml")
         description = schema.pop("description", "")
         schema.pop("x-role", None)
@@ -182,12 +178,32 @@ class Skill:
 
 
 def _load_checks(path: Path) -> tuple[Check, ...]:
+    """Read `[[check]]` tables of id and question. Raises PluginError for anything else, which would go unasked."""
     if not path.exists():
         return ()
     try:
-        return tuple(Check(**entry) for entry in tomllib.loads(path.read_text("utf-8")).get("check", []))
-    except (tomllib.TOMLDecodeError, TypeError) as error:
-        raise PluginError(f"skill folder {path.parent.name!r}: checklist.toml is not valid: {error}.") from error
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise _bad_checklist(path, str(error)) from error
+    if unknown := sorted(set(content) - {"check"}):
+        raise _bad_checklist(path, f"it has {unknown[0]!r}")
+    entries = content.get("check", [])
+    if not isinstance(entries, list) or not all(_is_check(entry) for entry in entries):
+        raise _bad_checklist(path, "a check is not a table of the texts id and question")
+    return tuple(Check(**entry) for entry in entries)
+
+
+def _is_check(entry: object) -> bool:
+    if not isinstance(entry, dict) or set(entry) != {"id", "question"}:
+        return False
+    return all(isinstance(text, str) for text in entry.values())
+
+
+def _bad_checklist(path: Path, why: str) -> PluginError:
+    return PluginError(
+        f"skill folder {path.parent.name!r}: checklist.toml is not valid: {why}.",
+        'Write one table a check: [[check]], id = "...", question = "...".',
+    )
 
 
 def _explain(fault: jsonschema.ValidationError) -> str:
@@ -205,6 +221,9 @@ F = TypeVar("F", bound=Callable[..., Plan])
 
 def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Role = "gesture") -> Callable[[F], Skill]:
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the motion."""
+
+    if isinstance(checks, str):
+        raise PluginError(f"checks is the text {checks!r}.", "Give a list of questions: checks=[...].")
 
     def wrap(function: F) -> Skill:
         title = name or function.__name__

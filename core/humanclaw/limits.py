@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from humanclaw.errors import HumanclawError, LimitError
-from humanclaw.interfaces import Usage
+from humanclaw.records import Usage
 
 Scope = Literal["call", "episode", "run"]
 """call: one question to a model, its retries included."""

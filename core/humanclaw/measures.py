@@ -10,7 +10,7 @@ that scores, trains or calls skills reads that and never a skill's name. Plugins
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -98,21 +98,24 @@ class Declaration:
     @classmethod
     def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:
         """Read a schema. Raises PluginError for an unknown role."""
-        role = schema.get("x-role", "gesture")
-        if role not in ROLES:
-            raise PluginError(
-                f"skill {skill!r} has the role {role!r}.",
-                f"Set x-role in its schema.json to one of: {', '.join(ROLES)}.",
-            )
         parameters = parameters_of(schema)
         first = next(iter(schema.get("required", ())), None)
         primary = next((one for one in parameters if one.key == first), parameters[0] if parameters else None)
-        return cls(skill, role, parameters, primary)
+        return cls(skill, role_of(skill, schema), parameters, primary)
 
     @classmethod
     def read(cls, folder: Path) -> Declaration:
         """Read the schema.json of a skill's folder, which names the skill. Raises PluginError."""
         return cls.of(folder.name, read_schema(folder))
+
+    def commands(self, measure: str) -> Parameter | None:
+        """The parameter that commands a measure, or None."""
+        return next((one for one in self.parameters if one.measure == measure), None)
+
+    @property
+    def climbs(self) -> bool:
+        """Whether it takes the body up or down a step."""
+        return any(one.measure in ("hips.rise", "hips.drop") for one in self.parameters)
 
     def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """The parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
@@ -126,6 +129,12 @@ class Declaration:
         return tuple(known[name] for name in names)
 
 
+def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
+    """Of the skills of a role that command all these measures the one that commands least besides; the first of equals."""
+    fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
+    return min(fitting, key=lambda one: len(one.parameters), default=None)
+
+
 def read_schema(folder: Path) -> dict[str, Any]:
     """The schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
@@ -135,6 +144,16 @@ def read_schema(folder: Path) -> dict[str, Any]:
     if not isinstance(schema, dict):
         raise PluginError(f"skill folder {folder.name!r}: schema.json holds no object.", "Write a JSON schema.")
     return schema
+
+
+def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
+    """The role that a schema declares; a skill that declares none is a gesture. Raises PluginError for an unknown one."""
+    role: Role = schema.get("x-role", "gesture")
+    if role not in ROLES:
+        raise PluginError(
+            f"skill {skill!r} has the role {role!r}.", f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        )
+    return role
 
 
 def parameters_of(schema: Mapping[str, Any]) -> tuple[Parameter, ...]:
@@ -154,7 +173,16 @@ def si_name(key: str) -> str:
 
 def to_si(key: str, value: float) -> float:
     """A parameter in SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
-    return float(value) * next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
+    return float(value) * _scale(key)
+
+
+def from_si(key: str, value: float) -> float:
+    """A parameter in the unit of its name: the inverse of to_si."""
+    return float(value) / _scale(key)
+
+
+def _scale(key: str) -> float:
+    return next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
 
 
 def outcomes(

@@ -11,7 +11,7 @@ import difflib
 import importlib.metadata
 import importlib.util
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -26,11 +26,15 @@ import humanclaw
 from humanclaw import hookspecs
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
-from humanclaw.measures import Measure
+from humanclaw.measures import MEASURES, Measure
+from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw.skill_check import skill_faults
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 EXTENSION: Final = "humanclaw_hookspecs"
+FIRST: Final = (EXTENSION, "humanclaw_measures")
+"""Hooks whose plugins come before those that need what they bring."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class PluginInfo:
     provides: tuple[str, ...] = ()
     error: str = ""
     """Why it is disabled; empty if it is in use."""
+    disabled: Mapping[str, str] = field(default_factory=dict)
+    """Of its skills those that break the contract, by name, and why. The others are in use."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +69,41 @@ class Registry:
     owner: str
     found: dict[str, list[Registration]] = field(default_factory=dict)
     """By kind: the name of the hook without `humanclaw_`."""
+    disabled: dict[str, str] = field(default_factory=dict)
+    """Skills that break the contract, by name, and why."""
 
     def register(self, kind: str) -> Callable[..., None]:
         """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them itself."""
 
         def register(named: Any, value: Any = None, description: str = "") -> None:
             if value is None:
-                value = _skill(named) if kind == "skills" else named
+                value = self._skill(named) if kind == "skills" else named
+                if value is None:
+                    return
                 named, description = value.name, value.description
             self.found.setdefault(kind, []).append(Registration(named, self.owner, value, description))
 
         return register
+
+    def _skill(self, given: Skill | Path) -> Skill | None:
+        """The skill, or None for a folder that holds none: its neighbours are not to blame."""
+        try:
+            return _skill(given)
+        except PluginError as error:
+            if not isinstance(given, Path):
+                raise
+            self.disabled[given.name] = str(error)
+            return None
+
+    def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
+        """Hold each skill to the contract, and take out those that break it."""
+        kept = []
+        for one in self.found.get("skills", []):
+            if faults := skill_faults(one.value, measures, base):
+                self.disabled[one.name] = " ".join(map(str, faults))
+            else:
+                kept.append(one)
+        self.found["skills"] = kept
 
     @property
     def provides(self) -> tuple[str, ...]:
@@ -103,6 +133,10 @@ class Plugins:
         self._infos: list[PluginInfo] = []
         self._found: dict[str, dict[str, Registration]] = {}
         self._extend(hookspecs)
+        self._found["measures"] = {
+            name: Registration(name, hookspecs.PROJECT, one, one.description) for name, one in MEASURES.items()
+        }
+        self._base: str = read_header(shipped_base())["digest"]
 
     @classmethod
     def discover(cls, files: Sequence[Path] = ()) -> Plugins:
@@ -110,13 +144,17 @@ class Plugins:
         host = cls()
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
         loaded = [(point, host._load(point)) for point in sorted(points, key=lambda point: point.name)]
-        # The core first, then those that others may extend.
-        loaded.sort(key=lambda pair: (pair[0].name != hookspecs.PROJECT, not hasattr(pair[1], EXTENSION)))
+        # The core first, then those that others may extend or measure with.
+        loaded.sort(
+            key=lambda pair: (pair[0].name != hookspecs.PROJECT, not any(hasattr(pair[1], hook) for hook in FIRST))
+        )
         for point, plugin in loaded:
             if plugin is not None:
                 host._try(point, partial(host.add, plugin, *_origin(point)))
         for path in files:
             host.add(load_file(path), path.stem, origin=str(path))
+            for reason in host._infos[-1].disabled.values():
+                raise PluginError(f"plugin file {path}: {reason}")
         return host
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
@@ -125,10 +163,12 @@ class Plugins:
         A plugin with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         registry = self._gather(plugin, name)
+        known = {**MEASURES, **self.measures} | {one.name: one.value for one in registry.found.get("measures", [])}
+        registry.disable_faulty_skills(known, self._base)
         self._refuse_duplicates(registry)
         for kind, found in registry.found.items():
             self._found[kind] |= {one.name: one for one in found}
-        self._infos.append(PluginInfo(name, version, origin, registry.provides))
+        self._infos.append(PluginInfo(name, version, origin, registry.provides, disabled=registry.disabled))
 
     @property
     def infos(self) -> tuple[PluginInfo, ...]:
@@ -140,13 +180,18 @@ class Plugins:
         return self._manager.hook
 
     @property
-    def skills(self) -> dict[str, Skill]:
-        return {name: one.value for name, one in self._found["skills"].items()}
-
-    @property
     def measures(self) -> dict[str, Measure]:
         """Every measure that a parameter can command, by name."""
         return {name: one.value for name, one in self._found["measures"].items()}
+
+    @property
+    def disabled(self) -> dict[str, str]:
+        """Skills that break the contract, by name, and why: nothing runs them, and nobody is offered them."""
+        return {name: reason for info in self._infos for name, reason in info.disabled.items()}
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        return {name: one.value for name, one in self._found["skills"].items()}
 
     def owner(self, skill: str) -> str:
         return self._found["skills"][skill].owner
@@ -172,6 +217,8 @@ class Plugins:
         known = self._found.get(kind, {})
         if name in known:
             return known[name]
+        if kind == "skills" and name in self.disabled:
+            raise PluginError(f"skill {name!r} is disabled: {self.disabled[name]}")
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
         hint = f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(known) or 'none'}."
         disabled = [f"{info.name} ({info.error})" for info in self._infos if info.error]

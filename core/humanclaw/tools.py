@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, get_args
 
 from humanclaw.contract import Skill
 from humanclaw.errors import CallError, PluginError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]
@@ -161,6 +161,8 @@ def parameter_schema(skill: Skill) -> Json:
 
 def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: int = 0) -> Json:
     """A schema with references resolved, null alternatives dropped and single alternatives merged."""
+    if not isinstance(part, Mapping):
+        raise PluginError(f"{where} is {part!r} somewhere, not a type.", "Give it a type.")
     if depth > _MAX_DEPTH:
         raise PluginError(f"{where} is nested too deeply or refers to itself.", "Give it a flat type.")
     flat = _one_type(_merge_alternatives(dict(part), defs, where), where)

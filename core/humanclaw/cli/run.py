@@ -10,14 +10,13 @@ from rich.console import Console
 
 from humanclaw.cli.options import Deciders, decider_options, plugin_files
 from humanclaw.cli.progress import StepProgress, summary
-from humanclaw.embodiment import Body, Engines
-from humanclaw.episode import name_of
+from humanclaw.embodiment import Backends, Body
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
 from humanclaw.navigation import geodesics
 from humanclaw.plugins import Plugins
-from humanclaw.records import EpisodeRecord, RecordedEpisode
+from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
 
@@ -35,7 +34,7 @@ def run(
     instruction: str,
     reference: str,
     deciders: Deciders,
-    engines: Engines,
+    engines: Backends,
     max_steps: int,
     seed: int,
     out: Path | None,
@@ -44,7 +43,7 @@ def run(
 ) -> None:
     """Give a body an instruction and watch it act."""
     plugins = Plugins.discover(files)
-    maker, judge = deciders.make(plugins)
+    agent, verifier = deciders.make(plugins)
     out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
@@ -59,11 +58,11 @@ def run(
         record = run_episode(
             body,
             spec,
-            maker,
-            judge,
+            agent,
+            verifier,
             folder=folder,
             options=deciders.options,
-            ruler=geodesics,
+            distance=geodesics,
             meter=deciders.meter(),
         )
     console.print(summary(record, RecordedEpisode(folder).steps))
@@ -71,7 +70,7 @@ def run(
     _exit(record)
 
 
-def _report(plugins: Plugins, engines: Engines, out: Path, folder: Path, kind: str, console: Console) -> None:
+def _report(plugins: Plugins, engines: Backends, out: Path, folder: Path, kind: str, console: Console) -> None:
     """What the reporters that are installed make of the record."""
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=kind, renderer=engines.renderer)

@@ -23,6 +23,7 @@ def skills(as_json: bool, files: tuple[Path, ...]) -> None:
     """List the skills: parameters, adapter, where they come from."""
     plugins = Plugins.discover(files)
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
+    rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
     _print(rows, as_json, "No skill is installed. Run `pip install humanclaw-skill-walk`.")
 
 
@@ -63,11 +64,21 @@ def _skill_row(skill: Skill, plugins: Plugins) -> dict[str, str]:
     info = next(info for info in plugins.infos if info.name == owner)
     return {
         "skill": skill.name,
+        "role": skill.role,
         "parameters": _parameters(skill),
         "checks": str(len(skill.checks)),
-        "from": f"{info.origin or owner} {info.version}".strip(),
+        "from": _source(info),
         "state": _state(skill),
     }
+
+
+def _disabled_row(name: str, info: PluginInfo) -> dict[str, str]:
+    unknown = dict.fromkeys(("role", "parameters", "checks"), "")
+    return {"skill": name, **unknown, "from": _source(info), "state": f"disabled: {info.disabled[name]}"}
+
+
+def _source(info: PluginInfo) -> str:
+    return f"{info.origin or info.name} {info.version}".strip()
 
 
 def _parameters(skill: Skill) -> str:
@@ -82,12 +93,13 @@ def _state(skill: Skill) -> str:
 
 
 def _plugin_row(info: PluginInfo) -> dict[str, str]:
+    lost = [f"skill {name} disabled: {reason}" for name, reason in info.disabled.items()]
     return {
         "plugin": info.name,
         "version": info.version,
         "from": info.origin,
         "provides": "\n".join(info.provides),
-        "state": f"disabled: {info.error}" if info.error else "in use",
+        "state": f"disabled: {info.error}" if info.error else "; ".join(["in use", *lost]),
     }
 
 

@@ -145,12 +145,15 @@ def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any],
     if header.get("kind") != kind:
         found = f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected."
         raise CheckpointError(found, remedy)
+    for name, tensor in tensors.items():
+        if not np.isfinite(tensor).all():
+            raise CheckpointError(f"{path} holds NaN or infinity in {name}.", remedy)
     return header, tensors
 
 
-def read_header(path: Path) -> dict[str, Any]:
+def read_header(path: Path, remedy: str = "Train it with: humanclaw train") -> dict[str, Any]:
     """The header of a base or an adapter, without its weights. Raises CheckpointError."""
-    return _open(path, "Train it with: humanclaw train")[0]
+    return _open(path, remedy)[0]
 
 
 def own_tensors(tensors: Tensors) -> Tensors:

@@ -10,13 +10,21 @@ import pytest
 
 from humanclaw.contract import Control, Keyframes, Skill
 from humanclaw.errors import CallError
+from humanclaw.measures import MEASURES, Measure
+from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw.skill_check import skill_faults
 
 
-def check_skill(skill: Skill | Path) -> Skill:
-    """Hold a skill, or a skill folder, to the contract. Raises AssertionError that says what to mend; returns the skill."""
+def check_skill(skill: Skill | Path, measures: Mapping[str, Measure] = MEASURES) -> Skill:
+    """Hold a skill, or a skill folder, to the contract, its adapter's weights included.
+
+    measures: what its parameters may command; Plugins.measures has those of plugins too.
+    Raises AssertionError that says what to mend; returns the skill.
+    """
     loaded = Skill.from_folder(skill) if isinstance(skill, Path) else skill
+    faults = skill_faults(loaded, measures, read_header(shipped_base())["digest"], weights=True)
+    assert not faults, " ".join(map(str, faults))
     _check_texts(loaded)
-    _check_parameters(loaded)
     _check_refusals(loaded)
     _check_plan(loaded)
     return loaded
@@ -34,20 +42,13 @@ def _bound(part: Mapping[str, Any], end: str) -> Any:
 
 def _check_texts(skill: Skill) -> None:
     assert len(skill.description) >= 20, f"{skill.name}: describe the skill for a model, in a sentence or more"
+    assert skill.schema.get("additionalProperties") is False, f"{skill.name}: set additionalProperties to false"
+    for key, part in skill.schema.get("properties", {}).items():
+        assert skill.adapter is None or "description" in part, f"{skill.name}.{key}: describe it for a model"
     ids = [check.id for check in skill.checks]
     assert len(set(ids)) == len(ids), f"{skill.name}: the ids of the checks must differ; got {ids}"
     for check in skill.checks:
         assert check.question.rstrip().endswith(("?", ".")), f"{skill.name}: check {check.id} must be a question"
-
-
-def _check_parameters(skill: Skill) -> None:
-    assert skill.schema.get("additionalProperties") is False, f"{skill.name}: set additionalProperties to false"
-    for key, part in skill.schema.get("properties", {}).items():
-        if skill.adapter is None:
-            continue
-        assert part.get("type") == "integer", f"{skill.name}.{key}: use integers, decoders do not keep float bounds"
-        assert key.endswith(("_cm", "_deg")), f"{skill.name}.{key}: name the unit, _cm or _deg"
-        assert {"minimum", "maximum", "description"} <= set(part), f"{skill.name}.{key}: give bounds and a description"
 
 
 def _check_refusals(skill: Skill) -> None:

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from humanclaw.errors import SceneError
-from humanclaw.scene import Placement, Quaternion, Room, Scene, SceneObject
+from humanclaw.pose import Pose2D
+from humanclaw.scene import Quaternion, Room, Scene, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
@@ -91,7 +92,7 @@ def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.r
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
-    scene = Scene(name, assets, objects, rooms, Placement(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
+    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 
 

@@ -19,6 +19,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.files import write_atomically
 from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw_train.fidelity import Ratio, Report, Row
+from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import file_digest
 
 CARD: Final = "README.md"
@@ -40,21 +41,10 @@ _ATTRIBUTIONS: Final = {
     ),
 }
 """What the owners of the data ask to be said."""
-_LIMITS: Final = {
-    "base": (
-        "Hips do not sway sideways, and arms move little beyond the swing of the gait.",
-        "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw naturalness`.",
-    ),
-    "walk": ("Extreme commands from standing (80 cm) lunge.",),
-    "side_step": ("The real data hold under two seconds of it.",),
-    "step_back": ("The real data hold under three seconds of it.",),
-    "climb_upstairs": ("Treads are regular; nobody holds a rail. Stairs straight out of a seat are not handled.",),
-    "walk_downstairs": ("Treads are regular; nobody holds a rail. Stairs straight out of a seat are not handled.",),
-    "sit_in_place": (
-        "No real sitting is in the data: the poses are keyed, the hands rest on the thighs.",
-        "It sits where it stands, whether or not there is a seat.",
-    ),
-}
+_BASE_LIMITS: Final = (
+    "Hips do not sway sideways, and arms move little beyond the swing of the gait.",
+    "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw naturalness`.",
+)
 
 
 def card(checkpoint: Path, report: Report | None = None) -> str:
@@ -96,7 +86,8 @@ def _facts(checkpoint: Path, report: Report | None) -> dict[str, Any]:
         "row": row,
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
-        "limits": _LIMITS.get(adapter.get("skill", "base"), ()),
+        "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
+        "composed": "composed" in data["sources"],
     }
 
 

@@ -24,38 +24,20 @@ from tqdm import tqdm
 
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.files import write_atomically
+from humanclaw.measures import MEASURES, Measure, find, outcomes
 from humanclaw.motion.checkpoint import load_base, shipped_base
 from humanclaw.motion.flow import PROFILES, Solver
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import Array, wrap_angle
-from humanclaw_train.chunks import PARAMETERS, Chunks, outcomes
+from humanclaw_train.chunks import Chunks
+from humanclaw_train.notes import Notes
 from humanclaw_train.realised import Actor, roll_realised
-from humanclaw_train.rollouts import PRIMARY, Command, Rollouts, adapters, file_digest, others, roll
+from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, roll
 
 if TYPE_CHECKING:
     from humanclaw.interfaces import Simulator
 
 NAN: Final = float("nan")
-PAPER: Final = {
-    "walk": (0.966, 0.022),
-    "side_step": (1.002, 0.123),
-    "step_back": (0.986, 0.056),
-    "turn_in_place": (0.994, 0.038),
-    "climb_upstairs": (0.794, 0.019),
-    "walk_downstairs": (0.738, 0.052),
-    "sit_in_place": (0.977, 0.078),
-}
-"""Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
-PAPER_BASELINE: Final = {
-    "walk": (1.921, 1.031),
-    "side_step": (1.717, 1.234),
-    "step_back": (2.072, 1.067),
-    "turn_in_place": (0.608, 0.284),
-    "climb_upstairs": (0.820, 0.826),
-    "walk_downstairs": (1.540, 0.421),
-    "sit_in_place": (1.817, 1.279),
-}
-"""The same of the paper's baseline, MoMask, which ignores the magnitude."""
 
 
 @dataclass(frozen=True)
@@ -81,17 +63,21 @@ class Row:
     baseline: Ratio | None = None
     adapter: str = ""
     """Digest of the adapter's file."""
+    paper: tuple[float, float] | None = None
+    """Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
+    paper_baseline: tuple[float, float] | None = None
+    """The same of the paper's baseline, MoMask, which ignores the magnitude."""
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
-def achieved(skill: str, rollouts: Rollouts) -> Ratio:
-    """Outcomes of rollouts against their commands."""
-    found = outcomes(skill, rollouts.root, rollouts.rotations)
+def achieved(command: Command, rollouts: Rollouts, measures: Mapping[str, Measure] = MEASURES) -> Ratio:
+    """Outcomes of rollouts against their commands, each parameter by the measure that it commands."""
+    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, measures)
     if not found.shape[1]:
         return Ratio(NAN, NAN, NAN, NAN, len(found))
-    primary = PRIMARY.get(skill, 0)
+    primary = command.primary
     difference = found - rollouts.commands
-    angle = np.array([name == "yaw" for name in PARAMETERS[skill]])
+    angle = np.array([find(one, measures).unit == "rad" for one in command.parameters])
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Data, unlike commands, may hold a displacement of exactly nothing.
@@ -108,14 +94,15 @@ def _mean(values: Array) -> float:
 def fidelity(generator: DiTGenerator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0) -> list[Row]:
     """One row a skill, in the order given. Raises CheckpointError for an adapter that does not fit the base."""
     commands = [Command.of(skill, path) for skill, path in paths.items()]
-    return [
-        Row(
-            command.skill,
-            achieved(command.skill, roll(generator, command, others(command, commands), rollouts, seed)),
-            adapter=file_digest(command.adapter),
-        )
-        for command in commands
-    ]
+    return [_row(generator, command, others(command, commands), rollouts, seed) for command in commands]
+
+
+def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Row:
+    notes = Notes.read(command.adapter.parent)
+    ratio = achieved(command, roll(generator, command, before, rollouts, seed))
+    return Row(
+        command.skill, ratio, adapter=file_digest(command.adapter), paper=notes.paper, paper_baseline=notes.baseline
+    )
 
 
 def realised(
@@ -129,7 +116,7 @@ def realised(
         for command in wanted:
             bar.set_description(command.skill)
             rolled = roll_realised(actor, command, others(command, commands), rollouts, seed, lambda: bar.update())
-            ratios[command.skill] = achieved(command.skill, rolled)
+            ratios[command.skill] = achieved(command, rolled)
     return ratios
 
 
@@ -147,10 +134,10 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
-    side = np.sign(commands[:, PRIMARY.get(command.skill, 0)]) * np.sign(clip.params[0, PRIMARY.get(command.skill, 0)])
+    side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
     both = Chunks.join([clip, clip.mirrored(command.skill)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
-    return achieved(command.skill, rollouts)
+    return achieved(command, rollouts)
 
 
 def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
@@ -237,7 +224,7 @@ def markdown(rows: Sequence[Row]) -> str:
         cells = (
             row.skill, _spread(made), _number(made.after_other, 3), _number(made.error, 1),
             _spread(real), _number(real.error if real else NAN, 1), _spread(row.baseline),
-            _pair(PAPER.get(row.skill)), _pair(PAPER_BASELINE.get(row.skill)),
+            _pair(row.paper), _pair(row.paper_baseline),
         )  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -247,7 +234,7 @@ def _spread(ratio: Ratio | None) -> str:
     return _pair((ratio.mean, ratio.std)) if ratio and np.isfinite(ratio.mean) else "-"
 
 
-def _pair(pair: tuple[float, float] | None) -> str:
+def _pair(pair: Sequence[float] | None) -> str:
     return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
 
 

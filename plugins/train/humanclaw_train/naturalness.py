@@ -24,13 +24,14 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
+from humanclaw.measures import Declaration, suited
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
-from humanclaw_train.chunks import PARAMETERS, Chunks
+from humanclaw_train.chunks import Chunks
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.measures import SEAM, Features
-from humanclaw_train.rollouts import STAIRS, Command, adapters, extend, others, roll
+from humanclaw_train.rollouts import Command, adapters, extend, others, roll
 
 _NAN: Final = float("nan")
 _MOST: Final = 600
@@ -60,12 +61,12 @@ class Manner:
     """To held-out real chunks of the skill."""
 
 
-def manner(skill: str, source: str, root: Array, rotations: Array, frechet: float = _NAN) -> Manner:
+def manner(skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN) -> Manner:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     joints, _ = forward_kinematics(root, rotations)
-    future, stairs = joints[:, HISTORY - 1 :], skill in STAIRS
+    future, stairs = joints[:, HISTORY - 1 :], skill.climbs
     return Manner(
-        skill, source, len(root),
+        skill.skill, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
         float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet,
@@ -82,11 +83,11 @@ def skills(
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
         distance, least = likeness(generator, command, data, features, seed) if data and features else (_NAN, _NAN)
-        rows.append(manner(command.skill, "generated", rolled.root, rolled.rotations, distance))
+        rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance))
         if data:
             kind = "real" if data.real.any() else "edited"
             some = _some(data, _MOST, seed)
-            rows.append(manner(command.skill, kind, some.root.astype(float), some.rotations.astype(float), least))
+            rows.append(manner(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least))
     return rows
 
 
@@ -178,12 +179,12 @@ def _seam_peaks(joints: Array) -> Array:
     return np.asarray(measures.acceleration(joints)[:, SEAM].max(1))
 
 
-def real_peak(folders: Sequence[Path], names: Sequence[str]) -> float:
+def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
     """99.9th percentile, over all windows of the real chunks of skills that move, of the peak that a seam is judged by, m/s^2."""
     peaks = [
         _window_peaks(data)
-        for name in names
-        if name != "stop" and (data := _of_skill(folders, name)) and data.real.all()
+        for one in commands
+        if one.declaration.role != "stop" and (data := _of_skill(folders, one.skill)) and data.real.all()
     ]
     return float(np.percentile(np.concatenate(peaks), 99.9)) if peaks else _NAN
 
@@ -231,10 +232,11 @@ def life(
 
 
 # -- sequences ---------------------------------------------------------------------------------------------------------
-_WALK: Final = ("walk", {"z": 0.4})
-_SIDE: Final = ("side_step", {"x": 0.2})
-_TURN: Final = ("turn_in_place", {"yaw": np.radians(37.5)})
-Call = tuple[str, Mapping[str, float]]
+_WALK: Final = ("hips.forward", 0.4)
+_SIDE: Final = ("hips.left", 0.2)
+_TURN: Final = ("heading.left", float(np.radians(37.5)))
+Call = tuple[str, float]
+"""A measure and how much of it, SI: asked of the skill on the level that commands it and least besides, all else being 0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
@@ -243,22 +245,29 @@ SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "the same ten, interleaved": ((_WALK, _SIDE) * 5, 7.4),
     "aimless": ((), 9.7),
 }
-"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws walk, side_step, step_back and turn_in_place at random. The
+"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws steps ahead, aside and back, and turns, at random. The
 paper gives neither parameters nor lengths; ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5 degrees."""
-_AIMLESS: Final = ("walk", "side_step", "step_back", "turn_in_place")
+_AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 
 
 def sequence_jerks(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = 20, seed: int = 0
 ) -> dict[str, float]:
     """Name to the mean root-rigid jerk, m/s^3, of the sequences whose skills are all there."""
-    known = {command.skill: command for command in commands}
+    known = _by_measure(commands)
     found = {}
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
-        if {skill for skill, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
+        if {measure for measure, _ in calls} <= set(known) and set(_AIMLESS) <= set(known):
             motions = _sequence(generator, known, calls, bodies, (seed, number))
             found[name] = float(np.mean([root_jerk(motion) for motion in motions]))
     return found
+
+
+def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
+    """For each measure that a sequence asks for the skill that is asked, as far as there is one."""
+    level = {one.skill: one for one in commands if not one.declaration.climbs}
+    found = {measure: suited((one.declaration for one in level.values()), measure) for measure in _AIMLESS}
+    return {measure: level[one.skill] for measure, one in found.items() if one is not None}
 
 
 def _sequence(
@@ -269,14 +278,14 @@ def _sequence(
     everyone = np.arange(bodies)
     for step in range(10):
         if calls:
-            skill, params = calls[step]
-            values = np.array([[params.get(name, 0.0) for name in PARAMETERS[skill]]] * bodies)
-            extend(generator, known[skill], motions, everyone, values, (*key, step))
+            measure, amount = calls[step]
+            values = np.array([[amount * (one.measure == measure) for one in known[measure].parameters]] * bodies)
+            extend(generator, known[measure], motions, everyone, values, (*key, step))
             continue
         chosen = random.integers(len(_AIMLESS), size=bodies)
-        for index, skill in enumerate(_AIMLESS):
-            these = np.flatnonzero(chosen == index)
-            extend(generator, known[skill], motions, these, known[skill].draw(len(these), random), (*key, step))
+        for index, measure in enumerate(_AIMLESS):
+            these, command = np.flatnonzero(chosen == index), known[measure]
+            extend(generator, command, motions, these, command.draw(len(these), random), (*key, step))
     return motions
 
 
@@ -356,7 +365,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         commands = [Command.of(skill, path) for skill, path in adapters(options.adapters, options.skills).items()]
         print(skills_table(skills(generator, commands, options.chunks, options.rollouts, options.seed)), flush=True)
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
-        peak = real_peak(options.chunks, [command.skill for command in commands])
+        peak = real_peak(options.chunks, commands)
         print(
             "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
         )

@@ -8,22 +8,22 @@ pose is all that a body carries over.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
+from humanclaw.measures import Declaration
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import CHUNK, HISTORY, Array, Frame, Motion, anchored
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw.pose import CHUNK, HISTORY, Array, Motion, Pose2D, anchored
+from humanclaw.scene import Asset, Mesh, Scene, SceneObject
 from humanclaw_train.chunks import canonical
-from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, STAIRS, Command, Rollouts
+from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
 if TYPE_CHECKING:
     from humanclaw.interfaces import Simulator
 
-SIT: Final = "sit_in_place"
 _HOLD: Final = 10
 """Frames in which a body that was put down takes up the pose of its history."""
 
@@ -53,6 +53,8 @@ HIPS: Final = _hips_below()
 _SEAT_FRONT: Final = -0.13
 """A seat begins just behind the hips of who stands before it, metres."""
 _CLEAR: Final = 0.01
+_TREAD, _SEATED = 0.28, 0.5
+"""Depth of a stair step and height of seated hips for a skill that cannot be told them, metres."""
 
 
 def flat() -> Scene:
@@ -60,14 +62,19 @@ def flat() -> Scene:
     return _scene("flat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0))])
 
 
-def stage(skill: str, values: Sequence[float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
-    """What a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0."""
-    if skill == "climb_upstairs":
-        return _scene("up", _ascent(values[0], values[1], chunks))
-    if skill == "walk_downstairs":
-        return _scene("down", _descent(values[0], values[1], chunks))
-    if skill == SIT:
-        top = max(values[0] - HIPS, 0.02)
+def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
+    """What a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0.
+
+    A skill that commands a rise or a drop of the hips gets stairs, one that sits a seat of the commanded height.
+    """
+    asked = {one.measure: values[one.name] for one in skill.parameters}
+    tread = asked.get("hips.forward", _TREAD)
+    if "hips.rise" in asked:
+        return _scene("up", _ascent(asked["hips.rise"], tread, chunks))
+    if "hips.drop" in asked:
+        return _scene("down", _descent(asked["hips.drop"], tread, chunks))
+    if skill.role == "sit":
+        top = max(asked.get("hips.height", _SEATED) - HIPS, 0.02)
         boxes = [
             ("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)),
             ("bench", (1.2, top, 1.0), (0.0, 0.0, _SEAT_FRONT - 0.5)),
@@ -100,7 +107,7 @@ def _scene(name: str, boxes: _Boxes) -> Scene:
     things = tuple(
         SceneObject(index + 1, str(index), category, place) for index, (category, _, place) in enumerate(boxes)
     )
-    return Scene(name, assets, things, (), Placement(0.0, 0.0, 0.0))
+    return Scene(name, assets, things, (), Pose2D(0.0, 0.0, 0.0))
 
 
 def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
@@ -130,8 +137,8 @@ class Actor:
     def move_to(self, scene: Scene) -> None:
         """Go on at the origin of another scene, in the pose of the history."""
         self._put(scene)
-        origin = Frame.of(self.realised, floor=0.0)
-        pose = origin.to_world(Frame.of(self._history, floor=0.0).to_local(self._history[-1:]))
+        origin = Pose2D.of(self.realised, floor=0.0)
+        pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
         held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
         self.realised = self._simulator.execute(held).realised
         self._history = anchored(self._history, self.realised)
@@ -165,11 +172,11 @@ def roll_realised(
     for index in range(rollouts):
         other = before[index // 2 % len(before)] if before and index % 2 else None
         asked = _commands(command, random)
-        actor.stand(flat() if other else stage(command.skill, asked[0]))
+        actor.stand(flat() if other else stage(command.declaration, command.named(asked[0])))
         if other:
             actor.act(other, other.draw(1, random)[0], (seed, index, 0))
-            if command.skill in (*STAIRS, SIT):
-                actor.move_to(stage(command.skill, asked[0]))
+            if command.declaration.climbs or command.declaration.role == "sit":
+                actor.move_to(stage(command.declaration, command.named(asked[0])))
         for turn, values in enumerate(asked):
             actor.act(command, values, (seed, index, turn + 1))
             chunks.append(actor.realised[-CHUNK:])
@@ -181,6 +188,6 @@ def roll_realised(
 
 
 def _commands(command: Command, random: np.random.Generator) -> Array:
-    if command.skill in STAIRS:
+    if command.declaration.climbs:
         return np.repeat(command.draw(1, random), CHUNKS_IN_A_ROW, 0)
-    return command.draw(1 if command.skill == SIT else CHUNKS_IN_A_ROW, random)
+    return command.draw(1 if command.declaration.role == "sit" else CHUNKS_IN_A_ROW, random)

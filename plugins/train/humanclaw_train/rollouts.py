@@ -12,24 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.errors import CheckpointError
+from humanclaw.measures import Declaration, Parameter
 from humanclaw.motion.checkpoint import read_header
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion
 from humanclaw_train.chunks import canonical
 
 CHUNKS_IN_A_ROW: Final = 3
-STAIRS: Final = ("climb_upstairs", "walk_downstairs")
 _LEAST: Final = 0.25
 """Commands smaller than this share of the largest are not asked for: a ratio to nothing says nothing."""
-PRIMARY: Final = {"walk": 1, "climb_upstairs": 0, "walk_downstairs": 0}
-"""Which parameter the ratio is of, where it is not the only one: the forward distance, and the height of the step."""
 
 
 @dataclass(frozen=True)
 class Command:
     """What one skill can be asked: the range of each parameter, SI. names (k,), low (k,), high (k,): as in the adapter's header."""
 
-    skill: str
+    declaration: Declaration
     adapter: Path
     names: tuple[str, ...]
     low: Array
@@ -37,10 +35,28 @@ class Command:
 
     @classmethod
     def of(cls, skill: str, adapter: Path) -> Command:
-        """The range that the adapter was trained on, less a twentieth at either end."""
-        config = read_header(adapter)["adapter"]
+        """The range that the adapter was trained on, less a twentieth at either end.
+
+        Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
+        """
+        config, declaration = read_header(adapter)["adapter"], Declaration.read(_declared(skill, adapter))
+        declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
-        return cls(skill, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
+        return cls(declaration, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
+
+    @property
+    def skill(self) -> str:
+        return self.declaration.skill
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """(k,) in the order of the values."""
+        return self.declaration.order(self.names)
+
+    @property
+    def primary(self) -> int:
+        """Which of the values the ratio of achieved over commanded is told of."""
+        return self.parameters.index(self.declaration.primary) if self.declaration.primary else 0
 
     def named(self, values: Array) -> dict[str, float]:
         """One command (k,) by name, as the generator takes it."""
@@ -50,7 +66,7 @@ class Command:
         """(count, k) commands; the parameter that the ratio is of is never close to zero."""
         values = random.uniform(self.low, self.high, (count, len(self.low)))
         if len(self.low):
-            primary = PRIMARY.get(self.skill, 0)
+            primary = self.primary
             column, largest = values[:, primary], max(abs(self.low[primary]), abs(self.high[primary]))
             small = np.abs(column) < _LEAST * largest
             values[small, primary] = np.where(column[small] < 0, -1, 1) * _LEAST * largest
@@ -70,6 +86,13 @@ def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Pat
     return {skill: found[skill] for skill in wanted or found}
 
 
+def _declared(skill: str, adapter: Path) -> Path:
+    """The folder that declares a skill: that of its adapter, or for one just trained that of the skill in the repository."""
+    if (adapter.parent / "schema.json").is_file():
+        return adapter.parent
+    return next((file.parent for file in sorted(Path("skills").glob(f"**/{skill}/schema.json"))), adapter.parent)
+
+
 def file_digest(path: Path) -> str:
     """Names the content of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
@@ -77,8 +100,8 @@ def file_digest(path: Path) -> str:
 
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
     """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of the two."""
-    unfit = {command.skill, "sit_in_place"} if command.skill in STAIRS else {command.skill}
-    return [other for other in commands if other.skill not in unfit]
+    seats = command.declaration.climbs
+    return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
 
 
 @dataclass(frozen=True)

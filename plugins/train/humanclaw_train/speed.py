@@ -44,7 +44,7 @@ from humanclaw_train.rollouts import Command, adapters
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
 """Milliseconds a chunk that the default solver may take."""
-_WALK: Final = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
+_TIMED: Final = AdapterConfig("timed", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 _ENOUGH: Final = 3.0
 """Seconds for one measurement, one call at least."""
 
@@ -172,7 +172,7 @@ def measure(
     before = torch.get_num_threads()
     torch.manual_seed(0)
     base = DiT(SIZES[size])
-    field = VelocityField(base, Adapter(base, _WALK)).eval().requires_grad_(False)
+    field = VelocityField(base, Adapter(base, _TIMED)).eval().requires_grad_(False)
     history, noise = torch.randn(bodies, HISTORY, STATE_SIZE), torch.randn(bodies, FUTURE, STATE_SIZE)
     values = torch.zeros(bodies, 3)
     try:

@@ -42,6 +42,21 @@ def _report(weights: Path, base: str | None = None) -> Report:
     return Report(base or read_header(adapter)["base"], "euler, 4 steps", 200, 0, 17.4, (row,))
 
 
+def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
+    base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, {}, ()))
+    path = tmp_path / "stroll" / "adapter.safetensors"
+    data = {"chunks": 40, "real": 40, "edited": 0, "sources": {"My own walks": 40}}
+    told = Card(RECIPE, {**data, "params_low": [0.1], "params_high": [0.5]}, ("My own walks: CC0",))
+    write_adapter(path, base, AdapterConfig("stroll", "mlp", ("ahead",), (0.3,), (0.2,)), card=told)
+    (path.parent / "card.toml").write_text('limits = ["It never hurries."]')
+    text = card(path)
+    assert "40 real (100 %)" in text
+    assert "* It never hurries." in text
+    assert "| ahead | 0.1 | 0.5 | 0.3 ± 0.2 |" in text
+    for claim in ("compose", "sitting", "stairs", "keyed"):
+        assert claim not in text
+
+
 def test_a_card_tells_the_figures_of_the_header(weights):
     text = card(weights / "sit_in_place" / "adapter.safetensors")
     for fact in (

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from declared import STROLL, declaration, declare
 from tiny_motion import write_adapter
 
 from humanclaw import pose
-from humanclaw.errors import CheckpointError
+from humanclaw.errors import CheckpointError, PluginError
+from humanclaw.motion.checkpoint import load_base
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
@@ -26,6 +28,7 @@ def still(tmp_path_factory, still_base):
     base = still_base(folder / "base.safetensors")
     config = AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))
     path = write_adapter(folder / "step_back" / "adapter.safetensors", base, config, scale=0.0)
+    declare(path.parent)
     return DiTGenerator(base, Solver("midpoint", 2)), path
 
 
@@ -53,12 +56,12 @@ def _gliding(distances: np.ndarray) -> Chunks:
     return Chunks.of("step_back", root, np.repeat(rest.rotations[None], len(distances), 0), "made", real=False)
 
 
-def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error():
+def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(still):
     chunks = _gliding(np.array([0.1, 0.2]))
     rollouts = Rollouts(
         chunks.root.astype(float), chunks.rotations.astype(float), np.array([[0.2], [0.4]]), np.ones(2, bool)
     )
-    ratio = achieved("step_back", rollouts)
+    ratio = achieved(Command.of("step_back", still[1]), rollouts)
     assert (ratio.mean, ratio.std, ratio.after_other) == pytest.approx((0.5, 0, 0.5), abs=1e-5)
     assert ratio.error == pytest.approx(15, abs=1e-3)
 
@@ -69,15 +72,53 @@ def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):
     ratio = baseline([tmp_path], command, count=4000)
     # The mean of 0.2 / c for c even in 0.2 to 0.4 is 0.2 ln 2 / 0.2.
     assert ratio.mean == pytest.approx(np.log(2), abs=0.01)
-    assert baseline([tmp_path], replace(command, skill="walk")) is None
+    assert baseline([tmp_path], replace(command, declaration=declaration("walk"))) is None
 
 
 def test_the_baseline_knows_left_from_right(tmp_path):
     rest = pose.rest_pose(20)
     root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
     Chunks.of("side_step", root, rest.rotations[None], "made", real=True).save(tmp_path / "side_step.npz")
-    command = Command("side_step", tmp_path / "adapter.safetensors", ("x",), np.array([-0.3]), np.array([-0.299]))
+    command = Command(
+        declaration("side_step"), tmp_path / "adapter.safetensors", ("x",), np.array([-0.3]), np.array([-0.299])
+    )
     assert baseline([tmp_path], command).mean == pytest.approx(1, abs=0.01)
+
+
+def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(still, tmp_path):
+    """It is to go 20 cm ahead and not to turn; it goes 30 and turns by 0.1 rad: 10 cm and 5.73 degrees off."""
+    folder = tmp_path / "stroll"
+    declare(folder, STROLL)
+    base = load_base(still[1].parents[1] / "base.safetensors")
+    config = AdapterConfig("stroll", "mlp", ("ahead", "veer"), (0.3, 0.0), (0.2, 0.35))
+    command = Command.of("stroll", write_adapter(folder / "adapter.safetensors", base, config, scale=0.0))
+    rest, share = pose.rest_pose(20), np.clip(np.arange(20) - 4, 0, None) / 15
+    rotations = rest.rotations.copy()
+    rotations[:, 0, 1] = 0.1 * share
+    moved = rest.root + share[:, None] * [0, 0, 0.3]
+    ratio = achieved(command, Rollouts(moved[None], rotations[None], np.array([[0.2, 0.0]]), np.ones(1, bool)))
+    assert ratio.mean == pytest.approx(1.5)
+    assert ratio.error == pytest.approx((10 + np.degrees(0.1)) / 2)
+
+
+def test_an_adapter_and_a_schema_that_name_other_parameters_are_told_apart(still, tmp_path):
+    folder = tmp_path / "stroll"
+    declare(folder, STROLL)
+    (folder / "adapter.safetensors").write_bytes(still[1].read_bytes())
+    with pytest.raises(PluginError, match=r"trained on \(z\), and its schema.json declares \(veer, ahead\)"):
+        Command.of("stroll", folder / "adapter.safetensors")
+
+
+def test_the_figures_of_the_paper_lie_beside_the_skill(still):
+    (row,) = fidelity(still[0], {"step_back": still[1]}, rollouts=2)
+    assert (row.paper, row.paper_baseline) == (None, None)
+    (row,) = fidelity(still[0], {"step_back": _with_notes(still[1])}, rollouts=2)
+    assert "| 0.986 ± 0.056 | 2.072 ± 1.067 |" in markdown([row])
+
+
+def _with_notes(adapter):
+    (adapter.parent / "card.toml").write_text("[paper]\nratio = [0.986, 0.056]\nbaseline = [2.072, 1.067]\n")
+    return adapter
 
 
 # -- realised ----------------------------------------------------------------------------------------------------------
@@ -108,14 +149,14 @@ def test_what_the_body_glides_on_a_flat_floor_is_what_it_achieves(simulator, sti
     command = Command.of("step_back", still[1])
     command = replace(command, low=np.array([0.3]), high=np.array([0.3]))
     rolled = roll_realised(Actor(_backwards(0.15), simulator), command, [], rollouts=1, seed=0)
-    ratio = achieved("step_back", rolled)
+    ratio = achieved(command, rolled)
     assert ratio.chunks == 3
     # Soles that are dragged over the floor lose some of it to friction.
     assert 0.45 < ratio.mean <= 0.5
 
 
 def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
-    scene = stage("sit_in_place", [0.5])
+    scene = stage(declaration("sit_in_place"), {"h": 0.5})
     _, high = scene.aabb(2)
     assert high[1] == pytest.approx(0.5 - HIPS)
     assert high[2] < -0.11  # behind the hips of who stands in front of it
@@ -123,7 +164,7 @@ def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
 
 @pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
 def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
-    scene = stage(skill, [0.17, 0.28])
+    scene = stage(declaration(skill), {"h": 0.17, "d": 0.28})
     boxes = [scene.aabb(thing.id) for thing in scene.of_category("stairs")]
     assert [high[1] for _, high in boxes] == pytest.approx([sign * 0.17 * k for k in (1, 2, 3)], abs=1e-6)
     assert [high[2] - low[2] for low, high in boxes] == pytest.approx([0.28] * 3, abs=1e-6)
@@ -135,7 +176,7 @@ def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_sce
     actor.stand(flat())
     actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
     assert actor.realised.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
-    actor.move_to(stage("sit_in_place", [0.5]))
+    actor.move_to(stage(declaration("sit_in_place"), {"h": 0.5}))
     assert actor.realised.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)
 
 

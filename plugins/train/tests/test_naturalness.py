@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
 from humanclaw import pose
@@ -37,6 +38,7 @@ def still(tmp_path_factory, still_base):
         width = len(PARAMETERS[skill])
         config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
         write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
+        declare(folder / skill)
     return folder
 
 
@@ -79,13 +81,13 @@ def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
     rest = pose.rest_pose(20)
-    row = manner("walk", "generated", rest.root[None], rest.rotations[None])
+    row = manner(declaration("walk"), "generated", rest.root[None], rest.rotations[None])
     assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
 
 
 def test_feet_on_stairs_are_not_measured_against_a_floor_at_nought():
     rest = pose.rest_pose(20)
-    row = manner("climb_upstairs", "generated", rest.root[None], rest.rotations[None])
+    row = manner(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
     assert np.isnan([row.skate, row.sunk]).all()
     assert row.slower_toe == pytest.approx(0, abs=1e-6)
 
@@ -99,12 +101,16 @@ def test_a_body_that_holds_its_pose_pops_at_no_pair_and_drifts_nowhere(generator
     assert alive.beyond == 0
 
 
+def _command(skill: str) -> Command:
+    return Command.of(skill, folder_of(skill) / "adapter.safetensors")
+
+
 def test_the_peak_of_real_motion_is_that_of_its_sharpest_frame(tmp_path):
     chunks = _wobbling(1, 0.0, "clip")
     chunks.root[0, 10:, 2] += 0.01
     chunks.save(tmp_path / "walk.npz")
-    assert real_peak([tmp_path], ["walk", "sit_in_place"]) == pytest.approx(9, rel=1e-3)
-    assert np.isnan(real_peak([tmp_path], ["sit_in_place"]))
+    assert real_peak([tmp_path], [_command("walk"), _command("sit_in_place")]) == pytest.approx(9, rel=1e-3)
+    assert np.isnan(real_peak([tmp_path], [_command("sit_in_place")]))
 
 
 def test_the_papers_sequences_are_ten_chunks_long_and_stand_in_its_order():
