@@ -40,7 +40,7 @@ _TURNS: Final = ("heading.left",)
 
 # -- what the rules ask ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Facts:
+class EpisodeFeatures:
     """What the rules need to know of an episode."""
 
     seen: bool
@@ -62,7 +62,7 @@ class Facts:
     """The pelvis touched anything at any time."""
 
     @classmethod
-    def of(cls, recorded: RecordedEpisode) -> Facts:
+    def of(cls, recorded: RecordedEpisode) -> EpisodeFeatures:
         record, steps = recorded.record, recorded.steps
         first = next((step.step for step in steps if in_view(step)), None)
         return cls(
@@ -153,7 +153,7 @@ class Cause:
     stage: Stage
     name: str
     capability: str
-    rule: Callable[[Facts], bool]
+    rule: Callable[[EpisodeFeatures], bool]
     meaning: str
 
     @property
@@ -161,9 +161,9 @@ class Cause:
         return f"{self.stage}: {self.name}"
 
 
-def _gave_up(facts: Facts) -> bool:
+def _gave_up(features: EpisodeFeatures) -> bool:
     nearer, farther = GIVEN_UP
-    return min(facts.way) < nearer * facts.way[0] and facts.way[-1] > farther * facts.way[0]
+    return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0]
 
 
 CAUSES: Final = (
@@ -218,8 +218,8 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
-    facts = Facts.of(recorded)
-    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(facts))
+    features = EpisodeFeatures.of(recorded)
+    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(features))
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------
