@@ -8,7 +8,7 @@ from typing import Any
 
 from humanclaw.contract import Skill, bounds
 from humanclaw.errors import CallError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, WorldState, ego_camera
 from humanclaw.navigation import (
     MultiFloorMap,
     OccupancyGrid,
@@ -29,7 +29,8 @@ from humanclaw.navigation import (
     stair_runs,
     viewpoints,
 )
-from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
+from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
+from humanclaw.records import Call, Decision
 from humanclaw.scene import Scene
 
 NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
@@ -71,7 +72,7 @@ class StillAgent:
     def begin(self, context: EpisodeContext) -> None:
         self._stop = ending(context.skills)
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
 
 
@@ -85,7 +86,7 @@ class RandomAgent:
         self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
         self._seed = context.seed
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
         rng = np.random.default_rng([self._seed, observation.step])
         name = str(rng.choice(sorted(self._skills)))
@@ -144,7 +145,7 @@ class Pose:
 
     def local(self, point: Array) -> tuple[float, float]:
         """A (2,) point as (left, forward) of the body, metres."""
-        here = Frame(float(self.root[0]), float(self.root[2]), self.yaw)
+        here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
         left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
         return float(left), float(forward)
 
@@ -199,7 +200,7 @@ class OracleAgent:
         _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
         self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
         pose = Pose.of(state)
         self._notice(pose, history)
@@ -388,7 +389,7 @@ class OracleAgent:
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
     # when it does not go on
-    def _notice(self, pose: Pose, history: Sequence[Past]) -> None:
+    def _notice(self, pose: Pose, history: Sequence[HistoryEntry]) -> None:
         """Compare the last step with what it was to do."""
         memory = self._memory
         last = history[-1].executed if history else None
