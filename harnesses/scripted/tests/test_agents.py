@@ -218,7 +218,9 @@ def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path)
     untrained = SKILLS | {"sit_in_place": replace(SKILLS["sit_in_place"], adapter=tmp_path / "adapter.safetensors")}
     with pytest.raises(HumanclawError, match="sit_in_place, whose adapter is not trained"):
         play(OracleAgent(), walker, spec, untrained)
-    with pytest.raises(HumanclawError, match="needs the skill walk"):
+    with pytest.raises(
+        HumanclawError, match="a skill of role locomotion that commands hips.left, hips.forward, heading.left"
+    ):
         play(OracleAgent(), walker, spec, {"stop": SKILLS["stop"]})
 
 
