@@ -115,7 +115,7 @@ def shell(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(*args):
-        return CliRunner().invoke(build(Plugins.discover()), ["run", "--out", "run", "--film", "none", *args])
+        return CliRunner().invoke(build(Plugins.discover), ["run", "--out", "run", "--film", "none", *args])
 
     return run
 

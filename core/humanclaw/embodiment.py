@@ -146,7 +146,7 @@ class Body:
         return self._generator.digest
 
     def state(self) -> WorldState:
-        """The true state of the world: for scoring and for privileged decision makers, never for models."""
+        """The true state of the world: for scoring and for privileged agents, never for models."""
         return self._state
 
     def view(self) -> View:

@@ -29,11 +29,11 @@ class Deciders:
     verifier: str
     """Empty: none."""
     options: Mapping[str, Any]
-    """What every factory of decision makers and verifiers is given."""
+    """What every factory of agents and verifiers is given."""
     limits: Mapping[str, float]
 
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
-        """A decision maker and a verifier, for one episode after another."""
+        """An agent and a verifier, for one episode after another."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
         return plugins.make("agents", self.agent, self.options), verifier
 
@@ -48,9 +48,7 @@ _ENGINES: Final = (
     click.option("--generator", default=Backends.generator, show_default=True, help="What makes motion, by name."),
 )
 _DECIDERS: Final = (
-    click.option(
-        "--agent", default="", help="Decision maker by name; the default is oracle, or the model if one is named."
-    ),
+    click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
     click.option(
         "--model",
         default="",
@@ -65,16 +63,16 @@ _DECIDERS: Final = (
         "mid_level",
         flag_value=False,
         default=None,
-        help="The decision maker keeps no mid-level goal.",
+        help="The agent keeps no mid-level goal.",
     ),
-    click.option("--history", type=click.IntRange(0), help="Past steps that the decision maker is told."),
+    click.option("--history", type=click.IntRange(0), help="Past steps that the agent is told."),
     click.option("--images", type=click.IntRange(1), help="Views that it is shown, the current one included."),
     click.option(
         "--profile",
         type=click.Choice(["default", "paper"]),
         default="default",
         show_default=True,
-        help="Settings of the simulator, the motion solver and the decision maker; the switches above go before it.",
+        help="Settings of the simulator, the motion solver and the agent; the switches above go before it.",
     ),
     *_ENGINES,
     click.option("--renderer", default=Backends.renderer, show_default=True, help="What draws the views, by name."),
@@ -83,11 +81,9 @@ _DECIDERS: Final = (
         "senses",
         type=click.Choice(SENSES),
         multiple=True,
-        help="What the decision maker is told besides the view, which is always there. Repeatable.",
+        help="What the agent is told besides the view, which is always there. Repeatable.",
     ),
-    click.option(
-        "--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the decision maker. Repeatable."
-    ),
+    click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
         "--limit",
         "limits",

@@ -1,4 +1,4 @@
-"""A decision maker that says what a test tells it to."""
+"""An agent that says what a test tells it to."""
 
 from __future__ import annotations
 

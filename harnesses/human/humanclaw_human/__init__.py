@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import DecisionMakerFactory, Register
+    from humanclaw.hookspecs import AgentFactory, Register
     from humanclaw.interfaces import Agent
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("human", _human, "a person at the keyboard, with the view in the browser")
 
 

@@ -1,4 +1,4 @@
-"""The decision maker: shows the view, reads a line, and asks again until the line is a call."""
+"""The agent: shows the view, reads a line, and asks again until the line is a call."""
 
 from __future__ import annotations
 

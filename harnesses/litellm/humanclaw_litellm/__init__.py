@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
+    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
     from humanclaw.interfaces import Agent, Verifier
     from humanclaw_litellm.asking import Remembered
 
@@ -17,7 +17,7 @@ __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register(
         "litellm", functools.partial(_decision_maker, {}), "a vision-language model of any provider that litellm knows"
     )

@@ -1,4 +1,4 @@
-"""The decision maker: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
+"""The agent: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class ModelDecisionMaker:
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the key."""
         if self._episode is None:
-            raise HumanclawError("a decision maker must begin an episode before it decides.", "Call begin first.")
+            raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         episode = self._episode
         content = step_content(episode.context, observation, history, self._note, self._settings)
 

@@ -1,4 +1,4 @@
-"""The decision maker, against a scripted model behind a real HTTP server."""
+"""The agent, against a scripted model behind a real HTTP server."""
 
 import contextlib
 import json

@@ -56,7 +56,7 @@ def dialect(request):
 
 @pytest.fixture
 def talk(begin, view, dialect):
-    """talk(reply, ...): the last of as many decisions, the server, and the decision maker."""
+    """talk(reply, ...): the last of as many decisions, the server, and the agent."""
 
     def run(script, decisions=1, **options):
         spoken = DIALECTS[dialect]

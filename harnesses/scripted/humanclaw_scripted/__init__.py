@@ -10,7 +10,7 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
+    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
     from humanclaw.interfaces import Agent, Verifier
     from humanclaw_scripted.faults import Fault
 
@@ -18,7 +18,7 @@ __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_agents(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")

@@ -27,7 +27,7 @@ BACK = [0, 1, 0, 0]
 
 
 def run(*args: object) -> Result:
-    return CliRunner().invoke(build(Plugins.discover()), ["habitat", *map(str, args)])
+    return CliRunner().invoke(build(Plugins.discover), ["habitat", *map(str, args)])
 
 
 def made(
