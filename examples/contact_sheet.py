@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import Plugins
-from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw import Plugins, Renderer, Scene
+from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import MultiFloorMap
 from humanclaw.pose import Pose2D, matrix_from_quaternion, rest_pose
-from humanclaw.scene import Scene
 from humanclaw_scripted.agents import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")

@@ -19,8 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from humanclaw import Plugins, Skill
-from humanclaw.records import RecordedEpisode, load_run
+from humanclaw import Plugins, RecordedEpisode, Skill, load_run
 from humanclaw.tools import envelope_schema
 
 Json = dict[str, Any]

@@ -8,10 +8,8 @@ import statistics
 import sys
 from pathlib import Path
 
-from humanclaw import Body, Plugins
-from humanclaw.loop import run_episode
+from humanclaw import Body, Plugins, RecordedEpisode, run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.records import RecordedEpisode
 from humanclaw.tasks import free_episode
 
 INSTRUCTION = "find a couch and sit on it"

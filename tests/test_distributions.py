@@ -7,7 +7,7 @@ import pytest
 from packaging.requirements import Requirement
 from wheels import distributions as folders
 
-from humanclaw import distributions
+from humanclaw import _distributions as distributions
 from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 

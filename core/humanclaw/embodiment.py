@@ -13,9 +13,9 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw.contract import Control, Plan, Skill
 from humanclaw.errors import CheckpointError, PluginError
-from humanclaw.feedback import Feedback, Proprioception, Touch
 from humanclaw.interfaces import (
     Execution,
     MotionGenerator,

@@ -18,16 +18,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Literal, Self
 
-from humanclaw.calls import check, check_call
-from humanclaw.decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
-from humanclaw.embodiment import Body, SkillExecution
-from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
-from humanclaw.feedback import Feedback
-from humanclaw.interfaces import Agent, EpisodeContext, HistoryEntry, Observation, Verifier, View, WorldState
-from humanclaw.limits import Meter
-from humanclaw.outcomes import succeeded
-from humanclaw.recorder import (
-    DistanceFactory,
+from humanclaw._calls import check, check_call
+from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
+from humanclaw._feedback import Feedback
+from humanclaw._recorder import (
     TrajectoryBuffer,
     begin_record,
     contacts,
@@ -39,6 +33,20 @@ from humanclaw.recorder import (
     vec3,
     yaw,
 )
+from humanclaw.embodiment import Body, SkillExecution
+from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
+from humanclaw.interfaces import (
+    Agent,
+    DistanceFactory,
+    EpisodeContext,
+    HistoryEntry,
+    Observation,
+    Verifier,
+    View,
+    WorldState,
+)
+from humanclaw.limits import Meter
+from humanclaw.outcomes import succeeded
 from humanclaw.records import EpisodeRecord, EpisodeSpec, EpisodeWriter, Outcome, StepRecord
 
 MAX_ATTEMPTS: Final = 3

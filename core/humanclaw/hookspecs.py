@@ -55,6 +55,11 @@ if TYPE_CHECKING:
     ReporterFactory: TypeAlias = Callable[..., Reporter]
 
 
+def noun(kind: str) -> str:
+    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
+    return kind.removesuffix("s").replace("_", " ")
+
+
 @hookspec
 def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
     """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a kind

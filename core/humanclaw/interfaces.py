@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw._feedback import Feedback
 from humanclaw.body import EYE, JOINT_INDEX
 from humanclaw.contract import Skill
-from humanclaw.feedback import Feedback
 from humanclaw.pose import Array, Motion, Pose2D, forward_kinematics, yaw_matrix
 from humanclaw.records import Call, Contact, Decision, EpisodeSpec, Verdict
 from humanclaw.scene import Scene
@@ -115,6 +115,12 @@ class Reporter(Protocol):
 
     def write(self, run: Path, episode: RecordedEpisode, plugins: Plugins) -> Mapping[str, Path]:
         """Write into the folder of a run or of the episode; returns each file by what a person calls it."""
+
+
+DistanceFn: TypeAlias = Callable[[Array], float]
+"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
+DistanceFactory: TypeAlias = Callable[[Scene, Sequence[int], float], DistanceFn]
+"""Makes a DistanceFn for a scene, the ids of its targets and the height of the floor at the start."""
 
 
 # -- motion ------------------------------------------------------------------------------------------------------------

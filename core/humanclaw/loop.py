@@ -8,9 +8,8 @@ from typing import Any
 
 from humanclaw.embodiment import Body
 from humanclaw.episode import Episode
-from humanclaw.interfaces import Agent, Verifier
+from humanclaw.interfaces import Agent, DistanceFactory, Verifier
 from humanclaw.limits import Meter
-from humanclaw.recorder import DistanceFactory
 from humanclaw.records import EpisodeRecord, EpisodeSpec, StepRecord
 
 

@@ -23,12 +23,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import humanclaw
-from humanclaw import distributions, hookspecs
+from humanclaw import _distributions as distributions
+from humanclaw import hookspecs
+from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
+from humanclaw.hookspecs import noun
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
-from humanclaw.skill_check import skill_faults
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
@@ -118,11 +120,6 @@ def _skill(given: Skill | Path) -> Skill:
             f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
         )
     return skill
-
-
-def noun(kind: str) -> str:
-    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
-    return kind.removesuffix("s").replace("_", " ")
 
 
 class Plugins:

@@ -16,11 +16,11 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
+from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
+from humanclaw._files import write_atomically
 from humanclaw.body import BodyGroup
-from humanclaw.decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw.errors import RecordError
-from humanclaw.feedback import Displacement, Feedback, Proprioception, Touch
-from humanclaw.files import write_atomically
 from humanclaw.pose import Array, Motion, Pose2D
 
 __all__ = [

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw._feedback import Displacement, Proprioception, Touch
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
-from humanclaw.feedback import Displacement, Proprioception, Touch
 from humanclaw.interfaces import Execution
 from humanclaw.pose import Array, Motion, Pose2D, support_height, wrap_angle
 from humanclaw.records import Contact

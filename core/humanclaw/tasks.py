@@ -9,8 +9,8 @@ from typing import Final
 
 from pydantic import ValidationError
 
+from humanclaw._files import write_atomically
 from humanclaw.errors import HumanclawError
-from humanclaw.files import write_atomically
 from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 

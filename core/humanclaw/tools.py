@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from humanclaw.contract import Skill
+from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
 from humanclaw.records import Call
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Plugins
-from humanclaw.calls import check_call
-from humanclaw.geometry import distance_to_box
+from humanclaw._calls import check_call
 from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
 from humanclaw.navigation import MultiFloorMap, goals_at
 from humanclaw.pose import Pose2D
 from humanclaw.records import EpisodeSpec, Feedback
-from humanclaw.scene import Scene
+from humanclaw.scene import Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
 
 HOUSE = "house:3"

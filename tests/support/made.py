@@ -11,7 +11,6 @@ from PIL import Image
 from rooms import two_rooms
 from walker import PICTURE, SKILLS, Walker
 
-from humanclaw.geometry import distance_to_box
 from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
 from humanclaw.pose import HISTORY, Motion, rest_pose
 from humanclaw.records import (
@@ -26,7 +25,7 @@ from humanclaw.records import (
     StepRecord,
     Verdict,
 )
-from humanclaw.scene import GROUND, Scene
+from humanclaw.scene import GROUND, Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
 
 

@@ -7,14 +7,31 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import humanclaw
 from humanclaw import builtin
+from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 from humanclaw.plugins import Plugins
+
+if TYPE_CHECKING:
+    from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files
+
+__all__ = [
+    "Commands", "Deciders", "build", "decider_options", "engine_options", "main", "plugin_files",
+]  # fmt: skip
+__getattr__ = lazy(
+    __name__,
+    {
+        "Deciders": "options",
+        "decider_options": "options",
+        "engine_options": "options",
+        "plugin_files": "options",
+    },
+)
 
 
 class Commands(click.Group):

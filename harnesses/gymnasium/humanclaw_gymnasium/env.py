@@ -11,14 +11,10 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image
 
-from humanclaw.embodiment import Backends, Body
-from humanclaw.episode import Episode
+from humanclaw import Backends, Body, Call, Decision, Episode, Plugins, Scene
+from humanclaw.interfaces import DistanceFn
 from humanclaw.navigation import geodesics
 from humanclaw.outcomes import REACHED
-from humanclaw.plugins import Plugins
-from humanclaw.recorder import DistanceFn
-from humanclaw.records import Call, Decision
-from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
 from humanclaw_gymnasium.actions import Action, Actions
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw import Agent
     from humanclaw.hookspecs import AgentFactory, Register
-    from humanclaw.interfaces import Agent
 
 __version__ = "0.1.0"
 

@@ -9,9 +9,7 @@ from typing import Any
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.records import Decision
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
 from humanclaw_human.commands import manual, parse
 from humanclaw_human.window import Window
 

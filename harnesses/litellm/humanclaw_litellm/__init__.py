@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw import Agent, Verifier
     from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
-    from humanclaw.interfaces import Agent, Verifier
     from humanclaw_litellm.asking import Remembered
 
 __version__ = "0.1.0"

@@ -17,8 +17,7 @@ from typing import Any, Final
 
 import tenacity
 
-from humanclaw.errors import LimitError, ProviderError
-from humanclaw.limits import Meter
+from humanclaw import LimitError, Meter, ProviderError
 from humanclaw.records import Usage
 from humanclaw.tools import json_objects
 from humanclaw_litellm.accounting import price_of, usage_of

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from humanclaw.contract import Skill
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.records import Call, Decision
+from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
 from humanclaw.tools import Envelope, answer_schema, openai_tools, read_call, read_text
 from humanclaw_litellm.asking import Asker, Form, Remembered, Reply
 from humanclaw_litellm.client import Completion

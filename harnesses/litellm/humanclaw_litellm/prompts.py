@@ -16,13 +16,11 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.contract import Check, Skill, bounds
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, ego_camera
-from humanclaw.pictures import jpeg
-from humanclaw.pose import Motion
-from humanclaw.records import Call
-from humanclaw.tools import parameter_schema
+from humanclaw.interfaces import ego_camera
+from humanclaw.storage import jpeg
+from humanclaw.tools import bounds, parameter_schema
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]

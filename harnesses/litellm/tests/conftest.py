@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import humanclaw_litellm
-from humanclaw import Plugins
-from humanclaw.interfaces import EpisodeContext, Observation
-from humanclaw.records import EpisodeSpec, Feedback
-from humanclaw.testing.openai_server import OpenAIServer
+from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
+from humanclaw.records import Feedback
+from humanclaw.testing import OpenAIServer
 
 sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."

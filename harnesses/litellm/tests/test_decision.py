@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 import humanclaw_litellm
-from humanclaw import Keyframes, Plugins, skill
-from humanclaw.calls import check
-from humanclaw.errors import CallError, ProviderError
-from humanclaw.interfaces import EpisodeContext, HistoryEntry
-from humanclaw.records import Call, Feedback
-from humanclaw.testing.openai_server import OpenAIServer, call, calls, message, refusing, text
+from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
+from humanclaw.records import Feedback
+from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
 from humanclaw.tools import ENVELOPE
 
 SAID = {

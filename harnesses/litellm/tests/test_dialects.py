@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import pytest
 
-from humanclaw import Keyframes, skill
-from humanclaw.calls import check
-from humanclaw.errors import CallError, ProviderError
-from humanclaw.interfaces import EpisodeContext
-from humanclaw.records import Call
-from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
-from humanclaw.testing.openai_server import (
+from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
+from humanclaw.testing import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
     OpenAIServer,
+    VLLMServer,
     call,
     calls,
+    check,
     delayed,
     dropped,
     message,

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 import walkthrough
 
-from humanclaw import Call, Plugins
-from humanclaw.interfaces import HistoryEntry
-from humanclaw.records import Decision, Feedback
-from humanclaw.testing.openai_server import OpenAIServer, call
+from humanclaw import Call, Decision, HistoryEntry, Plugins
+from humanclaw.records import Feedback
+from humanclaw.testing import OpenAIServer, call
 from humanclaw_litellm.library import load
 from humanclaw_litellm.prompts import data
 from humanclaw_litellm.settings import Settings
@@ -136,7 +135,7 @@ def test_a_model_of_anthropic_is_told_where_its_cache_may_end_and_others_are_not
 
 
 def _sent(begin, view, lived, **options):
-    from humanclaw.testing.dialects import AnthropicServer
+    from humanclaw.testing import AnthropicServer
 
     server = AnthropicServer if "claude" in options["model"] else OpenAIServer
     with server([call("stop")]) as scripted:

@@ -11,8 +11,8 @@ import traceback
 
 import pytest
 
-from humanclaw.errors import HumanclawError, ProviderError
-from humanclaw.testing.openai_server import (
+from humanclaw import HumanclawError, ProviderError
+from humanclaw.testing import (
     OpenAIServer,
     Reply,
     call,
@@ -288,8 +288,8 @@ import sys, humanclaw_litellm
 places = set()
 sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
 assert "litellm" not in sys.modules
-from humanclaw.testing.openai_server import OpenAIServer, status
-from humanclaw.limits import Meter
+from humanclaw.testing import OpenAIServer, status
+from humanclaw import Meter
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import Settings
 with OpenAIServer([status(500)]) as server:

@@ -8,8 +8,7 @@ import time
 import anyio
 import anyio.to_thread
 
-from humanclaw.errors import HumanclawError
-from humanclaw.plugins import Plugins
+from humanclaw import HumanclawError, Plugins
 from humanclaw_mcp.session import Session
 from humanclaw_mcp.settings import Settings
 

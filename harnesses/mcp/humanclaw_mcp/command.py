@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from humanclaw.cli.options import engine_options, plugin_files
-from humanclaw.senses import SENSES
+from humanclaw import SENSES
+from humanclaw.cli import engine_options, plugin_files
 
 
 @click.command("mcp")
@@ -37,7 +37,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
     """Hand the skills to an agent over the Model Context Protocol."""
     import anyio
 
-    from humanclaw.plugins import Plugins
+    from humanclaw import Plugins
     from humanclaw_mcp.bodies import Bodies
     from humanclaw_mcp.handlers import Handlers
     from humanclaw_mcp.serve import serve_http, serve_stdio

@@ -27,15 +27,13 @@ from mcp_types import (
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from humanclaw import pictures
+from humanclaw import PluginError, Skill, StepRecord
+from humanclaw import _pictures as pictures
 from humanclaw.body import JOINTS
-from humanclaw.contract import Skill, bounds
-from humanclaw.errors import PluginError
 from humanclaw.outcomes import FLOOR_THRESHOLD
 from humanclaw.pose import Pose2D
-from humanclaw.records import StepRecord
 from humanclaw.tasks import ALIASES, SEATS
-from humanclaw.tools import parameter_schema, publish
+from humanclaw.tools import bounds, parameter_schema, publish
 from humanclaw_mcp.session import Snapshot
 from humanclaw_mcp.settings import Settings
 

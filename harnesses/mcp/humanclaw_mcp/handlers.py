@@ -11,8 +11,7 @@ import mcp_types as types
 from mcp.server.subscriptions import InMemorySubscriptionBus
 from mcp.shared.exceptions import MCPError
 
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.records import Decision
+from humanclaw import CallError, Decision, HumanclawError
 from humanclaw.tools import read_call
 from humanclaw_mcp import content, telling
 from humanclaw_mcp.bodies import Bodies

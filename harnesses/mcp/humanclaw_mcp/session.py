@@ -19,14 +19,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.embodiment import Backends, Body
-from humanclaw.episode import Episode
-from humanclaw.errors import HumanclawError
+from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins, StepRecord
 from humanclaw.interfaces import WorldState
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
 from humanclaw.pose import Pose2D
-from humanclaw.records import Decision, Outcome, StepRecord
+from humanclaw.records import Outcome
 from humanclaw.tasks import free_episode
 from humanclaw_mcp.settings import Settings
 

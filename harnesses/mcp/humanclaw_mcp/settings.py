@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from humanclaw.embodiment import Backends
-from humanclaw.errors import HumanclawError
+from humanclaw import Backends, HumanclawError
 
 SESSIONS: Final = 256
 """Open sessions at most. A session costs little; bodies have a limit of their own."""

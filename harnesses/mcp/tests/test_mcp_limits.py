@@ -6,9 +6,7 @@ import anyio
 import pytest
 from mcp import Client
 
-from humanclaw import Keyframes, Plugins, skill
-from humanclaw.errors import HumanclawError, PluginError
-from humanclaw.hookspecs import hookimpl
+from humanclaw import HumanclawError, Keyframes, PluginError, Plugins, hookimpl, skill
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server

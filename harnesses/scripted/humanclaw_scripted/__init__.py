@@ -10,8 +10,8 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from humanclaw import Agent, Verifier
     from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
-    from humanclaw.interfaces import Agent, Verifier
     from humanclaw_scripted.faults import Fault
 
 __version__ = "0.1.0"

@@ -12,11 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Scene, Skill
 from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
-from humanclaw.contract import Skill
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, WorldState, ego_camera
+from humanclaw.interfaces import WorldState, ego_camera
 from humanclaw.measures import Parameter, Role, from_si, suited
 from humanclaw.navigation import (
     MultiFloorMap,
@@ -31,8 +29,7 @@ from humanclaw.navigation import (
     viewpoints,
 )
 from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
-from humanclaw.records import Call, Decision
-from humanclaw.scene import Scene
+from humanclaw.scene import distance_to_nearest
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)

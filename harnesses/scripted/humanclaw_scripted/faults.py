@@ -11,12 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import EpisodeContext, WorldState
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError
+from humanclaw.interfaces import WorldState
 from humanclaw.outcomes import REACHED
 from humanclaw.pose import Array, Pose2D
-from humanclaw.records import Call, Decision, EpisodeSpec
+from humanclaw.scene import distance_to_nearest
 from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
 
 LOOK_AROUND: Final = 45

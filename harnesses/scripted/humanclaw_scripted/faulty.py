@@ -17,13 +17,21 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.contract import Skill
-from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
+from humanclaw import (
+    Call,
+    Decision,
+    EpisodeContext,
+    EpisodeSpec,
+    HistoryEntry,
+    HumanclawError,
+    Observation,
+    Skill,
+    Verdict,
+)
 from humanclaw.outcomes import REACHED, acknowledges
 from humanclaw.pose import Array
 from humanclaw.records import Answer as CheckAnswer
-from humanclaw.records import Call, Decision, EpisodeSpec, Feedback, Verdict
+from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
 from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses

@@ -11,12 +11,9 @@ import pytest
 from rooms import STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import Agent, EpisodeContext, Observation
+from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Scene
 from humanclaw.navigation import OccupancyGrid
-from humanclaw.records import EpisodeSpec
-from humanclaw.scene import Scene
+from humanclaw.scene import distance_to_box
 from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
 
 
@@ -219,7 +216,7 @@ def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path)
     with pytest.raises(HumanclawError, match="sit_in_place, whose adapter is not trained"):
         play(OracleAgent(), walker, spec, untrained)
     with pytest.raises(
-        HumanclawError, match="a skill of role locomotion that commands hips.left, hips.forward, heading.left"
+        HumanclawError, match=r"a skill of role locomotion that commands hips\.left, hips\.forward, heading\.left"
     ):
         play(OracleAgent(), walker, spec, {"stop": SKILLS["stop"]})
 

@@ -13,11 +13,8 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 from tqdm import tqdm
 
-from humanclaw.cli.options import Deciders, decider_options, plugin_files
-from humanclaw.embodiment import Backends
-from humanclaw.errors import PluginError, RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import EpisodeSpec, load_run
+from humanclaw import Backends, EpisodeSpec, PluginError, Plugins, RecordError, load_run
+from humanclaw.cli import Deciders, decider_options, plugin_files
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare

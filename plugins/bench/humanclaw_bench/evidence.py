@@ -8,9 +8,7 @@ from pathlib import Path
 
 import click
 
-from humanclaw.embodiment import Backends
-from humanclaw.plugins import Plugins
-from humanclaw.records import EpisodeSpec, load_run
+from humanclaw import Backends, EpisodeSpec, Plugins, load_run
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.cli import console

@@ -18,11 +18,9 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.files import write_atomically
-from humanclaw.plugins import Plugins
+from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.pose import HISTORY
-from humanclaw.records import RecordedEpisode, StepRecord, load_run
+from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
 from humanclaw_bench.metrics import FINISHED, Extra, Scores, score
 

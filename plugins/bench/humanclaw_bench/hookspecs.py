@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import pluggy
 
 if TYPE_CHECKING:
+    from humanclaw import EpisodeSpec, RecordedEpisode
     from humanclaw.hookspecs import Register
-    from humanclaw.records import EpisodeSpec, RecordedEpisode
     from humanclaw_bench.executors import Executor
 
 hookspec = pluggy.HookspecMarker("humanclaw")

@@ -15,11 +15,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord
 from humanclaw.body import BODY_GROUPS
-from humanclaw.errors import RecordError
 from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, root_jerk
-from humanclaw.records import Outcome, RecordedEpisode, StepRecord
+from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
+from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 

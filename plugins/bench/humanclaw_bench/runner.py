@@ -20,10 +20,10 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.files import write_atomically
-from humanclaw.plugins import Plugins, noun
-from humanclaw.records import EpisodeRecord, EpisodeSpec, Outcome
+from humanclaw import EpisodeRecord, EpisodeSpec, HumanclawError, Plugins, RecordError
+from humanclaw.hookspecs import noun
+from humanclaw.records import Outcome
+from humanclaw.storage import write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.metrics import FINISHED
 from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack

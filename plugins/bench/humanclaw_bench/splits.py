@@ -20,11 +20,10 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
-from humanclaw.errors import HumanclawError
+from humanclaw import EpisodeSpec, HumanclawError, Scene
 from humanclaw.navigation import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
 from humanclaw.pose import Array, Pose2D
-from humanclaw.records import EpisodeSpec, name_of
-from humanclaw.scene import Scene
+from humanclaw.records import name_of
 from humanclaw.tasks import SEATS, instruction, read_episodes
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 

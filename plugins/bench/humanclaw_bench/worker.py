@@ -9,14 +9,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from humanclaw.embodiment import Backends, Body
-from humanclaw.episode import Episode
-from humanclaw.errors import HumanclawError, ReplayError
-from humanclaw.files import write_atomically
-from humanclaw.limits import Meter
+from humanclaw import (
+    Backends,
+    Body,
+    Episode,
+    EpisodeSpec,
+    HumanclawError,
+    Meter,
+    Plugins,
+    RecordedEpisode,
+    ReplayError,
+    StepRecord,
+)
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
-from humanclaw.records import EpisodeSpec, Outcome, RecordedEpisode, StepRecord, Usage
+from humanclaw.records import Outcome, Usage
+from humanclaw.storage import write_atomically
 
 FAILED: Final = "infra_error"
 

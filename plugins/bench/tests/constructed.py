@@ -15,8 +15,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from rollouts import LAMP, TABLE, rollout, step, touch
 
+from humanclaw import Decision, RecordedEpisode, StepRecord
 from humanclaw.pose import Pose2D
-from humanclaw.records import Attempt, Decision, RecordedEpisode, StepRecord
+from humanclaw.records import Attempt
 
 FIND: Final = (
     "target in view but not seen", "near but not in view", "too far", "unaware jammed", "ineffective actions",

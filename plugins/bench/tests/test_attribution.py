@@ -9,9 +9,8 @@ import pytest
 from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
 from rooms import two_rooms
 
-from humanclaw.loop import run_episode
+from humanclaw import Call, RecordedEpisode, StepRecord, run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.records import Call, RecordedEpisode, StepRecord
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 from constructed import CLAIMS, LABELS, SUCCESS, Built, anything, construct
 
-from humanclaw.records import Attempt, Decision, RecordedEpisode
+from humanclaw import Decision, RecordedEpisode
+from humanclaw.records import Attempt
 from humanclaw_bench.attribution import CAUSES, attribute
 
 EACH, MISSES, RANDOM = 25, 15, 200

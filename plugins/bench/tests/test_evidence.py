@@ -6,8 +6,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from humanclaw import Plugins
-from humanclaw.records import EpisodeSpec
+from humanclaw import EpisodeSpec, Plugins
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.metrics import Scores

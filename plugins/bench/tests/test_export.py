@@ -10,10 +10,8 @@ from click.testing import CliRunner
 from made import record_episode
 
 import humanclaw_bench as benchmark
+from humanclaw import Plugins, RecordError, load_run
 from humanclaw.cli import Commands
-from humanclaw.errors import RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import toy_world
 
-from humanclaw.embodiment import Backends
-from humanclaw.plugins import Plugins
+from humanclaw import Backends, Plugins
 from humanclaw_bench.worker import Job, Worker
 from humanclaw_bullet.speed import resident
 

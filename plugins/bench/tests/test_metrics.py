@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
 
+from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import JOINTS, OFFSETS, PARENTS
-from humanclaw.embodiment import Chunk
-from humanclaw.errors import RecordError
 from humanclaw.interfaces import Execution
-from humanclaw.pose import FPS, HISTORY, Motion, Pose2D, rest_pose, root_jerk
-from humanclaw.recorder import contacts, touches
-from humanclaw.records import Attempt, Contact, Decision, Usage, Verdict
+from humanclaw.pose import FPS, HISTORY, Pose2D, rest_pose, root_jerk
+from humanclaw.records import Attempt, Contact, Usage
+from humanclaw.testing import contacts, touches
 from humanclaw_bench.metrics import (
     ALL,
     Scores,

@@ -14,10 +14,7 @@ import toy_world
 from click.testing import CliRunner
 from filelock import FileLock
 
-from humanclaw.embodiment import Backends
-from humanclaw.errors import HumanclawError, PluginError, RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import RecordedEpisode, load_run
+from humanclaw import Backends, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.runner import run_split
@@ -221,8 +218,8 @@ from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw_bench.cli import bench
-from humanclaw.embodiment import Backends
-from humanclaw.plugins import Plugins
+from humanclaw import Backends
+from humanclaw import Plugins
 
 if __name__ == "__main__":
     job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))

@@ -14,12 +14,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from rooms import two_rooms
 
-from humanclaw import hookimpl
-from humanclaw.errors import ProviderError
+from humanclaw import Call, Decision, EpisodeSpec, Motion, ProviderError, Scene, hookimpl
 from humanclaw.interfaces import Execution, View, WorldState
-from humanclaw.pose import HISTORY, Motion, Pose2D, rest_pose
-from humanclaw.records import Call, Decision, EpisodeSpec, Usage
-from humanclaw.scene import Scene
+from humanclaw.pose import HISTORY, Pose2D, rest_pose
+from humanclaw.records import Usage
 
 FILE = __file__
 

@@ -19,12 +19,11 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.geometry import distance_to_box
+from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
 from humanclaw.pose import Pose2D, wrap_angle
-from humanclaw.records import Difficulty, EpisodeSpec, name_of
-from humanclaw.scene import Scene
+from humanclaw.records import Difficulty, name_of
+from humanclaw.scene import distance_to_box
 from humanclaw.tasks import SEATS, instruction
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of

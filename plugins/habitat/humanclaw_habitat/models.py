@@ -18,16 +18,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.cache import Cache
-from humanclaw.errors import SceneError
-from humanclaw.meshes import Part, bake, convex_pieces, read_model
-from humanclaw.meshes.hulls import Hollow
-from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of
-from humanclaw.meshes.reading import bounds
-from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
+from humanclaw import Scene, SceneError
+from humanclaw.meshes import (
+    ANYWHERE,
+    MIDDLE,
+    Hollow,
+    Part,
+    back_of,
+    bake,
+    base_of,
+    bounds,
+    convex_pieces,
+    exact,
+    lightened,
+    moved,
+    read_model,
+    seat_of,
+    turned,
+    with_lid,
+)
 from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import Asset, Mesh, Scene, SceneObject
-from humanclaw.scene_file import pack_scene, unpack_scene
+from humanclaw.scene import Asset, Mesh, SceneObject
+from humanclaw.storage import Cache, pack_scene, unpack_scene
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind

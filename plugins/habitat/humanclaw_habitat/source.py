@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from tqdm import tqdm
 
-from humanclaw.errors import SceneError
+from humanclaw import Scene, SceneError
 from humanclaw.pose import Array, Pose2D, matrix_from_quaternion
-from humanclaw.scene import Asset, Room, Scene, SceneObject
+from humanclaw.scene import Asset, Room, SceneObject
 from humanclaw_habitat.attributes import Placing, SceneInstance, Template
 from humanclaw_habitat.categories import MOVABLE
 from humanclaw_habitat.dataset import Dataset

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from humanclaw import Scene
 from humanclaw.navigation import OccupancyGrid
 from humanclaw.pose import Pose2D
-from humanclaw.scene import Scene
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:

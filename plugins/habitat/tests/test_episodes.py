@@ -12,11 +12,9 @@ import pytest
 from click.testing import CliRunner, Result
 from toy_dataset import HALF, episode, write_episodes
 
-from humanclaw import Body, Plugins
+from humanclaw import Body, EpisodeSpec, Plugins, RecordedEpisode, run_episode
 from humanclaw.cli import build
-from humanclaw.loop import run_episode
 from humanclaw.pose import Pose2D, wrap_angle
-from humanclaw.records import EpisodeSpec, RecordedEpisode
 from humanclaw.tasks import read_episodes
 from humanclaw_bench.metrics import score
 from humanclaw_scripted.agents import OracleAgent

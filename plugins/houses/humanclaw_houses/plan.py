@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 
 WALL: Final = 0.12
 """Thickness of every wall, metres."""

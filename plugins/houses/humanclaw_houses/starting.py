@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Scene
 from humanclaw.navigation import RADIUS, MultiFloorMap, OccupancyGrid
 from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import Scene
 
 Mask = NDArray[np.bool_]
 

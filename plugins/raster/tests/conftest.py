@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from humanclaw import Scene
 from humanclaw.interfaces import Camera, WorldState
 from humanclaw.pose import Pose2D, rest_pose
-from humanclaw.scene import Asset, Mesh, Scene, SceneObject
+from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()

@@ -14,8 +14,7 @@ from typing import Any, Final
 import ray
 from ray.exceptions import RayActorError
 
-from humanclaw.errors import HumanclawError
-from humanclaw.records import EpisodeSpec
+from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw_bench.executors import ONE_THREAD, EpisodeQueue
 from humanclaw_bench.worker import FAILED, Job, Report, Worker, pack, unpack
 

@@ -14,13 +14,11 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 from tqdm import tqdm
 
+from humanclaw import Motion, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import RecordError
-from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
-from humanclaw.pose import FPS, HISTORY, Array, Motion
-from humanclaw.records import RecordedEpisode, StepRecord
-from humanclaw.scene import Scene
+from humanclaw.pose import FPS, HISTORY, Array
 from humanclaw_report.report import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
-from humanclaw.errors import HumanclawError, RecordError
+from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, StepRecord, load_run
 from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
-from humanclaw.pictures import jpeg
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
-from humanclaw.records import RecordedEpisode, StepRecord, Usage, Vec3, load_run
-from humanclaw.scene import Scene, SceneObject
+from humanclaw.records import Usage, Vec3
+from humanclaw.scene import SceneObject
+from humanclaw.storage import jpeg
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 PICTURES: Final = 400

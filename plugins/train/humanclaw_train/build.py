@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw.pose import FPS, FUTURE
 from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, load_pack
 from humanclaw_train.curate import build_real, statistics

@@ -20,13 +20,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Motion
 from humanclaw.body import JOINTS, N_JOINTS
 from humanclaw.pose import (
     CHUNK,
     FPS,
     HISTORY,
     Array,
-    Motion,
     forward_kinematics,
     heading,
     matrix_from_vector,

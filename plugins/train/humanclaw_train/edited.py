@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion
+from humanclaw import Motion
+from humanclaw.pose import FUTURE, HISTORY, Array
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.composer import (

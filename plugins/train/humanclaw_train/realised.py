@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
 from humanclaw.measures import Declaration
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import CHUNK, HISTORY, Array, Motion, Pose2D, anchored
-from humanclaw.scene import Asset, Mesh, Scene, SceneObject
+from humanclaw.motion import DiTGenerator
+from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, anchored
+from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
 if TYPE_CHECKING:
-    from humanclaw.interfaces import Simulator
+    from humanclaw import Simulator
 
 _HOLD: Final = 10
 """Frames in which a body that was put down takes up the pose of its history."""

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.pose import CHUNK, FUTURE, HISTORY, Motion, rest_pose
+from humanclaw.pose import CHUNK, FUTURE, HISTORY, rest_pose
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
 from humanclaw_train.chunks import PARAMETERS, outcome
 from humanclaw_train.composer import SKILLS, compose

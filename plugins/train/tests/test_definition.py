@@ -9,11 +9,9 @@ torch = pytest.importorskip("torch")
 
 from tiny_motion import WALK
 
-from humanclaw.motion.checkpoint import shipped_base
-from humanclaw.motion.dit import ModelConfig
-from humanclaw.motion.flow import PROFILES, Solver, noise_of
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import Motion, decode, encode
+from humanclaw import Motion
+from humanclaw.motion import PROFILES, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
+from humanclaw.pose import decode, encode
 from humanclaw_train import flow
 from humanclaw_train.checkpoint import load_adapter, load_base
 from humanclaw_train.control import Adapter

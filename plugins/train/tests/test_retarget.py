@@ -8,8 +8,9 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, JOINTS, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.pose import FPS, Motion, Pose2D, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.pose import FPS, Pose2D, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
 from humanclaw_train.curate import IDLE_SHARE, Travel, build_real, idle, statistics
 from humanclaw_train.mocap import MocapError, SourceMotion, load

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_houses.importers.offers import Collection, Offer
 from humanclaw_houses.importers.sweethome import slug
 

@@ -6,7 +6,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,14 @@ from typing import Any
 import numpy as np
 
 import humanclaw
-from humanclaw import pictures
+from humanclaw import _pictures as pictures
 from humanclaw.contract import Skill
 from humanclaw.embodiment import Body, Chunk
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Execution, View, WorldState
+from humanclaw.interfaces import DistanceFn, Execution, View, WorldState
 from humanclaw.plugins import Plugins
 from humanclaw.pose import HISTORY, Array, Motion
 from humanclaw.records import Contact, EpisodeRecord, EpisodeSpec, SkillInfo, Vec3
-from humanclaw.scene import GROUND, Scene
-
-DistanceFn = Callable[[Array], float]
-"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
-DistanceFactory = Callable[[Scene, Sequence[int], float], DistanceFn]
-"""Makes a DistanceFn for a scene, the ids of its targets and the height of the floor at the start."""
+from humanclaw.scene import GROUND, Scene, distance_to_nearest
 
 
 class TrajectoryBuffer:

@@ -7,8 +7,8 @@ from typing import ClassVar, Final
 
 import numpy as np
 
+from humanclaw._decisions import STRICT, Answer, Call
 from humanclaw.body import STANDING_HEIGHT
-from humanclaw.decisions import STRICT, Answer, Call
 from humanclaw.pose import FPS
 
 _UPRIGHT: Final = 0.85

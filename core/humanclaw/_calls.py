@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 
+from humanclaw._decisions import Call, Decision
 from humanclaw.contract import Skill
-from humanclaw.decisions import Call, Decision
 from humanclaw.errors import CallError
 
 
