@@ -1,27 +1,28 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3)
-BIN := .venv/bin
+VENV ?= .venv
+BIN := $(VENV)/bin
 
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-install: .venv/.installed  ## Create .venv with everything in it
+install: $(VENV)/.installed  ## Create the environment with everything in it
 
-.venv/.demo: requirements-demo.txt pyproject.toml
-	$(PYTHON) -m venv .venv
+$(VENV)/.demo: requirements-demo.txt pyproject.toml
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet hatchling editables
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
 # Without a build of torch at hand the tests that need it are skipped, and counted.
-.venv/.installed: .venv/.demo requirements.txt requirements-train.txt
+$(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
 	@touch $@
 
-demo: .venv/.demo  ## One episode: find a couch and sit on it
+demo: $(VENV)/.demo  ## One episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
 
 test: install  ## All tests
@@ -76,4 +77,4 @@ local-llm: install  ## A small language model on this machine drives the body (m
 	$(BIN)/python examples/local_llm.py
 
 clean:  ## Remove .venv and caches, keep runs
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache

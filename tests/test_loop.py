@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Call, Plugins
-from humanclaw.errors import CheckpointError, ProviderError, RecordError, SceneError
+from humanclaw.episode import Episode
+from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
 from humanclaw.loop import run_episode
-from humanclaw.records import Answer, Decision, RecordedEpisode, Verdict
+from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
@@ -167,6 +168,55 @@ def test_a_line_that_is_no_step_is_refused(play):
         stream.write(json.dumps({"step": 1}) + "\n")
     with pytest.raises(RecordError, match="holds a line that is not a step"):
         RecordedEpisode(episode.folder)
+
+
+def nested(levels):
+    return {"in": nested(levels - 1)} if levels else 1
+
+
+@pytest.mark.parametrize("words", ["a couch\u2028and\u0085a\u2029bed\x0b\x0c\x1c", "half of a letter: \ud800"])
+def test_what_a_model_writes_does_not_break_its_record(play, words):
+    said = Decision((Call("turn_in_place", {"yaw_deg": 10}),), visible_state=words, raw=words)
+    episode, _ = play(said, STOP)
+    assert [step.status for step in episode.steps] == ["executed", "stopped"]
+    assert episode.steps[0].decision.visible_state == words.replace("\ud800", "\ufffd")
+
+
+@pytest.mark.parametrize("bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}])
+def test_a_call_that_no_schema_asks_for_is_the_models_own_mistake(play, bad):
+    episode, _ = play(Call("walk", bad), STOP)
+    assert [bool(attempt.error) for attempt in episode.steps[0].attempts] == [True, False]
+
+
+def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, house, tmp_path):
+    with Episode(body, free_episode("walk", house, max_steps=9), "a test", folder=tmp_path / "episode") as episode:
+        seen = episode.observe()
+        refused = episode.submit(Decision((Call("walk", {"z_cm": 400}),)))
+        assert isinstance(refused, Refusal)
+        assert refused.attempts_left == 2
+        assert episode.observe().feedback.refusal == refused.error
+        step = episode.submit(Decision((Call("walk", {"z_cm": 40}),)))
+        assert step.status == "executed"
+        assert episode.observe().feedback.executed == step.call
+        assert (seen.step, episode.observe().step, len(episode.history)) == (0, 1, 1)
+    recorded = RecordedEpisode(tmp_path / "episode")
+    assert (recorded.record.outcome, recorded.record.agent, recorded.steps) == ("interrupted", "a test", (step,))
+    assert recorded.record.skills["stop"].role == "stop"
+    with pytest.raises(HumanclawError, match=r"has ended \(interrupted\)"):
+        episode.submit(Decision((STOP,)))
+
+
+def test_stop_takes_no_further_decision_and_a_signal_closes_the_record(body, house, tmp_path):
+    with Episode(body, free_episode("walk", house), folder=tmp_path / "stopped") as episode:
+        episode.stop()
+        assert episode.done
+    with (
+        pytest.raises(KeyboardInterrupt),
+        Episode(body, free_episode("walk", house), folder=tmp_path / "signal"),
+    ):
+        raise KeyboardInterrupt
+    outcomes = [RecordedEpisode(tmp_path / name).record.outcome for name in ("stopped", "signal")]
+    assert outcomes == ["interrupted", "interrupted"]
 
 
 def test_an_unwritable_folder_is_refused_before_anything_is_written(body, house, tmp_path):

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Final, TypeVar
 
 STRICT = {"extra": "forbid"}
 """For pydantic, which reads these classes from records: an unknown field is an error."""
+_DEEPEST: Final = 16
+"""Levels of nesting in a parameter; what lies deeper no schema asks for."""
+_LONGEST: Final = 100_000
+"""Letters of one text."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -111,3 +116,32 @@ class Verdict:
     def failed(self) -> tuple[Answer, ...]:
         """The checks that the call did not pass."""
         return tuple(answer for answer in self.answers if not answer.passed)
+
+
+def recordable(value: T) -> T:
+    """Bring a decision or a verdict, which a model may have written, into what a record can hold.
+
+    Half characters become U+FFFD, texts and nesting are bounded. What a schema would refuse it still refuses.
+    """
+    changed = {part.name: _bounded(getattr(value, part.name)) for part in fields(value)}  # type: ignore[arg-type]
+    return replace(value, **changed)  # type: ignore[type-var]
+
+
+def _bounded(value: Any, depth: int = 0) -> Any:
+    if isinstance(value, str):
+        return value[:_LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    if value is None or isinstance(value, bool | int | float | Usage):
+        return value
+    if depth > _DEEPEST:
+        return "..."
+    if isinstance(value, Call):
+        return Call(_bounded(str(value.skill)), _bounded(value.params))
+    if isinstance(value, Answer):
+        return recordable(value)
+    if isinstance(value, Mapping):
+        return {_bounded(str(key)): _bounded(inner, depth + 1) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return tuple(_bounded(inner, depth + 1) for inner in value)
+    if isinstance(value, list):
+        return [_bounded(inner, depth + 1) for inner in value]
+    return _bounded(str(value))

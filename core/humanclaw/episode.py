@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, Final, Literal, Self
 
 from humanclaw.calls import check, check_call
-from humanclaw.decisions import Attempt, Call, Decision, Refusal, Usage, Verdict
+from humanclaw.decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
 from humanclaw.embodiment import Body, SkillExecution
 from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
 from humanclaw.feedback import Feedback
@@ -173,6 +173,7 @@ class Episode:
         if self.done:
             raise HumanclawError(f"the episode has ended ({self.outcome.replace('_', ' ')}).", "Begin another one.")
         self._look()
+        decision = recordable(decision)
         with self._closing():
             self._answered("decide", decision.usage)
             try:
@@ -245,7 +246,7 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        verdict = self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal)
+        verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
         self._answered("verify", verdict.usage)
         if verdict.accepted or verdict.replacement is None:
             return verdict, call
@@ -329,7 +330,7 @@ class Episode:
             feedback = self._feedback
             for attempt in step.attempts:
                 seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
-                if self._agent.decide(seen, self.history) != attempt.decision:
+                if recordable(self._agent.decide(seen, self.history)) != attempt.decision:
                     raise ReplayError(
                         f"{self._agent.name} now decides otherwise in step {step.step} of episode {self.spec.id}.",
                         "Continue it with the versions that it was begun with, or remove its folder.",

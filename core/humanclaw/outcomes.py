@@ -35,6 +35,12 @@ def in_view(step: StepRecord) -> bool:
     return sum(step.target_pixels.values()) >= SEEN_PIXELS
 
 
+def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
+    """The role of the skill that a step called; empty for a step without a call, or of a skill that the record does not know."""
+    info = recorded.record.skills.get(step.call.skill) if step.call else None
+    return info.role if info else ""
+
+
 def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Whether the pelvis touches a target in the last frame of a step."""
     return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))

@@ -109,7 +109,8 @@ def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
 
 
 def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
-    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill))
+    commands = {one.key: one.measure for one in skill.parameters if one.measure}
+    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill), commands)
 
 
 def _digest(skill: Skill) -> str:

@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -178,6 +178,8 @@ class SkillInfo:
     version: str = ""
     digest: str = ""
     """SHA-256 of its schema, checks and adapter."""
+    commands: dict[str, str] = field(default_factory=dict)
+    """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
 
 
 class EpisodeRecord(Record):
@@ -305,20 +307,20 @@ def _read_steps(path: Path) -> Iterator[StepRecord]:
     """Complete lines only: a line cut off by a crash is not a step."""
     if not path.exists():
         return
-    for line in _read(path).splitlines(keepends=True):
-        if line.endswith("\n"):
-            yield _parse(line, path)
+    # Only this byte ends a line: str.splitlines would also break at what a model may write, such as U+2028.
+    for line in _read(path).split(b"\n")[:-1]:
+        yield _parse(line, path)
 
 
-def _parse(line: str, path: Path) -> StepRecord:
+def _parse(line: bytes, path: Path) -> StepRecord:
     try:
         return StepRecord.model_validate_json(line)
     except ValidationError as error:
         raise RecordError(f"{path} holds a line that is not a step: {error.errors()[0]['msg']}.") from error
 
 
-def _read(path: Path) -> str:
+def _read(path: Path) -> bytes:
     try:
-        return path.read_text("utf-8")
+        return path.read_bytes()
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror}.") from error

@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+from declared import INFOS
 from PIL import Image
 from rooms import two_rooms
 from walker import PICTURE, SKILLS, Walker
@@ -22,7 +23,6 @@ from humanclaw.records import (
     EpisodeSpec,
     EpisodeWriter,
     Feedback,
-    SkillInfo,
     StepRecord,
     Verdict,
 )
@@ -66,8 +66,7 @@ def record_episode(
     record = EpisodeRecord(
         spec=spec, start=scene.start, agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
         weights={"base": "abc"}, scene_digest=scene.digest,
-        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()},
-        skills={name: SkillInfo("") for name in SKILLS},
+        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=INFOS,
         created="2026-01-01T00:00:00+00:00", settings=settings or {},
         ground=tuple(o.id for o in scene.objects if o.category in GROUND),
     )  # fmt: skip

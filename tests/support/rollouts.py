@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from declared import INFOS
 
 from humanclaw.pose import HISTORY, Motion, Pose2D, rest_pose
 from humanclaw.records import (
@@ -68,7 +69,7 @@ def rollout(
     """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
     fields = {
         "start": Pose2D(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
-        "movable": (LAMP, VASE, BOOK),
+        "movable": (LAMP, VASE, BOOK), "skills": INFOS,
     } | record  # fmt: skip
     spec = EpisodeSpec(
         id=name, instruction="find a couch", scene="test:rooms", target_category=category,

@@ -48,9 +48,7 @@ _ENGINES: Final = (
     click.option("--generator", default=Backends.generator, show_default=True, help="What makes motion, by name."),
 )
 _DECIDERS: Final = (
-    click.option(
-        "--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."
-    ),
+    click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
     click.option(
         "--model",
         default="",
@@ -85,9 +83,7 @@ _DECIDERS: Final = (
         multiple=True,
         help="What the agent is told besides the view, which is always there. Repeatable.",
     ),
-    click.option(
-        "--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."
-    ),
+    click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
         "--limit",
         "limits",

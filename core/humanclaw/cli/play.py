@@ -71,6 +71,8 @@ def play(
                 meter=deciders.meter(),
             )
         except KeyboardInterrupt:
+            if not (folder / "episode.json").exists():
+                raise
             record = RecordedEpisode(folder).record
     console.print(summary(record, RecordedEpisode(folder).steps))
     status.update("Writing the report")

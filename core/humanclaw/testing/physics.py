@@ -18,6 +18,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.half_physics.exertion import GROUND_FRICTION
 from humanclaw.interfaces import Execution, MotionGenerator, Simulator
+from humanclaw.measures import from_si
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, anchored, matrix_from_vector, rest_pose
 from humanclaw.scene import Scene
@@ -179,12 +180,13 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
 
 
 def _commands(skill: Skill) -> Mapping[str, str]:
-    return {parameter.measure: parameter.key for parameter in skill.parameters if parameter.measure}
+    """Measure to the parameter that commands it."""
+    return {one.measure: one.key for one in skill.parameters if one.measure}
 
 
 def _written(key: str, value: float) -> int:
     """Metres or radians in the unit of a parameter, which is an integer."""
-    return round(value * 100) if key.endswith("_cm") else round(float(np.degrees(value)))
+    return round(from_si(key, value))
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:

@@ -25,11 +25,9 @@ from humanclaw.pose import Array
 from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Call, Decision, EpisodeSpec, Feedback, Verdict
 from humanclaw.tasks import SEATS
-from humanclaw_scripted.agents import OracleAgent, ending
+from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
 from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
 
-SITTING: Final = ("sit_in_place", "step_back")
-"""Skills of the sitting routine, in which the body has its back to the seat."""
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
 
@@ -162,7 +160,7 @@ class Mind:
         if last_seen == step and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
             return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
         if last_seen is not None and step - last_seen > self.options.history:
-            around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+            around = asking(self.senses.context.skills, TURN, (np.radians(LOOK_AROUND),))
             return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
         if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
             return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
@@ -177,11 +175,12 @@ class Mind:
         return history[-1 - int(draws[1] * others)].executed
 
     def _in_routine(self, call: Call) -> bool:
-        return (
-            self.senses.context.spec.interact
-            and self.senses.away() < AT_HAND
-            and (call.skill in SITTING or (call.skill == "turn_in_place" and self.senses.reach() < 2 * REACHED))
-        )
+        """Whether a call belongs to sitting down: the back to the seat, a step back to it, the sit."""
+        skill = self.senses.context.skills[call.skill].declaration
+        measures = tuple(one.measure for one in skill.parameters)
+        sits = skill.role == "sit" or measures == BACK
+        near = self.senses.context.spec.interact and self.senses.away() < AT_HAND
+        return near and (sits or (measures == TURN and self.senses.reach() < 2 * REACHED))
 
 
 # -- a verifier --------------------------------------------------------------------------------------------------------

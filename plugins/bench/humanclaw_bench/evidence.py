@@ -101,8 +101,8 @@ def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> 
     plugins = Plugins.discover()
     with RunProgress(console(), out) as progress:
         player = plugins.make("executors", "local", workers, "")
-        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
-        progress.end(tally)
-    if tally.stopped:
+        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(status)
+    if status.stopped:
         raise SystemExit(130)
     return scored(load_run(out), name=out.name)

@@ -17,7 +17,7 @@ import numpy as np
 
 from humanclaw.body import BODY_GROUPS
 from humanclaw.errors import RecordError
-from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, touched_above_ground
+from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, root_jerk
 from humanclaw.records import Outcome, RecordedEpisode, StepRecord
 from humanclaw_bench.difficulty import overall
@@ -35,21 +35,21 @@ def claims(step: StepRecord, category: str) -> bool:
 
 
 # -- where the body was ----------------------------------------------------------------------------------------------------
-def is_sit(step: StepRecord) -> bool:
-    """Whether a step executed a sitting skill: sit, or one whose name begins with sit_, as sit_in_place does."""
-    return step.call is not None and step.call.skill.split("_")[0] == "sit"
+def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Whether a step called a skill that sits down."""
+    return role_of(recorded, step) == "sit"
 
 
 def sat_down(recorded: RecordedEpisode) -> bool:
     """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
-    return any(is_sit(step) and on_target(recorded, step) for step in recorded.steps)
+    return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
 def stayed_seated(recorded: RecordedEpisode) -> bool:
     """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
     before = [step for step in recorded.steps if step.status == "executed"]
     stopped = recorded.record.outcome == "stopped"
-    return stopped and any(map(is_sit, before)) and on_target(recorded, before[-1])
+    return stopped and any(is_sit(recorded, step) for step in before) and on_target(recorded, before[-1])
 
 
 # -- what the body ran into ------------------------------------------------------------------------------------------------

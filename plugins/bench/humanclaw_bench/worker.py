@@ -31,7 +31,7 @@ class Job:
     """Empty for none."""
     engines: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
-    """As humanclaw.limits has them. Those of a run hold for one sitting."""
+    """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
     """Plugin files to load besides what is installed."""
 
@@ -45,10 +45,10 @@ class Report:
     limit: str = ""
     """Whose limit was reached, if one was."""
     steps: int = 0
-    """Steps of the episode, those of an earlier sitting included."""
+    """Steps of the episode, those of an earlier session included."""
     seconds: float = 0.0
     cost: float = 0.0
-    """US dollars that this sitting has spent on it."""
+    """US dollars that this session has spent on it."""
     tokens: int = 0
     error: str = ""
     fatal: bool = False
@@ -142,7 +142,7 @@ class Worker:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier sitting left behind, if any."""
+    """The steps of an episode that an earlier session left behind, if any."""
     return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
 
 

@@ -12,7 +12,7 @@ import json
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -246,7 +246,7 @@ class _Site:
         if abs(near - start.floor) > _FLOOR:
             said = ", ".join(f"{floor:g}" for floor in floors)
             raise SceneError(f"it starts at height {start.floor}, but the floors are at {said}.", "Use --skip.")
-        return start.model_copy(update={"floor": near})
+        return replace(start, floor=near)
 
     def _difficulty(self, start: Pose2D, targets: tuple[int, ...]) -> Difficulty:
         """Of the way to the nearest target. Raises SceneError if there is none."""

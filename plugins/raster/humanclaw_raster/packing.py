@@ -108,7 +108,7 @@ def _smooth_normals(mesh: Mesh, faces: NDArray[np.int32]) -> Array:
     flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
     _, place = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
     corner = place.ravel()[faces.ravel()]
-    total = np.stack([np.bincount(corner, flat[:, axis]) for axis in range(3)], axis=1)
+    total = np.stack([np.bincount(corner, flat[:, axis]) for axis in range(3)], axis=1).astype(float)
     mean = _unit(total)[corner]
     smooth = np.sum(flat * mean, axis=-1, keepdims=True) > SMOOTH
     return np.where(smooth, mean, flat).reshape(-1, 3, 3)

@@ -313,7 +313,7 @@ def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) ->
     """(N,) who walks and is to walk on at about that speed; starting, and all other skills, take two swings a chunk."""
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
-    return c.among(WALK) & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45)
+    return np.asarray(c.among(WALK) & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45))
 
 
 def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
@@ -556,7 +556,7 @@ def clearance_lack(
         place = ankle + orientation @ point
         ahead = np.sum(floor(place) * p.facing[:, None], -1) - nose
         lacks.append(np.where(np.where(up, ahead > 0.0, ahead < 0.0), tread - place[..., 1], 0.0))
-    return np.maximum(np.max(lacks, axis=0), 0.0)
+    return np.asarray(np.maximum(np.max(lacks, axis=0), 0.0))
 
 
 def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, moving: Mask) -> Array:

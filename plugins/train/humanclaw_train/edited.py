@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.pose import FUTURE, HISTORY, Motion
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.composer import (
@@ -21,7 +21,6 @@ from humanclaw_train.composer import (
     TURN,
     UP,
     WALK,
-    Array,
     Commands,
     Ints,
     play,

@@ -16,6 +16,7 @@ from humanclaw.pose import (
     FPS,
     HISTORY,
     Array,
+    Motion,
     forward_kinematics,
     support_height,
 )
@@ -164,3 +165,73 @@ def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     root = vectors * np.sqrt(values.clip(0)) @ vectors.T
     cross = np.sqrt(np.linalg.eigvalsh(root @ second @ root).clip(0)).sum()
     return float(np.square(a.mean(0) - b.mean(0)).sum() + np.trace(first) + np.trace(second) - 2 * cross)
+
+
+# -- gait --------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Gait:
+    """A straight walk in numbers, over the whole steps that it shows."""
+
+    speed: float
+    """Of the pelvis over the floor, m/s."""
+    cadence: float
+    """Steps a second."""
+    sway: float
+    """Peak to peak of the pelvis across its path, cm."""
+    bob: float
+    """Peak to peak of the pelvis' height, cm."""
+    knee: float
+    """98th percentile of the knees' bend, degrees: that of the swing."""
+    ripple: float
+    """Deviation of the speed over its own mean."""
+    arms: float
+    """Peak to peak of a wrist ahead of its shoulder, cm."""
+    toe: float
+    """Slower toe, cm/s: the planted foot's slide."""
+
+    @property
+    def step(self) -> float:
+        """Length of a step, metres."""
+        return self.speed / self.cadence
+
+    @classmethod
+    def of(cls, walk: Motion) -> Gait | None:
+        """Measure a walk; None where it shows less than two steps."""
+        joints, facing = walk.joints(), walk.yaw()
+        ahead = np.stack([np.sin(facing), np.cos(facing)], -1)
+        crossed = _passings(joints, ahead)
+        if len(crossed) < 3:
+            return None
+        part = slice(int(np.ceil(crossed[0])), int(crossed[-1]) + 1)
+        floor, velocity = walk.root[part][:, [0, 2]], np.gradient(walk.root[part][:, [0, 2]], axis=0)
+        speed = FPS * np.linalg.norm(velocity, axis=-1)
+        along = (floor[-1] - floor[0]) / np.linalg.norm(floor[-1] - floor[0])
+        knees = np.linalg.norm(walk.rotations[part][:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]], axis=-1)
+        arm = joints[part, JOINT_INDEX["left_wrist"]] - joints[part, JOINT_INDEX["left_shoulder"]]
+        return cls(
+            speed=float(speed.mean()),
+            cadence=float(FPS * (len(crossed) - 1) / (crossed[-1] - crossed[0])),
+            sway=100 * _about_trend(floor @ np.array([along[1], -along[0]]), 3),
+            bob=100 * _about_trend(walk.root[part, 1], 1),
+            knee=float(np.degrees(np.percentile(knees, 98))),
+            ripple=float((speed / _trend(speed, 2)).std()),
+            arms=float(100 * np.ptp(np.sum(arm[:, [0, 2]] * ahead[part], -1))),
+            toe=slower_toe(joints[part]),
+        )
+
+
+def _passings(joints: Array, ahead: Array) -> Array:
+    """(K,) frames, with fractions, at which one ankle passes the other one."""
+    gap = joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]
+    lead = np.sum(gap[:, [0, 2]] * ahead, -1)
+    crossed = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(np.diff(lead)) > 0.01))
+    return np.asarray(crossed + lead[crossed] / (lead[crossed] - lead[crossed + 1]))
+
+
+def _trend(values: Array, degree: int) -> Array:
+    time = np.linspace(-1, 1, len(values))
+    return np.asarray(np.polyval(np.polyfit(time, values, degree), time))
+
+
+def _about_trend(values: Array, degree: int) -> float:
+    return float(np.ptp(values - _trend(values, degree)))

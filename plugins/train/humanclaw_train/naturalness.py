@@ -3,11 +3,15 @@
     humanclaw naturalness --chunks REAL EDITED
 
 * Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the Frechet
-  distance the model continues the histories of held-out real chunks with the parameters that those realise, so that only the
-  manner differs; its floor is the distance between two halves of the real chunks, split by clip.
+  distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing learnt from; without
+  them a half of the real chunks, split by clip) with the parameters that those realise, so that only the manner differs; its floor
+  is the distance of the other real chunks. Free-running, it begins from standing and feeds on its own motion.
 * Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against the peak in
   real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that move).
 * Life: 120 random calls in a row, as the model feeds on its own motion.
+* Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
+  generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end up.
+* First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
 
@@ -15,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -26,11 +30,11 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import HumanclawError
 from humanclaw.measures import Declaration, suited
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
 from humanclaw_train import measures
-from humanclaw_train.chunks import Chunks
+from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
-from humanclaw_train.measures import SEAM, Features
+from humanclaw_train.measures import SEAM, Features, Gait
 from humanclaw_train.rollouts import Command, adapters, extend, others, roll
 
 _NAN: Final = float("nan")
@@ -58,10 +62,14 @@ class Manner:
     beyond: float
     """Share of frames with a leg joint beyond its limits."""
     frechet: float = _NAN
-    """To held-out real chunks of the skill."""
+    """To held-out real chunks of the skill, whose histories and parameters the model is given."""
+    free: float = _NAN
+    """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
 
 
-def manner(skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN) -> Manner:
+def manner(
+    skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
+) -> Manner:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     joints, _ = forward_kinematics(root, rotations)
     future, stairs = joints[:, HISTORY - 1 :], skill.climbs
@@ -69,7 +77,7 @@ def manner(skill: Declaration, source: str, root: Array, rotations: Array, frech
         skill.skill, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet,
+        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet, free,
     )  # fmt: skip
 
 
@@ -82,8 +90,12 @@ def skills(
     for command in commands:
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
-        distance, least = likeness(generator, command, data, features, seed) if data and features else (_NAN, _NAN)
-        rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance))
+        distance, least, free = _NAN, _NAN, _NAN
+        if data and features:
+            held, rest = held_out(folders, command.skill) or halves(data)
+            distance, least = likeness(generator, command, held, rest, features, seed)
+            free = free_running(generator, command, data, features, seed)
+        rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
         if data:
             kind = "real" if data.real.any() else "edited"
             some = _some(data, _MOST, seed)
@@ -92,21 +104,49 @@ def skills(
 
 
 def likeness(
-    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int
+    generator: DiTGenerator, command: Command, held: Chunks, rest: Chunks, features: Features, seed: int
 ) -> tuple[float, float]:
     """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other chunks.
 
-    Clips are dealt out to the two halves; a skill whose chunks come from one clip is split in time. NaN for too few chunks.
+    NaN for too few chunks.
     """
-    held, rest = halves(data)
     held, rest = _some(held, _MOST, seed), _some(rest, _MOST, seed)
     motions = [held.motion(index)[:HISTORY] for index in range(len(held))]
-    values = np.clip(held.params.astype(float), command.low, command.high) if len(command.low) else held.params
-    extend(generator, command, motions, np.arange(len(held)), values.astype(float), (seed, 7))
+    extend(generator, command, motions, np.arange(len(held)), _asked(command, held), (seed, 7))
     made = features(*(np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations")))
-    true = features(held.root.astype(float), held.rotations.astype(float))
-    other = features(rest.root.astype(float), rest.rotations.astype(float))
+    true, other = (features(part.root.astype(float), part.rotations.astype(float)) for part in (held, rest))
     return measures.frechet(made, true), measures.frechet(other, true)
+
+
+def _asked(command: Command, chunks: Chunks) -> Array:
+    """(N, k) the parameters that chunks realise, as far as the adapter knows them."""
+    values = chunks.params.astype(float)
+    return np.clip(values, command.low, command.high) if len(command.low) else values
+
+
+def free_running(
+    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
+) -> float:
+    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not looked at.
+
+    Nothing real is given but parameters, drawn from those that the chunks realise.
+    """
+    some = _some(data, _MOST // 3, seed)
+    motions = [generator.start() for _ in range(len(some))]
+    random = np.random.default_rng((seed, 8))
+    for call in range(calls):
+        values = _asked(command, some[random.permutation(len(some))])
+        extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
+    starts = [call * FUTURE for call in range(1, calls)]
+    windows = [motion[start : start + HISTORY + FUTURE] for motion in motions for start in starts]
+    made = canonical(*(np.stack([getattr(window, part) for window in windows]) for part in ("root", "rotations")))
+    return measures.frechet(features(*made), features(data.root.astype(float), data.rotations.astype(float)))
+
+
+def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
+    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a distance."""
+    held, rest = _of_skill([folder / "held_out" for folder in folders], skill), _of_skill(folders, skill)
+    return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
 
 
 def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
@@ -193,6 +233,102 @@ def _window_peaks(chunks: Chunks) -> Array:
     joints, _ = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))
     size = measures.acceleration(joints)
     return np.maximum(size[:, 1:], size[:, :-1]).ravel()
+
+
+# -- gait --------------------------------------------------------------------------------------------------------------
+_STRAIGHT: Final = 0.96
+"""Least ratio of the way from end to end over the path of a walk that counts as straight."""
+
+
+def real_gaits(clips: Iterable[Clip]) -> dict[str, Gait]:
+    """Clip to the gait of its longest straight walk, for clips that show one of two steps and a second."""
+    found = {}
+    for clip in clips:
+        spans = sorted(clip.spans.get("walk", ()), key=lambda span: span[0] - span[1])
+        walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
+        if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
+            gait = Gait.of(walk)
+            if gait is not None and gait.speed > 0.7:
+                found[f"{clip.source.split()[0]} {clip.name}"] = gait
+    return found
+
+
+def _straightness(walk: Motion) -> float:
+    floor = walk.root[:, [0, 2]]
+    return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
+
+
+def straight_walks(
+    generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
+) -> list[Motion]:
+    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else nought."""
+    values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
+    motions = [generator.start() for _ in range(bodies)]
+    for call in range(calls):
+        extend(generator, command, motions, np.arange(bodies), values, (seed, 11, call))
+    return motions
+
+
+def _ahead(command: Command) -> str:
+    """The parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
+    return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
+
+
+def walker(commands: Sequence[Command]) -> Command | None:
+    """The skill that walks: it commands travel ahead and heading at once."""
+    for command in commands:
+        if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
+            return command
+    return None
+
+
+def generated_gaits(
+    generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
+) -> dict[str, list[Gait]]:
+    """Speeds from slow to fast to the gaits of bodies that differ in nothing but their noise, from the third call on."""
+    found = {}
+    for speed in (0.9, 1.0, 1.3, 1.6):
+        walks = straight_walks(generator, command, speed, bodies, calls, seed)
+        gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
+        found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
+    return {name: gaits for name, gaits in found.items() if gaits}
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the same)."""
+
+    side: tuple[float, float]
+    turned: tuple[float, float]
+
+
+def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: int = 100, seed: int = 0) -> Drift:
+    """Of straight walks at 1 m/s, from body to body."""
+    walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
+    side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
+    turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
+    pairs = ((float(one.mean()), float(np.percentile(np.abs(one), 95))) for one in (side, turned))
+    return Drift(*pairs)
+
+
+def first_steps(
+    generator: DiTGenerator, commands: Sequence[Command], bodies: int = 100, seed: int = 0
+) -> dict[str, tuple[float, float, float]]:
+    """Skill to the slide of the slower toe in first chunks from standing, cm: 95th and 99th percentile, and most."""
+    found = {}
+    for command in commands:
+        motions = [generator.start() for _ in range(bodies)]
+        extend(
+            generator,
+            command,
+            motions,
+            np.arange(bodies),
+            command.draw(bodies, np.random.default_rng(seed)),
+            (seed, 13),
+        )
+        slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
+        found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
+    return found
 
 
 # -- a long life -------------------------------------------------------------------------------------------------------
@@ -318,12 +454,40 @@ def skills_table(rows: Sequence[Manner]) -> str:
         "joint jerk m/s3",
         "beyond limits",
         "Frechet",
+        "free-running",
     )
     return _table(heads, [
         (row.skill, row.source, str(row.chunks), _cell(row.skate), _cell(row.slower_toe), _cell(row.sunk, 2),
-         _cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _cell(row.frechet))
+         _cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _cell(row.frechet), _cell(row.free))
         for row in rows
     ])  # fmt: skip
+
+
+_GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "arms", "toe")
+
+
+def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
+    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over seeds."""
+    heads = (
+        "walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
+    )  # fmt: skip
+    rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
+    for name, gaits in made.items():
+        spread = [np.percentile([getattr(gait, key) for gait in gaits], [50, 5, 95]) for key in _GAIT]
+        rows.append((name, *(f"{mid:.2f} ({low:.2f} to {high:.2f})" for mid, low, high in spread)))
+    return _table(heads, rows)
+
+
+def drift_line(found: Drift) -> str:
+    return (
+        f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
+        f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
+    )
+
+
+def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
+    rows = [(skill, *(_cell(value, 2) for value in values)) for skill, values in found.items()]
+    return _table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
 
 
 def transitions_table(found: Transitions) -> str:
@@ -365,6 +529,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         commands = [Command.of(skill, path) for skill, path in adapters(options.adapters, options.skills).items()]
         print(skills_table(skills(generator, commands, options.chunks, options.rollouts, options.seed)), flush=True)
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
+        print("\n" + first_steps_table(first_steps(generator, commands, seed=options.seed)), flush=True)
+        if (walks := walker(commands)) is not None:
+            made = generated_gaits(generator, walks, seed=options.seed)
+            clips = load_pack(options.clips) if options.clips else []
+            print("\n" + gait_table(real_gaits(clips), made), flush=True)
+            print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(
             "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
@@ -381,6 +551,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw naturalness", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
     parser.add_argument("--chunks", type=Path, nargs="*", default=[], help="folders of chunks to compare with")
+    parser.add_argument(
+        "--clips", type=Path, help="folder with clips.csv, whose straight walks the gait is compared with"
+    )
     parser.add_argument("--bodies", type=int, default=20, help="for each pair of skills")
     parser.add_argument("--calls", type=int, default=120, help="of a long life")
     return parser

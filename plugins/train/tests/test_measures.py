@@ -7,6 +7,7 @@ from humanclaw import pose
 from humanclaw.body import JOINT_INDEX
 from humanclaw_train.measures import (
     Features,
+    Gait,
     acceleration,
     beyond_limits,
     frechet,
@@ -14,6 +15,7 @@ from humanclaw_train.measures import (
     penetration,
     seam_and_inside,
     skate,
+    slide,
     slower_toe,
 )
 
@@ -105,3 +107,29 @@ def test_real_motion_has_features_of_mean_nought_and_deviation_one():
     assert found.shape == (100, 16)
     assert found.mean(0) == pytest.approx(0, abs=1e-9)
     assert found.std(0) == pytest.approx(1, abs=1e-9)
+
+
+def test_the_gait_of_a_walk_is_what_its_joints_do():
+    # Six metres in six seconds, four passings of the ankles a second, a sway of 2 x 3 cm, a bob of 2 x 2 cm and stiff knees.
+    frames = 181
+    time = np.arange(frames) / 30
+    swing = 0.3 * np.sin(2 * np.pi * 2 * time + 0.3)
+    root = np.stack([0.03 * np.sin(2 * np.pi * 2 * time), 0.9 + 0.02 * np.sin(2 * np.pi * 4 * time), time], -1)
+    rotations = np.zeros((frames, 24, 3))
+    rotations[:, JOINT_INDEX["left_hip"], 0], rotations[:, JOINT_INDEX["right_hip"], 0] = -swing, swing
+    rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]], 0] = 0.5
+    gait = Gait.of(pose.Motion(root, rotations))
+    assert gait.cadence == pytest.approx(4.0, rel=0.02)
+    assert gait.step == pytest.approx(gait.speed / 4.0, rel=0.02)
+    assert (gait.sway, gait.bob) == pytest.approx((6.0, 4.0), abs=0.5)
+    assert gait.knee == pytest.approx(np.degrees(0.5), abs=0.1)
+
+
+def test_who_stands_has_no_gait():
+    assert Gait.of(pose.rest_pose(40)) is None
+
+
+def test_the_slide_is_the_path_of_whichever_toe_is_slower():
+    # Both toes go at 0.3 m/s for 19 frame steps: 19 cm.
+    assert slide(_sliding(0.3).joints()) == pytest.approx(19.0, rel=1e-6)
+    assert slide(pose.rest_pose(20).joints()) == 0

@@ -15,7 +15,11 @@ from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     SEQUENCES,
     agreement,
+    drift,
+    first_steps,
+    free_running,
     halves,
+    held_out,
     life,
     likeness,
     main,
@@ -23,6 +27,7 @@ from humanclaw_train.naturalness import (
     real_peak,
     sequence_jerks,
     transitions,
+    walker,
 )
 from humanclaw_train.rollouts import Command, adapters
 
@@ -75,8 +80,23 @@ def test_one_clip_is_halved_in_time():
 def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like_one_another(generator, commands):
     data = Chunks.join([_wobbling(80, 0.1, "one", 1), _wobbling(80, 0.1, "two", 2)])
     features = Features.of(data.root.astype(float), data.rotations.astype(float))
-    made, floor = likeness(generator, commands[0], data, features, seed=0)
+    made, floor = likeness(generator, commands[0], *halves(data), features, seed=0)
     assert made > 3 * floor
+    assert free_running(generator, commands[0], data, features, seed=0) > 3 * floor
+
+
+def test_chunks_of_clips_that_nothing_learnt_from_are_kept_apart(tmp_path):
+    _wobbling(50, 0.1, "learnt").save(tmp_path / "walk.npz")
+    assert held_out([tmp_path], "walk") is None
+    _wobbling(40, 0.1, "never seen").save(tmp_path / "held_out" / "walk.npz")
+    held, rest = held_out([tmp_path], "walk")
+    assert (set(held.source), set(rest.source)) == ({"never seen"}, {"learnt"})
+
+
+def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
+    assert first_steps(generator, commands[:1], bodies=3) == {"walk": pytest.approx((0, 0, 0), abs=1e-3)}
+    assert walker(commands) is commands[0]
+    assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
