@@ -69,7 +69,7 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
     [
         (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
-        (["run", "--agent", "oracel"], "there is no decision maker 'oracel'", "Did you mean oracle?"),
+        (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),

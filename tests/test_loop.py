@@ -1,4 +1,4 @@
-"""The loop: what the decision maker does wrong comes back to it as words, and nothing illegal reaches the motion model."""
+"""The loop: what the agent does wrong comes back to it as words, and nothing illegal reaches the motion model."""
 
 import json
 import math
@@ -8,9 +8,8 @@ import pytest
 
 from humanclaw import Body, Call, Plugins
 from humanclaw.errors import CheckpointError, ProviderError, RecordError, SceneError
-from humanclaw.interfaces import Answer, Decision, Verdict
 from humanclaw.loop import run_episode
-from humanclaw.records import RecordedEpisode
+from humanclaw.records import Answer, Decision, RecordedEpisode, Verdict
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
@@ -81,7 +80,7 @@ def test_an_episode_without_a_stop_runs_out_of_steps(play):
 )
 def test_an_unusable_answer_is_explained_and_the_episode_goes_on(play, bad, hint):
     episode, agent = play(bad, STEP, STOP)
-    assert hint in agent.heard[1].feedback
+    assert hint in str(agent.heard[1].feedback)
     assert [step.status for step in episode.steps] == ["executed", "stopped"]
     assert [hint in attempt.error for attempt in episode.steps[0].attempts] == [True, False]
 
@@ -113,7 +112,7 @@ def test_a_verifier_puts_another_call_in_place(play):
     judge = Judge(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
     episode, agent = play(STEP, verifier=judge, max_steps=2)
     assert episode.steps[0].call.skill == "turn_in_place"
-    assert "a wall is near" in agent.heard[1].feedback
+    assert "a wall is near" in str(agent.heard[1].feedback)
 
 
 def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
@@ -196,7 +195,7 @@ def test_a_skill_without_adapter_is_refused_in_words_and_says_how_to_train_it(un
     with Body(house, plugins=untrained) as body:
         agent = ScriptedAgent([Call("hop"), STOP])
         run_episode(body, free_episode("hop", house, max_steps=1), agent)
-        assert "hop is not available, its adapter is not trained" in agent.heard[1].feedback
+        assert "hop is not available, its adapter is not trained" in str(agent.heard[1].feedback)
         with pytest.raises(CheckpointError, match="humanclaw train adapter hop"):
             body.call("hop")
 

@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from humanclaw.embodiment import Body
     from humanclaw.errors import HumanclawError
     from humanclaw.hookspecs import hookimpl
-    from humanclaw.interfaces import Call, Observation
+    from humanclaw.interfaces import Observation
     from humanclaw.plugins import Plugins
     from humanclaw.pose import Motion
+    from humanclaw.records import Call
 
 __version__ = "0.1.0"
 

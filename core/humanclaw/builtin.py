@@ -5,24 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from humanclaw.hookspecs import hookimpl
-from humanclaw.measures import MEASURES
 
 if TYPE_CHECKING:
     import click
 
-    from humanclaw.hookspecs import GeneratorFactory, Register, RegisterMeasure
+    from humanclaw.hookspecs import GeneratorFactory, Register
     from humanclaw.interfaces import MotionGenerator
 
 
 @hookimpl
 def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
     register("dit", _dit, "flow-matching DiT with ControlNet adapters (paper, section 3.3)")
-
-
-@hookimpl
-def humanclaw_measures(register: RegisterMeasure) -> None:
-    for measure in MEASURES.values():
-        register(measure)
 
 
 @hookimpl

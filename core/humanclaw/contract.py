@@ -156,7 +156,10 @@ class Skill:
 
     def usage(self) -> str:
         """One line that says how to call the skill."""
-        parts = [f"{key}: {_bounds(part)}" for key, part in self.schema.get("properties", {}).items()]
+        parts = [
+            f"{key}: {part.get('type', 'value')} {bounds(part, '..')}".strip()
+            for key, part in self.schema.get("properties", {}).items()
+        ]
         return f"Call {self.name} with {{{', '.join(parts)}}}."
 
     @classmethod
@@ -208,11 +211,9 @@ def _explain(fault: jsonschema.ValidationError) -> str:
     return f"{where}: {fault.message}" if where else fault.message
 
 
-def _bounds(part: Mapping[str, Any]) -> str:
-    kind = part.get("type", "value")
-    if "minimum" in part and "maximum" in part:
-        return f"{kind} {part['minimum']}..{part['maximum']}"
-    return str(kind)
+def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
+    """The bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
+    return f"{part['minimum']}{between}{part['maximum']}" if {"minimum", "maximum"} <= part.keys() else ""
 
 
 F = TypeVar("F", bound=Callable[..., Plan])

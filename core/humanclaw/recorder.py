@@ -1,50 +1,36 @@
-"""From the values of the loop to the records that are kept of them."""
+"""What is measured of an episode for its record: where the body went, what it touched, how far it still is."""
 
 from __future__ import annotations
 
 import datetime
-import io
+import functools
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 import humanclaw
+from humanclaw import pictures
 from humanclaw.contract import Skill
-from humanclaw.embodiment import Body, Deed
-from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw.embodiment import Body, Chunk
 from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import (
-    Call,
-    Contact,
-    Decision,
-    DecisionMaker,
-    Execution,
-    Usage,
-    Verdict,
-    Verifier,
-    View,
-    WorldState,
-)
+from humanclaw.interfaces import Execution, View, WorldState
 from humanclaw.plugins import Plugins
 from humanclaw.pose import HISTORY, Array, Motion
-from humanclaw.records import (
-    AnswerRecord,
-    AttemptRecord,
-    CallRecord,
-    ContactRecord,
-    EpisodeRecord,
-    SkillInfo,
-    StepRecord,
-    UsageRecord,
-    VerdictRecord,
-)
+from humanclaw.records import Contact, EpisodeRecord, EpisodeSpec, SkillInfo, Vec3
 from humanclaw.scene import GROUND, Scene
 
+DistanceFn = Callable[[Array], float]
+"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
+DistanceFactory = Callable[[Scene, Sequence[int], float], DistanceFn]
+"""Makes a DistanceFn for a scene, the ids of its targets and the height of the floor at the start."""
 
-class Film:
+
+class TrajectoryBuffer:
     """Collects every frame of an episode for motion.npz: five frames of standing, then each step's."""
 
     def __init__(self, body: Body) -> None:
@@ -57,8 +43,9 @@ class Film:
         self._paths: dict[int, list[tuple[int, Array]]] = {}
         self._length = HISTORY
 
-    def add(self, deed: Deed) -> None:
-        for chunk in deed.chunks:
+    def add(self, chunks: Sequence[Chunk]) -> None:
+        """Append the motion of one step."""
+        for chunk in chunks:
             self._commanded.append(chunk.commanded)
             self._realised.append(chunk.execution.realised)
             for key, path in chunk.execution.objects.items():
@@ -66,6 +53,7 @@ class Film:
             self._length += len(chunk.commanded)
 
     def arrays(self) -> dict[str, Array]:
+        """Name the arrays of motion.npz: {generated,realised}_{root,rotations} and object_ID, a row a frame."""
         arrays = {f"object_{key}": self._path(key) for key in sorted(self._paths)}
         for kind, pieces in (("generated", self._commanded), ("realised", self._realised)):
             arrays[f"{kind}_root"] = np.concatenate([piece.root for piece in pieces])
@@ -82,169 +70,139 @@ class Film:
         return full
 
 
-def episode_record(
-    body: Body,
-    spec: EpisodeSpec,
-    maker: DecisionMaker,
-    verifier: Verifier | None,
-    options: Mapping[str, Any],
-    limits: Mapping[str, float] | None = None,
+# -- an episode --------------------------------------------------------------------------------------------------------
+def begin_record(
+    body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> EpisodeRecord:
-    in_force = {
-        "decision_maker": getattr(maker, "settings", {}),
-        "verifier": getattr(verifier, "settings", {}),
-        "limits": limits or {},
-        "body": asdict(body.engines) | {"senses": list(body.senses)},
-    }
-    boxes = {key: body.scene.aabb(key) for key in spec.target_ids}
+    """Write down what an episode begins with.
+
+    Args:
+        body: at the start of the episode.
+        options: of the run, as they were given.
+        settings: what is in force of agent, verifier and limits; empty ones are left out.
+    """
+    in_force = {**settings, "body": asdict(body.engines) | {"senses": list(body.senses)}}
+    objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
-        start=StartPose(**vars(body.start)),
-        agent=maker.name,
-        verifier=verifier.name if verifier else "",
+        start=body.start,
+        agent=agent,
+        verifier=verifier,
         options=dict(options),
         settings={part: dict(found) for part, found in in_force.items() if found},
         versions={"humanclaw": humanclaw.__version__} | {i.origin: i.version for i in body.plugins.infos if i.version},
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
         licences=body.scene.licences,
-        targets={key: (_vec3(low), _vec3(high)) for key, (low, high) in boxes.items()},
-        movable=tuple(thing.id for thing in body.scene.objects if thing.movable),
-        ground=tuple(thing.id for thing in body.scene.objects if thing.category in GROUND),
+        targets={key: _box(body.scene, key) for key in spec.target_ids},
+        movable=tuple(one.id for one in objects if one.movable),
+        ground=tuple(one.id for one in objects if one.category in GROUND),
         skills=skill_infos(body.plugins),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
 
 
 def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
-    """What the record says of every skill that can be called: metrics read it, and no skill's name."""
+    """Describe every skill that can be called, by name."""
     versions = {info.name: info.version for info in plugins.infos}
-    return {name: _info(plugins.skill(name), plugins.owner(name), versions) for name in sorted(plugins.skills)}
+    return {name: _info(skill, plugins.owner(name), versions) for name, skill in sorted(plugins.skills.items())}
 
 
 def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
     commands = {one.key: one.measure for one in skill.parameters if one.measure}
-    return SkillInfo(role=skill.role, owner=owner, version=versions.get(owner, ""), commands=commands)
+    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill), commands)
 
 
-def place(state: WorldState, prefix: str = "start") -> dict[str, Any]:
-    """Where the pelvis is and where it faces, as fields of a step record: prefix is start or end."""
-    return {prefix: _vec3(state.body.root[-1]), f"yaw_{prefix}": float(state.body.yaw()[-1])}
+def _digest(skill: Skill) -> str:
+    told = [skill.name, skill.description, skill.schema, [asdict(check) for check in skill.checks]]
+    state = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    if skill.adapter and skill.trained:
+        found = skill.adapter.stat()
+        state.update(_file_digest(skill.adapter, found.st_mtime_ns, found.st_size))
+    return state.hexdigest()
 
 
-def way_left(state: WorldState, distance: Callable[[Array], float] | None) -> dict[str, Any]:
-    """The shortest way to a target as a field of a record; None if nothing measures it or there is none."""
-    metres = distance(state.body.root[-1]) if distance else float("inf")
-    return {"geodesic": round(metres, 3) if np.isfinite(metres) else None}
+@functools.lru_cache(maxsize=256)
+def _file_digest(path: Path, changed: int, size: int) -> bytes:
+    """Adapters are large and seldom change, and every episode asks for all of them."""
+    return hashlib.sha256(path.read_bytes()).digest()
 
 
-def outcome(scene: Scene, targets: Sequence[int], deed: Deed) -> dict[str, Any]:
-    last = deed.chunks[-1].execution
-    return {
-        "motion_frames": sum(len(chunk.commanded) for chunk in deed.chunks),
-        "contacts": _contact_records(deed),
-        "touches": tuple((start + at, a, b) for start, part in _timed(deed) for at, a, b in part.touches),
-        "target_distance": _target_distance(scene, targets, last.realised),
-        "pelvis_contacts": _pelvis_contacts(last.contacts, len(last.realised) - 1),
-    }
+def _box(scene: Scene, key: int) -> tuple[Vec3, Vec3]:
+    low, high = scene.aabb(key)
+    return vec3(low), vec3(high)
 
 
-def _timed(deed: Deed) -> Iterator[tuple[int, Execution]]:
-    """What became of each chunk, with the frame of the step that it begins at."""
-    start = 0
-    for chunk in deed.chunks:
-        yield start, chunk.execution
-        start += len(chunk.commanded)
-
-
-def _contact_records(deed: Deed) -> tuple[ContactRecord, ...]:
-    """One record a (joint, object) pair: the frames in which they touch, counted from the first frame of the step."""
-    pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
-    for start, part in _timed(deed):
-        for contact in part.contacts:
-            pairs.setdefault((contact.joint, contact.object_id), []).append((start + contact.frame, contact))
-    return tuple(
-        ContactRecord(
-            joint=joint,
-            group=found[0][1].group,
-            object_id=object_id,
-            movable=found[0][1].movable,
-            frames=tuple(sorted({frame for frame, _ in found})),
-            depth=round(max(contact.depth for _, contact in found), 5),
-            height=round(max(contact.height for _, contact in found), 4),
-        )
-        for (joint, object_id), found in sorted(pairs.items())
-    )
-
-
-def _pelvis_contacts(contacts: Sequence[Contact], frame: int) -> tuple[int, ...]:
-    return tuple(sorted({c.object_id for c in contacts if c.joint == "pelvis" and c.frame == frame}))
-
-
-def _target_distance(scene: Scene, targets: Sequence[int], realised: Motion) -> float | None:
-    """From the nearest joint (pelvis, root and link origins) in the last frame to the nearest target's bounding box."""
-    if not targets:
-        return None
-    return distance_to_nearest(realised[-1:].joints(), map(scene.aabb, targets))
-
-
-def attempt_record(decision: Decision, error: str = "") -> AttemptRecord:
-    return AttemptRecord(
-        calls=tuple(CallRecord(skill=str(call.skill), params=_plain(call.params)) for call in decision.calls),
-        visible_state=decision.visible_state,
-        progress=decision.progress,
-        mid_level_goal=decision.mid_level_goal,
-        mid_level_change=decision.mid_level_change,
-        reasoning=decision.reasoning,
-        raw=decision.raw,
-        prompt_digest=decision.prompt_digest,
-        error=error,
-        usage=usage_record(decision.usage),
-    )
-
-
-def decision_of(record: AttemptRecord) -> Decision:
-    """The decision that a record was made of."""
-    said = record.model_dump(exclude={"calls", "error", "usage"})
-    calls = tuple(Call(call.skill, call.params) for call in record.calls)
-    return Decision(calls, **said, usage=Usage(**record.usage.model_dump()))
-
-
-def _plain(params: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters as JSON can hold them: an illegal NaN is kept as the text that it is."""
-    return {key: str(v) if isinstance(v, float) and not np.isfinite(v) else v for key, v in params.items()}
-
-
-def verdict_record(verifier: Verifier | None, verdict: Verdict | None) -> VerdictRecord | None:
-    if verifier is None or verdict is None:
-        return None
-    other = verdict.replacement
-    return VerdictRecord(
-        verifier=verifier.name,
-        accepted=verdict.accepted,
-        replacement=CallRecord(skill=other.skill, params=_plain(other.params)) if other else None,
-        answers=tuple(AnswerRecord(check=a.check, passed=a.passed, note=a.note) for a in verdict.answers),
-        failed_open=verdict.failed_open,
-        usage=usage_record(verdict.usage),
-    )
-
-
-def usage_of(step: StepRecord) -> Usage:
-    """What all answers of a recorded step took."""
-    records = [attempt.usage for attempt in step.attempts] + ([step.verdict.usage] if step.verdict else [])
-    return sum((Usage(**record.model_dump()) for record in records), Usage())
-
-
-def usage_record(usage: Usage) -> UsageRecord:
-    return UsageRecord(**vars(usage))
-
-
-def _vec3(point: Array) -> tuple[float, float, float]:
+# -- a moment ----------------------------------------------------------------------------------------------------------
+def vec3(point: Array) -> Vec3:
+    """Round a point (3,) to hundredths of a millimetre."""
     x, y, z = (round(float(value), 5) for value in point)
     return x, y, z
 
 
+def yaw(state: WorldState) -> float:
+    """Heading of the body, radians."""
+    return float(state.body.yaw()[-1])
+
+
+def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | None:
+    """Shortest way from the pelvis to a target, metres; None if nothing measures it or there is none."""
+    metres = distance(state.body.root[-1]) if distance else float("inf")
+    return round(metres, 3) if np.isfinite(metres) else None
+
+
+def target_distance(scene: Scene, targets: Sequence[int], body: Motion) -> float | None:
+    """From the nearest joint (pelvis, root and link origins) in the last frame to the nearest target's box, metres."""
+    if not targets:
+        return None
+    return distance_to_nearest(body[-1:].joints(), map(scene.aabb, targets))
+
+
 def jpeg(view: View) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(view.rgb).save(buffer, "JPEG", quality=88)
-    return buffer.getvalue()
+    """Encode the picture of a view."""
+    return pictures.jpeg(view.rgb, quality=88)
+
+
+# -- a step ------------------------------------------------------------------------------------------------------------
+def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
+    """Gather one contact a pair of joint and object, with the frames counted from the first of the step."""
+    pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
+    for start, part in _timed(chunks):
+        for contact in part.contacts:
+            pairs.setdefault((contact.joint, contact.object_id), []).append((start, contact))
+    return tuple(_gathered(found) for _, found in sorted(pairs.items(), key=lambda item: item[0]))
+
+
+def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
+    first = found[0][1]
+    return Contact(
+        tuple(sorted({start + frame for start, contact in found for frame in contact.frames})),
+        first.joint,
+        first.group,
+        first.object_id,
+        first.movable,
+        depth=round(max(contact.depth for _, contact in found), 5),
+        height=round(max(contact.height for _, contact in found), 4),
+    )
+
+
+def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
+    """List (frame of the step, object, object) where a movable object touches another."""
+    return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
+
+
+def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
+    """List the objects that the pelvis touches in the last frame."""
+    if not chunks:
+        return ()
+    last = chunks[-1].execution
+    frame = len(last.realised) - 1
+    return tuple(sorted({c.object_id for c in last.contacts if c.joint == "pelvis" and frame in c.frames}))
+
+
+def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
+    """What became of each chunk, with the frame of the step that it begins at."""
+    start = 0
+    for chunk in chunks:
+        yield start, chunk.execution
+        start += len(chunk.commanded)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.errors import SceneError
-from humanclaw.pose import matrix_from_quaternion
+from humanclaw.pose import Pose2D, matrix_from_quaternion
 
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -90,16 +90,6 @@ class Room:
     floor: float = 0.0
 
 
-@dataclass(frozen=True)
-class Placement:
-    """Where a body stands: on the floor at (x, floor, z), facing yaw radians."""
-
-    x: float
-    z: float
-    yaw: float
-    floor: float = 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A world at rest."""
@@ -108,7 +98,7 @@ class Scene:
     assets: Mapping[str, Asset]
     objects: tuple[SceneObject, ...]
     rooms: tuple[Room, ...]
-    start: Placement
+    start: Pose2D
     """The default place of the body where an episode names none."""
     notes: Mapping[str, str] = field(default_factory=dict)
 

@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, get_args
 
 from humanclaw.contract import Skill
 from humanclaw.errors import CallError, PluginError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]

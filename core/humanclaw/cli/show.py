@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_files
-from humanclaw.contract import Skill
+from humanclaw.contract import Skill, bounds
 from humanclaw.plugins import PluginInfo, Plugins
 from humanclaw.tools import Format, publish
 
@@ -83,11 +83,7 @@ def _source(info: PluginInfo) -> str:
 
 def _parameters(skill: Skill) -> str:
     parts = skill.schema.get("properties", {})
-    return ", ".join(f"{key} {_range(part)}".strip() for key, part in parts.items()) or "none"
-
-
-def _range(part: dict[str, int]) -> str:
-    return f"{part['minimum']}..{part['maximum']}" if {"minimum", "maximum"} <= set(part) else ""
+    return ", ".join(f"{key} {bounds(part, '..')}".strip() for key, part in parts.items()) or "none"
 
 
 def _state(skill: Skill) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 from humanclaw.tools import parameter_schema
 
 Action = NDArray[np.int64]

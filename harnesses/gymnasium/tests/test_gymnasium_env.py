@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import humanclaw_gymnasium
 from humanclaw import Keyframes, Plugins, skill
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 from humanclaw_gymnasium import Actions, BodyEnv
 
 

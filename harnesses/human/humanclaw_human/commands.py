@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from humanclaw.contract import Skill
+from humanclaw.contract import Skill, bounds
 from humanclaw.errors import CallError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,5 @@ def manual(skills: Mapping[str, Skill]) -> str:
 
 
 def _entry(skill: Skill) -> str:
-    bounds = [
-        f"{key} {part['minimum']} to {part['maximum']}" if "minimum" in part and "maximum" in part else key
-        for key, part in skill.schema.get("properties", {}).items()
-    ]
-    return f"  {usage(skill):28} {', '.join(bounds)}"
+    parts = skill.schema.get("properties", {})
+    return f"  {usage(skill):28} {', '.join(f'{key} {bounds(part)}'.strip() for key, part in parts.items())}"

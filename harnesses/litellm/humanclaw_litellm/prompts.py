@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import functools
-import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,12 +15,13 @@ from typing import Any
 import jinja2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.contract import Check, Skill
-from humanclaw.interfaces import Call, EpisodeContext, Observation, Past, ego_camera
+from humanclaw.contract import Check, Skill, bounds
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, ego_camera
+from humanclaw.pictures import jpeg
 from humanclaw.pose import Motion
+from humanclaw.records import Call
 from humanclaw.tools import parameter_schema
 from humanclaw_litellm.settings import Settings
 
@@ -73,7 +73,7 @@ def system_message(words: str, settings: Settings) -> Json:
 
 
 def step_content(
-    context: EpisodeContext, observation: Observation, history: Sequence[Past], note: str, settings: Settings
+    context: EpisodeContext, observation: Observation, history: Sequence[HistoryEntry], note: str, settings: Settings
 ) -> list[Json]:
     """The user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
@@ -105,18 +105,20 @@ def first_told(steps: int, settings: Settings) -> int:
     return max(0, steps - settings.history) // stride * stride
 
 
-def _past(history: Sequence[Past], index: int, mid_level: bool) -> str:
+def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
     """One step. A mid-level goal that is the same as in the step before is not written out again."""
     past = history[index]
     goal = past.decision.mid_level_goal if mid_level else ""
     kept = bool(goal) and index > 0 and history[index - 1].decision.mid_level_goal == goal
-    called = " and ".join(map(str, past.decision.calls)) or "nothing usable"
+    calls = past.decision.calls
+    as_called = calls == (past.feedback.replaced or past.executed,)
+    called = "" if as_called else " and ".join(map(str, calls)) or "nothing usable"
     return _fill(
         "past.jinja",
         step=past.step + 1,
         decision=past.decision,
         goal="kept" if kept else goal,
-        called="" if called in past.feedback else called,
+        called=called,
         feedback=past.feedback,
     )
 
@@ -136,9 +138,7 @@ def verifier_content(
 
 def picture(rgb: NDArray[np.uint8]) -> Json:
     """An image as a part of a user message: a JPEG in a data URL, of the size that it has."""
-    buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=90)
-    url = f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
     return {"type": "image_url", "image_url": {"url": url}}
 
 
@@ -170,9 +170,8 @@ def _range(part: Mapping[str, Any], kind: bool = True) -> str:
     if "enum" in part:
         return "one of " + ", ".join(map(str, part["enum"]))
     name = str(part.get("type", "any value"))
-    if "minimum" not in part or "maximum" not in part:
-        return name
-    return (f"{name}, " if kind else "") + f"{part['minimum']} to {part['maximum']}"
+    within = bounds(part)
+    return name if not within else f"{name}, {within}" if kind else within
 
 
 def _dump(schema: Json | None) -> str:

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from humanclaw.contract import Check, Skill
 from humanclaw.errors import CallError, HumanclawError, ProviderError
-from humanclaw.interfaces import Answer, Call, EpisodeContext, Observation, Usage, Verdict
+from humanclaw.interfaces import EpisodeContext, Observation
+from humanclaw.records import Answer, Call, Usage, Verdict
 from humanclaw.tools import call_schema, json_objects, read_answer
 from humanclaw_litellm.asking import Asker, Form, Remembered
 from humanclaw_litellm.client import Completion

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 from humanclaw.testing.openai_server import OpenAIServer, call, calls, no_choices, refusing, status, text
 from humanclaw_litellm.settings import ModelError
 

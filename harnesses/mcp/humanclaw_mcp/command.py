@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 from pathlib import Path
 from typing import Any
@@ -47,7 +46,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
     # Session names are keys to a body, and the protocol library logs them below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
-    handlers = Handlers(Bodies(settings, functools.partial(Plugins.discover, files)))
+    handlers = Handlers(Bodies(settings, Plugins.discover(files)))
     try:
         if http:
             anyio.run(serve_http, handlers, port, lambda url: click.echo(f"Listening on {url}", err=True))

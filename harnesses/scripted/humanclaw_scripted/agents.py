@@ -16,7 +16,7 @@ from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
 from humanclaw.contract import Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation, WorldState, ego_camera
 from humanclaw.measures import Parameter, Role, from_si, suited
 from humanclaw.navigation import (
     MultiFloorMap,
@@ -30,7 +30,8 @@ from humanclaw.navigation import (
     stair_runs,
     viewpoints,
 )
-from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
+from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
+from humanclaw.records import Call, Decision
 from humanclaw.scene import Scene
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
@@ -79,7 +80,7 @@ class StillAgent:
     def begin(self, context: EpisodeContext) -> None:
         self._stop = ending(context.skills)
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
 
 
@@ -93,7 +94,7 @@ class RandomAgent:
         self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
         self._seed = context.seed
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
         rng = np.random.default_rng([self._seed, observation.step])
         name = str(rng.choice(sorted(self._skills)))
@@ -170,7 +171,7 @@ class Pose:
 
     def local(self, point: Array) -> tuple[float, float]:
         """A (2,) point as (left, forward) of the body, metres."""
-        here = Frame(float(self.root[0]), float(self.root[2]), self.yaw)
+        here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
         left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
         return float(left), float(forward)
 
@@ -226,7 +227,7 @@ class OracleAgent:
             skill_for(context.skills, needed)
         self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
         pose = Pose.of(state)
         self._notice(pose, history)
@@ -415,7 +416,7 @@ class OracleAgent:
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
     # when it does not go on
-    def _notice(self, pose: Pose, history: Sequence[Past]) -> None:
+    def _notice(self, pose: Pose, history: Sequence[HistoryEntry]) -> None:
         """Compare the last step with what it was to do."""
         memory = self._memory
         last = history[-1].executed if history else None

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call, Decision, EpisodeContext, WorldState
+from humanclaw.interfaces import EpisodeContext, WorldState
 from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array, Frame
+from humanclaw.pose import Array, Pose2D
+from humanclaw.records import Call, Decision, EpisodeSpec
 from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
 
 LOOK_AROUND: Final = 45
@@ -67,7 +67,7 @@ class Senses:
     def bearing_of(self, point: Array) -> float:
         """Of a (3,) point, radians, left positive."""
         body = self._state().body
-        frame = Frame(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
+        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
         left, _, forward = frame.point_to_local(point)
         return float(np.arctan2(left, forward))
 
@@ -161,12 +161,12 @@ class Fault:
 
     @property
     def agent(self) -> str:
-        """The decision maker that can have it."""
+        """The agent that can have it."""
         return "faulty"
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the decision maker, for it to have the fault."""
+        """Of the agent, for it to have the fault."""
         return {"fault": self.name}
 
     def fits(self, spec: EpisodeSpec) -> bool:

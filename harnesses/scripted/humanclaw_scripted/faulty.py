@@ -18,12 +18,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw.contract import Skill
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Answer as CheckAnswer
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
 from humanclaw.outcomes import REACHED, acknowledges
 from humanclaw.pose import Array
+from humanclaw.records import Answer as CheckAnswer
+from humanclaw.records import Call, Decision, EpisodeSpec, Feedback, Verdict
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
 from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
@@ -114,7 +114,7 @@ class FaultyAgent:
         fault = FAULTS.get(self.options.fault)
         return None if fault is None or not fault.fits(spec) or fault.capability == self.options.repair else fault
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if self._errand:
             errand = self._errand.decide(observation, history)
             if errand.calls[0].skill != self._stop:
@@ -150,7 +150,7 @@ class Mind:
     senses: Senses
     stop: str
 
-    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[Past]) -> Decision:
+    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
         """last_seen: the step at which the target was last in view, this one included; None if it never was."""
         rng = np.random.default_rng([self.senses.context.seed, step, 78])
         draws = rng.random(3)
@@ -166,7 +166,7 @@ class Mind:
             return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
         return decision
 
-    def _mistaken_for(self, draws: Any, history: Sequence[Past]) -> Call | None:
+    def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
         """The call of an older view that was taken for the current one."""
         others = min(self.options.images - 1, len(history))
         competing = self.options.confusion * others
@@ -200,13 +200,13 @@ class OracleVerifier:
     def begin(self, context: EpisodeContext) -> None:
         self._senses = Senses(context)
         self._oracle = oracle(context, context.spec)
-        self._history: list[Past] = []
+        self._history: list[HistoryEntry] = []
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
         lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
         accepted = skill.role != "stop" or self._senses.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
-        self._history.append(Past(observation.step, advice, done, "", observation.rgb))
+        self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")
         return Verdict(accepted, None if accepted else done, (answer,))

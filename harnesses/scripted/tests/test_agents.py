@@ -11,11 +11,11 @@ import pytest
 from rooms import STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
 from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import DecisionMaker, EpisodeContext, Observation
+from humanclaw.interfaces import Agent, EpisodeContext, Observation
 from humanclaw.navigation import OccupancyGrid
+from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
 
@@ -218,9 +218,7 @@ def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path)
     untrained = SKILLS | {"sit_in_place": replace(SKILLS["sit_in_place"], adapter=tmp_path / "adapter.safetensors")}
     with pytest.raises(HumanclawError, match="sit_in_place, whose adapter is not trained"):
         play(OracleAgent(), walker, spec, untrained)
-    with pytest.raises(
-        HumanclawError, match="a skill of role locomotion that commands hips.left, hips.forward, heading.left"
-    ):
+    with pytest.raises(HumanclawError, match="a skill of role locomotion that commands hips"):
         play(OracleAgent(), walker, spec, {"stop": SKILLS["stop"]})
 
 
@@ -228,7 +226,7 @@ def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:
     spec = EpisodeSpec(id="x", instruction="x", scene="x")
 
     def draws(seed: int) -> list[str]:
-        agent: DecisionMaker = RandomAgent()
+        agent: Agent = RandomAgent()
         agent.begin(EpisodeContext(spec, SKILLS, seed))
         calls = [agent.decide(Observation(step, "x", PICTURE), ()).calls[0] for step in range(60)]
         for call in calls:

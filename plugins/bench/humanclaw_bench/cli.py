@@ -14,11 +14,10 @@ from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw.cli.options import Deciders, decider_options, plugin_files
-from humanclaw.embodiment import Engines
-from humanclaw.episode import EpisodeSpec
+from humanclaw.embodiment import Backends
 from humanclaw.errors import PluginError, RecordError
 from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
+from humanclaw.records import EpisodeSpec, load_run
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare
@@ -57,7 +56,7 @@ def bench() -> None:
 )
 @plugin_files
 def run_command(
-    name: str, deciders: Deciders, engines: Engines, workers: int, executor: str, address: str | None, out: Path | None,
+    name: str, deciders: Deciders, engines: Backends, workers: int, executor: str, address: str | None, out: Path | None,
     resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import click
 
-from humanclaw.embodiment import Engines
-from humanclaw.episode import EpisodeSpec
+from humanclaw.embodiment import Backends
 from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
+from humanclaw.records import EpisodeSpec, load_run
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.cli import console
@@ -36,7 +35,7 @@ def ablate(name: str, workers: int, out: Path) -> None:
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name)
-        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Engines()), out / setting.name, workers)]
+        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Backends()), out / setting.name, workers)]
     click.echo(ablation.markdown(scores))
 
 

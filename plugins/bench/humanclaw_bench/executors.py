@@ -18,8 +18,8 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
+from humanclaw.records import EpisodeSpec
 from humanclaw_bench.worker import FAILED, Job, Report, Worker
 
 ONE_THREAD: Final = dict.fromkeys(

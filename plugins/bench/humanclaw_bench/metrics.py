@@ -18,7 +18,7 @@ import numpy as np
 from humanclaw.body import BODY_GROUPS
 from humanclaw.errors import RecordError
 from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
-from humanclaw.pose import FUTURE, HISTORY, Array, Frame, Motion, root_jerk
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, root_jerk
 from humanclaw.records import Outcome, RecordedEpisode, StepRecord
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
@@ -31,7 +31,7 @@ FINISHED: Final = ("stopped", "out_of_steps")
 # -- what the agent says ---------------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
     """Whether the answer that a step rests on acknowledges the target."""
-    return bool(step.attempts) and acknowledges(step.attempts[-1].visible_state, category)
+    return acknowledges(step.decision.visible_state, category)
 
 
 # -- where the body was ----------------------------------------------------------------------------------------------------
@@ -136,9 +136,9 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
         yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
 
 
-def _hips(motion: Motion) -> Frame:
+def _hips(motion: Motion) -> Pose2D:
     """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
-    return Frame.of(motion, floor=float(motion.root[-1, 1]))
+    return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
@@ -177,6 +177,8 @@ class Scores:
     """US dollars."""
     tier: str = ""
     """easy, medium or hard; empty where the episode's difficulty is not known."""
+    simulator: str = ""
+    """What moved the world, by name; empty where the record does not tell."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """What plugins measure (hook humanclaw_metrics), by name."""
 
@@ -200,8 +202,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     spec = record.spec
     moved, smoothness = _from_motion(recorded)
     since = disturbed(recorded, moved)
-    usages = [attempt.usage for step in steps for attempt in step.attempts]
-    usages += [step.verdict.usage for step in steps if step.verdict]
+    usages = [step.usage for step in steps]
     return Scores(
         episode=spec.id,
         agent=record.agent,
@@ -222,6 +223,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
         tier=overall(spec.difficulty) if spec.difficulty else "",
+        simulator=record.settings.get("body", {}).get("simulator", ""),
         extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
     )
 

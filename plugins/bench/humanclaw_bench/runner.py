@@ -20,11 +20,10 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError, RecordError
 from humanclaw.files import write_atomically
 from humanclaw.plugins import Plugins, noun
-from humanclaw.records import EpisodeRecord, Outcome
+from humanclaw.records import EpisodeRecord, EpisodeSpec, Outcome
 from humanclaw_bench.executors import Backlog, Executor
 from humanclaw_bench.metrics import FINISHED
 from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
@@ -149,7 +148,7 @@ def _keep(out: Path, report: Report) -> None:
 # -- what a run is made of ---------------------------------------------------------------------------------------------
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
     """All that must be the same for two sittings to be one run. Raises HumanclawError if the job names what is not there."""
-    plugins.make("decision_makers", job.agent, job.options)
+    plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
     base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
@@ -175,7 +174,7 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
         f"{noun('simulators')} {engines.simulator}",
         f"{noun('renderers')} {engines.renderer}",
         f"{noun('motion_generators')} {engines.generator}",
-        f"{noun('decision_makers')} {job.agent}",
+        f"{noun('agents')} {job.agent}",
         f"{noun('verifiers')} {job.verifier}",
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),

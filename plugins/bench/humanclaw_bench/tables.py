@@ -115,11 +115,16 @@ class Result:
 
 
 def named(runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]]) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent and verifier; a run's name is told only where agents repeat."""
+    """Scored episodes by run to one result a run, agent, verifier and simulator.
+
+    The simulator's name is told only where there are several, and a run's only where the rest repeats.
+    """
+    several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
     groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
     for run, found in runs.items():
         for scores, cause in found:
             agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
+            agent += f", {scores.simulator or 'simulator unknown'}" if several else ""
             groups.setdefault((agent, run), []).append((scores, cause))
     repeated = Counter(agent for agent, _ in groups)
     return tuple(

@@ -14,7 +14,7 @@ import toy_world
 from click.testing import CliRunner
 from filelock import FileLock
 
-from humanclaw.embodiment import Engines
+from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError, PluginError, RecordError
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode, load_run
@@ -23,7 +23,7 @@ from humanclaw_bench.executors import Backlog, LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 
-TOY = Engines("toy", "toy", "toy")
+TOY = Backends("toy", "toy", "toy")
 
 
 class Here:
@@ -221,11 +221,11 @@ from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw_bench.cli import bench
-from humanclaw.embodiment import Engines
+from humanclaw.embodiment import Backends
 from humanclaw.plugins import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, engines=Engines("toy", "toy", "toy"), files=(toy_world.FILE,))
+    job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
     tally = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
     print(tally)

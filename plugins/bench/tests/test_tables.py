@@ -60,6 +60,13 @@ def results_of(base: Scores, *agents: str) -> tuple:
     return named({name: [(replace(s, agent=name), None) for s in (base, base, base, far)] for name in agents})
 
 
+def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: Scores):
+    of = {name: [(replace(base, agent="model", simulator=name), None)] for name in ("bullet", "mujoco")}
+    mixed = named({"one run": of["bullet"] + of["mujoco"]})
+    assert [(result.name, len(result.scores)) for result in mixed] == [("model, bullet", 1), ("model, mujoco", 1)]
+    assert [result.name for result in named({"a": of["mujoco"]})] == ["model"]
+
+
 # -- the values --------------------------------------------------------------------------------------------------------
 def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
     sheet = main_table(results_of(base, "model"), paper=False)

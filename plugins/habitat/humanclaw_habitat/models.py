@@ -25,8 +25,8 @@ from humanclaw.meshes.hulls import Hollow
 from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of
 from humanclaw.meshes.reading import bounds
 from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
-from humanclaw.pose import Array
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw.pose import Array, Pose2D
+from humanclaw.scene import Asset, Mesh, Scene, SceneObject
 from humanclaw.scene_file import pack_scene, unpack_scene
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
@@ -147,7 +147,7 @@ class Models:
             assets[name] = self._asset(name, piece.category, moved(piece.mesh, -base), hulls, None)
             objects.append(_thing(number, assets[name], base, np.eye(3), kind))
         levels = json.dumps(floor_levels(parts))
-        return Scene(kind.name, assets, tuple(objects), (), Placement(0, 0, 0), {"levels": levels})
+        return Scene(kind.name, assets, tuple(objects), (), Pose2D(0, 0, 0), {"levels": levels})
 
     def _object(self, kind: Kind, scale: Vec3, category: str, joined: bool) -> Scene:
         template = kind.template
@@ -167,7 +167,7 @@ class Models:
         asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
         thing = _thing(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
-        return Scene(name, {name: asset}, (thing,), (), Placement(0, 0, 0), {"middle": middle})
+        return Scene(name, {name: asset}, (thing,), (), Pose2D(0, 0, 0), {"middle": middle})
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""

@@ -102,7 +102,7 @@ def png() -> bytes:
 
 
 def run(*args: object) -> Result:
-    return CliRunner().invoke(build(Plugins.discover()), [str(arg) for arg in args])
+    return CliRunner().invoke(build(Plugins.discover), [str(arg) for arg in args])
 
 
 @pytest.fixture(scope="module")

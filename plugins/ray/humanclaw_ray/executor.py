@@ -14,8 +14,8 @@ from typing import Any, Final
 import ray
 from ray.exceptions import RayActorError
 
-from humanclaw.episode import EpisodeSpec
 from humanclaw.errors import HumanclawError
+from humanclaw.records import EpisodeSpec
 from humanclaw_bench.executors import ONE_THREAD, Backlog
 from humanclaw_bench.worker import FAILED, Job, Report, Worker, pack, unpack
 

@@ -14,13 +14,13 @@ import toy_world  # noqa: E402
 from ray.cluster_utils import Cluster  # noqa: E402
 
 import humanclaw_ray  # noqa: E402
-from humanclaw.embodiment import Engines  # noqa: E402
+from humanclaw.embodiment import Backends  # noqa: E402
 from humanclaw.plugins import Plugins  # noqa: E402
 from humanclaw.records import load_run  # noqa: E402
 from humanclaw_bench.runner import run_split  # noqa: E402
 from humanclaw_bench.worker import Job  # noqa: E402
 
-TOY = Engines("toy", "toy", "toy")
+TOY = Backends("toy", "toy", "toy")
 
 
 @pytest.fixture

@@ -24,8 +24,8 @@ UPPER: Final = tuple(
 )
 CHANNELS: Final = 3 + 3 * len(UPPER)
 HARMONICS: Final = 4
-_WALKS: Final = ("02_01", "005_01", "006_01", "007_02", "007_03", "007_09", "12_01")
-_IDLES: Final = ("000_genuine", "010_genuine", "011_genuine", "014_genuine", "015_genuine")
+_WALKS: Final = ("02_01", "005_01", "006_01", "007_02", "007_03", "007_09", "007_11")
+_IDLES: Final = ("000_genuine", "010_genuine", "014_genuine", "015_genuine")
 
 
 def channel(joint: str, axis: int = 0) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Final
 
@@ -19,14 +20,31 @@ from tqdm import tqdm
 
 from humanclaw.errors import HumanclawError
 from humanclaw.pose import FPS, FUTURE
-from humanclaw_train.chunks import PARAMETERS, Chunks, load_pack
+from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, load_pack
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.edited import edited_chunks
 
+HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
+"""Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg and of one
+idler, and the second of the two walks over blocks, for which there is one subject alone."""
 
-def build(source: Path, out: Path, seconds: float, seed: int) -> dict[str, Chunks]:
-    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz. seconds: of edited motion a skill."""
-    clips = load_pack(source)
+
+def held_out(clip: Clip, patterns: Sequence[str] = HELD_OUT) -> bool:
+    """Whether the clip's name matches one of the patterns."""
+    return any(fnmatch(clip.name, pattern) for pattern in patterns)
+
+
+def build(
+    source: Path, out: Path, seconds: float, seed: int, without: Sequence[str] = (), hold_out: Sequence[str] = HELD_OUT
+) -> dict[str, Chunks]:
+    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in out/held_out.
+
+    seconds: of edited motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of clips' names.
+    """
+    every = [clip for clip in load_pack(source) if clip.source not in without]
+    clips = [clip for clip in every if not held_out(clip, hold_out)]
+    for name, chunks in build_real([clip for clip in every if held_out(clip, hold_out)]).items():
+        chunks.save(out / "held_out" / f"{name}.npz")
     real = build_real(clips)
     with tqdm(total=100, desc="editing", unit="%") as bar:
         edited = edited_chunks(clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
@@ -87,9 +105,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
     parser.add_argument("--seconds", type=float, default=4000.0, help="edited motion a skill")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without", nargs="*", default=[], help="sources that are left out, for instance HDM05")
+    parser.add_argument(
+        "--hold-out", nargs="*", default=list(HELD_OUT), help="patterns of clips that nothing learns from"
+    )
     options = parser.parse_args(arguments)
     try:
-        chunks = build(options.source, options.out, options.seconds, options.seed)
+        chunks = build(options.source, options.out, options.seconds, options.seed, options.without, options.hold_out)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -23,11 +23,22 @@ from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
 from humanclaw.motion.ik import Limb, solve
 from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.pose import vector_from_matrix as to_vector
-from humanclaw_train import augment, ik
+from humanclaw_train import augment, gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
+from humanclaw_train.curves import (
+    Array,
+    bump,
+    cubic,
+    floor,
+    quintic,
+    raised,
+    smooth,
+    smoother,
+    soft_minimum,
+    turned,
+)
 from humanclaw_train.ik import Feet
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
 Mask = NDArray[np.bool_]
 Command = tuple[str, Mapping[str, float]]
@@ -36,6 +47,8 @@ SECONDS: Final = FUTURE / FPS
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
 STAND: Final = 0.956
 """Pelvis height of a standing or passing body: the knees are never quite straight."""
+COAST: Final = 0.2
+"""Share of a chunk at their speed by which the hips go on where no travel is commanded: nobody stops dead."""
 TOE_OUT: Final = 0.12
 AIRBORNE: Final = 0.004
 """A foot this far above the floor hangs, metres."""
@@ -68,10 +81,10 @@ class Manner(NamedTuple):
 
 MANNERS: Final[Mapping[str, Manner]] = {
     # Land and lift, pitches and width of the walk were read off the real walks; real backward steps land toe first.
-    "walk": Manner(0.088, 0.045, 0.37, 0.6, 1.5, -0.65, vigour=1.0, exit=1.0, turn_exit=1.0),
-    "side_step": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.25, exit=0.3),
+    "walk": Manner(0.088, 0.045, 0.37, 0.6, 1.5, -0.65, vigour=1.25, exit=1.0, turn_exit=1.0),
+    "side_step": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.6, exit=0.3),
     "step_back": Manner(0.08, 0.035, 0.42, 0.58, 1.0, 0.7, vigour=0.6, lean=-0.02, exit=1.0),
-    "turn_in_place": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.2),
+    "turn_in_place": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.6),
     "climb_upstairs": Manner(0.08, 0.07, 0.42, 0.5, 1.1, -0.1, vigour=1.1, lean=0.14, look_down=0.1, exit=1.0),
     "walk_downstairs": Manner(0.08, 0.05, 0.47, 0.58, 0.9, 0.9, vigour=1.0, lean=0.02, look_down=0.2, exit=1.0),
     "sit_in_place": Manner(0.09, 0.03, 0.3, 0.5, 0.5, 0.0),
@@ -80,60 +93,6 @@ MANNERS: Final[Mapping[str, Manner]] = {
 SKILLS: Final = tuple(MANNERS)
 WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(len(SKILLS))
 _TABLE: Final = np.array([tuple(manner) for manner in MANNERS.values()]).T
-
-
-# -- curves ------------------------------------------------------------------------------------------------------------
-def smooth(u: Array) -> Array:
-    """0 to 1 with no velocity at the ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u * u * (3 - 2 * u))
-
-
-def smoother(u: Array) -> Array:
-    """0 to 1 with no velocity and no acceleration at the ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u**3 * (10 - 15 * u + 6 * u * u))
-
-
-def bump(u: Array) -> Array:
-    """0 at the ends, 1 in the middle, with no velocity and no acceleration at the ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(64 * (u * (1 - u)) ** 3)
-
-
-def quintic(u: Array, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array) -> Array:
-    """From p0 to p1 with the velocities v0 and v1 and the accelerations a0 and none, all per unit of u."""
-    d, e = p1 - p0 - v0 - a0 / 2, v1 - v0 - a0
-    c3, c4, c5 = 10 * d - 4 * e - a0 / 2, -15 * d + 7 * e + a0, 6 * d - 3 * e - a0 / 2
-    return np.asarray(p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5)))))
-
-
-def cubic(u: Array, p0: Array, v0: Array | float, p1: Array, v1: Array | float) -> Array:
-    """From p0 to p1 with the velocities v0 and v1 per unit of u; held at the ends outside [0, 1]."""
-    u = np.clip(u, 0.0, 1.0)
-    d = p1 - p0
-    return np.asarray(p0 + u * (v0 + u * ((3 * d - 2 * v0 - v1) + u * (v0 + v1 - 2 * d))))
-
-
-def soft_minimum(a: Array, b: Array, width: Array) -> Array:
-    """The minimum with its corner rounded; exact where the two differ by more than width."""
-    return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
-
-
-def turned(vector: Array, yaw: Array) -> Array:
-    """(..., 2) floor vectors turned by yaw (...)."""
-    sin, cos = np.sin(yaw), np.cos(yaw)
-    return np.stack([vector[..., 0] * cos + vector[..., 1] * sin, vector[..., 1] * cos - vector[..., 0] * sin], -1)
-
-
-def floor(points: Array) -> Array:
-    """(..., 3) to (..., 2)."""
-    return np.asarray(points[..., [0, 2]])
-
-
-def raised(points: Array, height: Array) -> Array:
-    """(..., 2) floor points at a height (...) to (..., 3)."""
-    return np.stack([points[..., 0], np.broadcast_to(height, points.shape[:-1]), points[..., 1]], -1)
 
 
 # -- commands and state ------------------------------------------------------------------------------------------------
@@ -171,12 +130,14 @@ class Commands:
 
 @dataclass(frozen=True)
 class State:
-    """N bodies at the end of a chunk; rates and velocities are per chunk.
+    """N bodies at the end of a chunk; rates and velocities are per chunk. The root is that of the path, about which a walker sways.
 
     root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet, nought
     when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw, foot_yaw_rate,
     foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a reason against it;
-    pose, pose_rate (N, CHANNELS).
+    pose, pose_rate (N, CHANNELS). phase (N,) of the step cycle and cadence (N,), nought for who does not walk; sway (N, 3):
+    amplitudes of the pelvis about its path, as humanclaw_train.gait has them. height (N,): of the pelvis itself above the level.
+    lacking (N,): by how much the chunk before missed 2 cm of clearance over the edge of a stair, metres.
     """
 
     root: Array
@@ -194,6 +155,11 @@ class State:
     next: Ints
     pose: Array
     pose_rate: Array
+    phase: Array
+    cadence: Array
+    sway: Array
+    height: Array
+    lacking: Array
 
     @classmethod
     def standing(cls, pose: Array, next_foot: Ints) -> State:
@@ -215,7 +181,7 @@ class State:
         zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
         return cls(
             three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out, -toe_out],
-            two, two, two, next_foot, pose, np.zeros_like(pose),
+            two, two, two, next_foot, pose, np.zeros_like(pose), zero, zero, three, zero + height, zero,
         )  # fmt: skip
 
     @property
@@ -247,6 +213,15 @@ class Style:
     seats: Array
     sway: Array
     frame: Ints
+    tempo: Array
+    swings: Array
+    """(N, 3) by which the pelvis' swings to the side, ahead and up exceed those of the average walker."""
+    roll: Array
+    """(N,) the same of the feet's pitch and height."""
+    width: Array
+    """(N,) metres by which the feet are further apart."""
+    riser: Array
+    """(N,) 0 to 1: where on the treads of stairs the feet stand."""
 
     def later(self, frames: int) -> Style:
         return replace(self, frame=self.frame + frames)
@@ -260,7 +235,7 @@ class Plan:
     end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise: velocity of
     that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot still hangs; base (N, 2):
     the point about which the feet come to stand; first: the foot that lands first; wrong: the other foot hangs, and must
-    come down before the first one may leave.
+    come down before the first one may leave. speed: over the floor, m/s. stride: goes on walking, in steps of its own time.
     """
 
     end: Array
@@ -276,6 +251,8 @@ class Plan:
     base: Array
     first: Ints
     wrong: Mask
+    speed: Array
+    stride: Mask
 
     @property
     def sits(self) -> Mask:
@@ -311,13 +288,15 @@ def plan(state: State, c: Commands) -> Plan:
     end = floor(state.root) + turned(step, state.yaw)
     base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
     first = _first_foot(state, c, x, yaw, shuffle)
+    speed = np.linalg.norm(step, axis=-1) / SECONDS
+    stride = _goes_on(state, c, step, yaw, flow)
     return Plan(
         end=end,
         velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
         yaw=state.yaw + yaw,
         yaw_rate=yaw * np.where(tight, 0.2, c.manner.turn_exit),
         level=state.level + stair,
-        height=height,
+        height=np.where(stride, gait.pelvis_height(speed), height),
         rise=stair * np.where(stair > 0, 0.5, 0.45),
         seat=seat,
         ahead=z,
@@ -325,7 +304,16 @@ def plan(state: State, c: Commands) -> Plan:
         base=base,
         first=first,
         wrong=(first != state.next) & state.hanging,
+        speed=speed,
+        stride=stride,
     )
+
+
+def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) -> Mask:
+    """(N,) who walks and is to walk on at about that speed; starting, and all other skills, take two swings a chunk."""
+    along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
+    near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
+    return c.among(WALK) & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45)
 
 
 def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
@@ -334,13 +322,15 @@ def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
     What a command leaves open goes to running out a walk or to standing up from a seat.
     """
     seat = np.select([c.among(SIT), c.among(STOP)], [seat_depth(c.h), state.seat], 0.0)
-    run_out = np.where(state.seated[:, None], 0.0, 0.38 * turned(floor(state.velocity), -state.yaw))
+    run_out = np.where(state.seated[:, None], 0.0, COAST * turned(floor(state.velocity), -state.yaw))
     x = np.select([c.among(WALK, SIDE), c.among(SIT, STOP, TURN)], [c.x, run_out[:, 0]], 0.0)
     z = np.select(
         [c.among(WALK), c.among(BACK), c.among(UP, DOWN)], [c.z, -c.z, c.d], run_out[:, 1] + state.seat - seat
     )
     held = state.root[:, 1] - state.level
-    height = np.select([c.among(SIT), c.among(STOP) & state.seated], [c.h, held], STAND)
+    # On stairs a walker's pelvis stays as low as it is, so that it rises by the height of the step.
+    low = np.where(state.seated, STAND, np.clip(state.height, 0.8, STAND))
+    height = np.select([c.among(SIT), c.among(STOP) & state.seated, c.among(UP, DOWN)], [c.h, held, low], STAND)
     return np.stack([x, z], -1), seat, height
 
 
@@ -431,16 +421,24 @@ class Swing:
         )
 
 
-def feet(state: State, p: Plan, c: Commands, root: Array) -> Feet:
-    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or stands."""
+def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple[Feet, Array]:
+    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or stands.
+
+    The second value, (N,), is by how much they clear the edge of a stair by less than 2 cm, metres.
+    """
+    p = _before_the_riser(state, p, c, style)
     m = _timed(c.manner, c, p, planted=~state.hanging | p.wrong)
-    tolerance = np.where(c.among(SIT, STOP), 0.05, np.where(state.seated, 0.1, 0.0))
+    tolerance = np.where(c.among(SIT, STOP), 0.08, np.where(state.seated, 0.1, 0.0))
     first = _first_swing(state, p, c, m, root, tolerance)
     second = _second_swing(state, p, c, m, tolerance)
+    edge = nosing(p, c, style)
+    first, second = (_cleared(state, p, c, edge, track) for track in (first, second))
+    lacking = np.maximum(*(clearance_lack(state, p, edge, track, 0.02).max(1) for track in (first, second)))
     left = p.first == 0
     pairs = zip(first, second, strict=True)
     swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
-    return Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
+    both = Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
+    return both, np.where(c.among(UP, DOWN), lacking, 0.0)
 
 
 def _timed(m: Manner, c: Commands, p: Plan, planted: Mask) -> Manner:
@@ -471,7 +469,12 @@ def _first_swing(
     # What is left of the hanging foot's height goes last: it still has ground to cover.
     held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
     arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.among(UP, DOWN))
-    sole[..., 1] = _stair(u, state.level, p.level) + held + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
+    line = _stair(u, state.level, p.level) + held
+    # Whoever hangs above the next tread already only sinks.
+    above = np.maximum(swing.start[:, 1] - p.level, 0.0)[:, None] * (1 - smoother(u) ** 2)
+    sinks = c.among(UP) & (swing.start[:, 1] > p.level)
+    line = np.where(sinks[:, None], p.level[:, None] + above, line)
+    sole[..., 1] = line + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
     yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
     return sole, yaw, _landing_pitch(swing, p, m, u, planted, moving), np.zeros_like(yaw)
 
@@ -491,6 +494,69 @@ def _stair(u: Array, level0: Array, level1: Array) -> Array:
     u = np.clip(u, 0, 1)
     ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
     return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
+
+
+def nosing(p: Plan, c: Commands, style: Style) -> Array:
+    """(N,) where the edge between the two treads of this chunk lies, metres along the facing from the base of the feet.
+
+    Upstairs the toes of who stands keep 5 to 15 cm from the next riser; on shallow treads the heels hang over the edge.
+    Downstairs the heel of who lands keeps 4 cm and more from the riser behind it.
+    """
+    ankle = -0.02 - 0.1 * np.abs(p.ahead) * p.flow
+    up = np.maximum(c.d - 0.25 - 0.1 * style.riser, -0.06)
+    down = 0.1 + style.riser * np.maximum(c.d - 0.24, 0.02)
+    return np.asarray(ankle - np.where(c.among(UP), up, down))
+
+
+def _before_the_riser(state: State, p: Plan, c: Commands, style: Style) -> Plan:
+    """The plan with the feet going further where one of them is past the riser that the step would have."""
+    toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
+    past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
+    further = np.where(c.among(UP) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
+    return replace(p, base=p.base + further[:, None] * p.facing)
+
+
+NOSE: Final = 0.025
+"""By how much every point of a swinging foot clears the edge of a tread, metres."""
+
+
+def _cleared(
+    state: State, p: Plan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
+) -> tuple[Array, Array, Array, Array]:
+    """The track of a foot, lifted where it would cut the edge of a tread."""
+    sole, yaw, pitch, bend = track
+    lack = clearance_lack(state, p, edge, track, NOSE) * (smooth(GRID / 0.2) * c.among(UP, DOWN)[:, None])
+    moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
+    moving[:, -1] = moving[:, -2]
+    kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
+    wide = np.lib.stride_tricks.sliding_window_view(
+        np.pad(lack * moving, ((0, 0), (4, 4)), mode="edge"), 5, axis=1
+    ).max(-1)
+    raised_by = np.lib.stride_tricks.sliding_window_view(wide, 5, axis=1) @ kernel
+    sole = sole.copy()
+    sole[..., 1] += raised_by * smooth(GRID / 0.15)
+    return sole, yaw, pitch, bend
+
+
+def clearance_lack(
+    state: State, p: Plan, edge: Array, track: tuple[Array, Array, Array, Array], margin: float
+) -> Array:
+    """(N, 16) metres by which heel or toes are lower than `margin` above the upper tread where they are over it."""
+    sole, yaw, pitch, _ = track
+    ankle = ik.ankle_over(sole, yaw, pitch)
+    orientation = ik.foot_orientation(yaw, pitch)
+    up = (p.level > state.level)[:, None]
+    top = np.maximum(p.level, state.level)[:, None]
+    nose = (np.sum(p.base * p.facing, -1) + edge)[:, None]
+    # Next to where it stands before or after, a foot is on its way to or from the tread itself.
+    away = np.minimum(*(np.linalg.norm(floor(sole - sole[:, at, None]), axis=-1) for at in (0, -1)))
+    tread = top + margin * np.clip(away / 0.08, 0.0, 1.0)
+    lacks = []
+    for point in ik.SOLE_POINTS:
+        place = ankle + orientation @ point
+        ahead = np.sum(floor(place) * p.facing[:, None], -1) - nose
+        lacks.append(np.where(np.where(up, ahead > 0.0, ahead < 0.0), tread - place[..., 1], 0.0))
+    return np.maximum(np.max(lacks, axis=0), 0.0)
 
 
 def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, moving: Mask) -> Array:
@@ -527,10 +593,11 @@ def _second_swing(state: State, p: Plan, c: Commands, m: Manner, tolerance: Arra
 
 def _lift(state: State, p: Plan, c: Commands, m: Manner, swing: Swing, u: Array) -> Array:
     """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
-    drop = 0.45 * np.maximum(state.level - p.level, 0.0)  # downstairs the foot still hangs above the tread it passes
+    # On stairs the foot that passes is on its way over an edge.
+    drop = np.where(p.level > state.level, 0.45, 0.6) * np.abs(p.level - state.level)
     arc = np.select([c.among(UP), c.among(DOWN)], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
     hang = (m.clearance + drop) * p.flow
-    return np.asarray(hang[:, None] * smooth(1.6 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
+    return np.asarray(hang[:, None] * smooth(1.3 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
 
 
 def _leaving_pitch(swing: Swing, p: Plan, m: Manner, down: float) -> tuple[Array, Array]:
@@ -546,21 +613,72 @@ def _leaving_pitch(swing: Swing, p: Plan, m: Manner, down: float) -> tuple[Array
     return before + np.where(top < GRID, fall, heel), bend
 
 
+def cycle(state: State, p: Plan, style: Style) -> gait.Cycle:
+    """The step cycle of who strides; of everybody else what is left of it fades at its own rate."""
+    end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
+    rate = np.maximum(state.cadence, 0.5)
+    return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
+
+
+def striding_feet(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
+    """Both feet of who strides: each swings in its own time to where the hips will be when the other one passes it."""
+    whose = np.stack([gait.foot_of(steps.first), gait.foot_of(steps.first + 1)], 1)
+    feet = [_striding_foot(foot, state, p, style, steps, root, yaw, whose) for foot in (0, 1)]
+    return Feet(*(np.stack(pair, 1) for pair in zip(*feet, strict=True)))
+
+
+def _striding_foot(
+    foot: int, state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
+) -> tuple[Array, Array, Array, Array]:
+    passing = steps.first + (whose[:, 1] == foot)
+    path = np.concatenate([floor(root), yaw[..., None]], -1)
+    velocity = np.concatenate([p.velocity, p.yaw_rate[:, None]], -1)
+    over = gait.reached(steps, path, velocity, passing + 1.0)
+    left = 1.0 if foot == 0 else -1.0
+    aside = np.stack([left * (0.05 + style.width), -0.03 - 0.045 * p.speed], -1)
+    target = np.concatenate([over[:, :2] + turned(aside, over[:, 2]), over[:, 2:] + left * TOE_OUT], -1)
+    value = np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1)
+    rate = np.concatenate([floor(state.foot_velocity[:, foot]), state.foot_yaw_rate[:, foot, None]], -1)
+    track = gait.swung(steps, passing, gait.Leg(value, rate), target)
+    high = 0.07 * style.roll * np.clip(0.6 + 0.35 * p.speed, 0.6, 1.2)
+    height = high[:, None] * gait.swing_height(steps.progress(passing))
+    height = gait.settled(state.foot[:, foot, 1] - state.level, state.foot_velocity[:, foot, 1], height, 0.4)
+    pitch = style.roll[:, None] * gait.pitch(steps.since(foot), p.speed[:, None])
+    pitch = gait.settled(state.foot_pitch[:, foot], state.foot_pitch_rate[:, foot], pitch)
+    bend = np.maximum(pitch, 0.0) * (1 - smooth((steps.since(foot) + gait.LIFT) / 0.25))
+    return raised(track[..., :2], state.level[:, None] + np.maximum(height, 0.0)), track[..., 2], pitch, bend
+
+
+def swaying(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
+    """The path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
+
+    Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing foot.
+    """
+    last = np.where(p.stride[:, None], gait.amplitudes(p.speed) * style.swings, 0.0)
+    size = state.sway[:, None] + (last - state.sway)[:, None] * smoother(GRID)[:, None]
+    swing = size * gait.pelvis(steps.phase)
+    flat = turned(gait.pinned(swing[..., :2]), yaw)
+    return root + raised(flat, swing[..., 2]), last
+
+
 # -- the upper body ----------------------------------------------------------------------------------------------------
-def pose_targets(state: State, p: Plan, c: Commands, style: Style) -> Array:
+def pose_targets(state: State, p: Plan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
     """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
     m = c.manner
-    speed = np.linalg.norm(p.end - floor(state.root), axis=-1) / SECONDS
-    vigour = (m.vigour * np.clip(speed / 1.15, 0, 1.2))[:, None, None]
+    # Who turns on the spot swings the arms as who walks slowly does.
+    pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
+    vigour = (m.vigour * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
     direction = np.where(c.among(BACK), -1.0, 1.0)[
         :, None
     ]  # who walks backwards goes through the same poses in reverse
-    gait = augment.basis((1 - p.first)[:, None] + direction * GRID) @ style.gait
+    phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
+    walk = augment.basis(phase) @ style.gait
+    walk[..., 2] = gait.pinned(walk[..., 2])
     mean, stance = style.gait[:, :1], style.stance[:, None]
     sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
     # The mean posture follows the speed up to that of the clips; the swing about it goes on growing.
     still = 1 - np.minimum(vigour, 1.0)
-    standing = stance + (1 - still) * (mean - stance) + vigour * (gait - mean) + 0.6 * still * sway
+    standing = stance + (1 - still) * (mean - stance) + vigour * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
     target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, np.asarray(m.lean)[:, None])
     return _bent(target, {"neck": 0.5, "head": 0.5}, 0, np.asarray(m.look_down)[:, None])
@@ -639,21 +757,36 @@ def seat_table(stance: Array) -> Array:
 def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Array]:
     """One chunk: the state at its end, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
     p = plan(state, c)
-    root, yaw = hip_path(state, p)
-    stand = feet(state, p, c, root)
-    values = upper_body(state, p, c, pose_targets(state, p, c, style))
+    steps = cycle(state, p, style)
+    path, yaw = hip_path(state, p)
+    stand, lacking = _feet(state, p, c, style, steps, path, yaw)
+    values = upper_body(state, p, c, pose_targets(state, p, c, style, steps))
     pelvis = pelvis_orientation(yaw, values[..., :3])
-    second = np.arange(2) == (1 - p.first)[:, None]
-    may_lift = np.where(second[..., None], 0.5 * bump(1.05 * GRID), 0.0)
-    root = _bobbing(root, p, c)
-    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift))
+    root, sway = swaying(state, p, style, steps, _bobbing(path, p, c), yaw)
+    may_lift = _may_lift(p, steps)
+    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift), p.stride)
     stand = ik.ease_ankles(root, pelvis, ik.raise_heels(root, pelvis, stand, may_lift), yaw)
     rotations = np.zeros((*yaw.shape, N_JOINTS, 3))
     rotations[:, :, 0] = to_vector(pelvis)
     rotations[:, :, UPPER] = values[..., 3:].reshape(*yaw.shape, -1, 3)
     for joint, matrix in ik.place_legs(root, pelvis, stand, yaw).items():
         rotations[:, :, JOINT_INDEX[joint]] = to_vector(matrix)
-    return _ended(p, stand, values), root[:, 1:], rotations[:, 1:]
+    return _ended(p, stand, values, steps, sway, root[:, -1, 1], lacking), root[:, 1:], rotations[:, 1:]
+
+
+def _feet(
+    state: State, p: Plan, c: Commands, style: Style, steps: gait.Cycle, path: Array, yaw: Array
+) -> tuple[Feet, Array]:
+    two_swings, lacking = feet(state, p, c, style, path)
+    return striding_feet(state, p, style, steps, path, yaw).where(p.stride, two_swings), lacking
+
+
+def _may_lift(p: Plan, steps: gait.Cycle) -> Array:
+    """(N, 2, 16) by how much a heel may rise where its leg would not reach: that of the foot that is left behind."""
+    second = np.arange(2) == (1 - p.first)[:, None]
+    two_swings = np.where(second[..., None], bump(1.05 * GRID), 0.0)
+    behind = np.stack([bump((steps.since(foot) + 0.9) / 0.7) for foot in (0, 1)], 1)
+    return 0.5 * np.where(p.stride[:, None, None], behind, two_swings)
 
 
 def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
@@ -666,26 +799,33 @@ def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
 
 def _bobbing(root: Array, p: Plan, c: Commands) -> Array:
     """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
-    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * c.among(WALK, BACK)
+    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * (c.among(WALK, BACK) & ~p.stride)
     sunk = root.copy()
     sunk[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
     return sunk
 
 
-def _lowered(root: Array, ceiling: Array) -> Array:
+def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
     """The path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is left."""
     height = root[..., 1]
     need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
     skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
     dip = np.maximum(need.max(1), 0.0)[:, None] * bump(GRID ** skew[:, None])
     lowered = root.copy()
-    lowered[..., 1] = soft_minimum(height - dip, ceiling, 0.004 + 0.02 * bump(GRID))
+    dipped = np.where(stride[:, None], height, height - dip)
+    width = np.where(stride[:, None], 0.012, 0.004 + 0.02 * bump(GRID))
+    lowered[..., 1] = soft_minimum(dipped, ceiling, width)
     return lowered
 
 
-def _ended(p: Plan, stand: Feet, values: Array) -> State:
-    """The state that the next chunk starts from; only a foot that hangs has a velocity."""
-    hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None]
+def _ended(p: Plan, stand: Feet, values: Array, steps: gait.Cycle, sway: Array, height: Array, lacking: Array) -> State:
+    """The state that the next chunk starts from; only a foot in the air has a velocity."""
+    phase = np.where(p.stride, steps.phase[:, -1] % 2, p.first)
+    progress = steps.progress(np.ceil(phase - gait.LAND).astype(int))[:, -1]
+    passing = np.ceil(phase - gait.LAND) + (progress > 0.92)  # a foot that is about to land has landed
+    next_foot = np.where(p.stride, gait.foot_of(passing.astype(int)), 1 - p.first)
+    hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None] | p.stride[:, None]
+    cadence = np.where(p.stride, steps.end_rate, np.where(p.flow > 0.5, 1.0, 0.0))
 
     def rate(track: Array) -> Array:
         return np.asarray(
@@ -694,22 +834,27 @@ def _ended(p: Plan, stand: Feet, values: Array) -> State:
 
     return State(
         p.root, raised(p.velocity, p.rise), p.yaw, p.yaw_rate, p.level, p.seat,
-        stand.sole[:, :, -1], rate(stand.sole) * [1.0, 0.0, 1.0], stand.yaw[:, :, -1], rate(stand.yaw), stand.pitch[:, :, -1],
-        rate(stand.pitch), 1 - p.first, values[:, -1], (values[:, -1] - values[:, -2]) * FUTURE,
+        stand.sole[:, :, -1], rate(stand.sole), stand.yaw[:, :, -1], rate(stand.yaw), stand.pitch[:, :, -1],
+        rate(stand.pitch), next_foot, values[:, -1], (values[:, -1] - values[:, -2]) * FUTURE, phase, cadence, sway,
+        height - p.level, lacking,
     )  # fmt: skip
 
 
 # -- whole motions -----------------------------------------------------------------------------------------------------
 def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
-    """The mean gait with a share of one walker's own manner, and arms that swing more or less."""
+    """The mean gait with a share of one walker's own, and gait parameters that differ as people do."""
     which = rng.integers(1, len(profiles.gait), n)
-    own = rng.uniform(0.0, 0.5, n)[:, None, None]
-    gait = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
-    gait[:, 1:] *= rng.uniform(0.85, 1.1, n)[:, None, None]
-    gait[:, 0] = _eyes_level(gait[:, 0], 0.06)
+    own = rng.uniform(0.0, 0.9, n)[:, None, None]
+    gaits = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
+    gaits[:, 1:] *= rng.uniform(0.7, 1.25, n)[:, None, None]
+    gaits[:, 0] = _eyes_level(gaits[:, 0], 0.06)
     stance = _eyes_level(profiles.stance, 0.04)
-    frame = rng.integers(0, len(profiles.sway), n)
-    return Style(gait, np.repeat(stance[None], n, 0), seat_table(stance), profiles.sway, frame)
+    return Style(
+        gaits, np.repeat(stance[None], n, 0), seat_table(stance), profiles.sway, rng.integers(0, len(profiles.sway), n),
+        tempo=rng.normal(1.0, 0.06, n).clip(0.86, 1.12), swings=rng.normal(1.0, 0.2, (n, 3)).clip(0.5, 1.5),
+        roll=rng.normal(1.0, 0.1, n).clip(0.8, 1.2), width=rng.normal(0.0, 0.012, n).clip(-0.02, 0.03),
+        riser=rng.random(n),
+    )  # fmt: skip
 
 
 def _eyes_level(pose: Array, down: float) -> Array:
@@ -725,8 +870,8 @@ def _eyes_level(pose: Array, down: float) -> Array:
 
 def play(
     profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0
-) -> tuple[Array, Array]:
-    """Root (N, 5 + 15 K, 3) and rotations (N, 5 + 15 K, 24, 3) of N bodies that carry out K commands each.
+) -> tuple[Array, Array, Array]:
+    """Root (N, 5 + 15 K, 3), rotations (N, 5 + 15 K, 24, 3) and lacking (N, K) of N bodies that carry out K commands each.
 
     They begin in a quiet stance, a share `rested` of them in `rest_pose`.
     """
@@ -739,12 +884,14 @@ def play(
     rest = rest_pose(HISTORY)
     roots = [np.where(resting[:, None, None], rest.root, root[:, -HISTORY:])]
     turns = [np.where(resting[:, None, None, None], rest.rotations, rotations[:, -HISTORY:])]
+    lacking = []
     for commands in series:
         style = style.later(FUTURE)
         state, root, rotations = advance(state, commands, style)
         roots.append(root)
         turns.append(rotations)
-    return np.concatenate(roots, 1), np.concatenate(turns, 1)
+        lacking.append(state.lacking)
+    return np.concatenate(roots, 1), np.concatenate(turns, 1), np.stack(lacking, 1)
 
 
 def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
@@ -755,5 +902,5 @@ def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], s
     seat, where the pelvis rises by both. Raises ValueError for unknown skills and parameters.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
-    root, rotations = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
+    root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
     return Motion(root[0], rotations[0])

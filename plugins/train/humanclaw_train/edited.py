@@ -30,13 +30,13 @@ from humanclaw_train.composer import (
 _FOLLOWS: Final = np.array(
     # walk, side, back, turn, up, down, sit, stop
     [
-        [62, 5, 3, 10, 5, 5, 4, 6],
+        [75, 5, 3, 10, 5, 5, 4, 6],
         [16, 40, 8, 14, 4, 4, 8, 6],
         [10, 8, 44, 14, 3, 3, 12, 6],
         [24, 7, 6, 42, 5, 5, 6, 5],
         [12, 4, 3, 5, 66, 4, 1, 5],
         [12, 4, 3, 5, 4, 66, 1, 5],
-        [13, 6, 4, 10, 2, 2, 45, 18],
+        [13, 6, 4, 10, 1, 1, 45, 18],
         [14, 8, 8, 12, 7, 7, 14, 30],
     ],
     float,
@@ -116,17 +116,19 @@ def edited_chunks(
 
 def _batch(profiles: Profiles, rng: np.random.Generator, bodies: int = 128, length: int = 16) -> dict[str, Chunks]:
     series = sample_commands(bodies, length, rng)
-    motions = [Motion(*pair) for pair in zip(*play(profiles, series, rng, rested=0.3), strict=True)]
+    roots, turns, lacking = play(profiles, series, rng, rested=0.3)
+    motions = [Motion(*pair) for pair in zip(roots, turns, strict=True)]
+    clean = lacking.ravel() < 0.01
     root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
     skill = np.concatenate([commands.skill for commands in series]).reshape(length, bodies).T.ravel()
     found = {
-        name: Chunks.of(name, root[skill == i], rotations[skill == i], "composed", False)
+        name: Chunks.of(name, root[(skill == i) & clean], rotations[(skill == i) & clean], "composed", False)
         for i, name in enumerate(SKILLS)
     }
     asked = np.stack([np.stack([commands.h, commands.d], -1) for commands in series], 1).reshape(-1, 2)
     for index in (UP, DOWN):
         # Who rises from a seat rises by more than the stair; what was asked for is the stair.
-        rows = skill == index
+        rows = (skill == index) & clean
         seated = root[rows, HISTORY - 1, 1] < 0.9
         params = np.where(seated[:, None], asked[rows], found[SKILLS[index]].params).astype(np.float32)
         found[SKILLS[index]] = replace(found[SKILLS[index]], params=params)

@@ -6,7 +6,7 @@ radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 HEEL: Final = np.array([0.0, -SOLE, -0.06])
 """From ankle to the rear edge of the sole in the frame of the foot."""
+
+SOLE_POINTS: Final = (HEEL, np.array([0.0, -SOLE, 0.13]), np.array([0.0, -SOLE, 0.19]))
+"""Rear edge of the sole, ball and tips of the toes, from the ankle in the frame of a foot whose toes are not bent."""
 
 
 def foot_orientation(yaw: Array, pitch: Array) -> Array:
@@ -59,6 +62,11 @@ class Feet:
     def ankles(self, lift: Array | float = 0.0) -> Array:
         """(N, 2, T, 3), with the heels raised by another `lift` radians."""
         return ankle_over(self.sole, self.yaw, self.pitch + lift)
+
+    def where(self, which: NDArray[np.bool_], other: Feet) -> Feet:
+        """These feet for the bodies in `which` (N,), the other ones elsewhere."""
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
+        return Feet(*(np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs))
 
     def tilted(self, extra: Array) -> Feet:
         """With the heels raised further while the toes stay where they are."""

@@ -107,8 +107,9 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
     return decode(base.normaliser.inverse(future)[0].numpy())
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("skill", [*SHIPPED, "base"])
+@pytest.mark.parametrize(
+    ("skill", "profile"), [*((skill, "default") for skill in [*SHIPPED, "base"]), ("base", "paper")]
+)
 def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_millimetre(skill, profile):
     path, solver = SHIPPED.get(skill), PROFILES[profile]
     command = Command.of(skill, path) if path else None

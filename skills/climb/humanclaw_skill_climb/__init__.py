@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
+from humanclaw.hookspecs import RegisterSkill
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_skills(register):
+def humanclaw_skills(register: RegisterSkill) -> None:
     for name in ("climb_upstairs", "walk_downstairs"):
         register(Path(__file__).parent / name)

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
+from humanclaw.hookspecs import RegisterSkill
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_skills(register):
+def humanclaw_skills(register: RegisterSkill) -> None:
     register(Path(__file__).parent / "step_back")

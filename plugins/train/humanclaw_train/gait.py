@@ -1,0 +1,164 @@
+"""Walking whose steps do not wait for chunks: the phase of the step cycle, the feet, and what the pelvis does over it.
+
+The phase counts steps: at an even number the right foot passes the left one, at an odd number the left foot passes the right one,
+as in humanclaw_train.augment. A chunk advances it by what real walkers do at that speed, so that chunks begin anywhere in a
+cycle; a foot in the air is led on towards a landing that is planned anew from each command. Numbers were read off the real walks
+of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s). Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.pose import FPS, FUTURE
+from humanclaw_train.curves import Array, bump, cubic, smooth, smoother
+
+Ints = NDArray[np.int_]
+GRID: Final = np.arange(FUTURE + 1) / FUTURE
+LIFT: Final = 0.42
+"""Steps before the feet pass at which the toes leave the ground,"""
+LAND: Final = 0.39
+"""and after it at which the heel comes down."""
+SWING: Final = LIFT + LAND
+
+
+# -- what speed decides ------------------------------------------------------------------------------------------------
+def cadence(speed: Array) -> Array:
+    """Steps a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6."""
+    return np.asarray(1.57 * np.clip(speed, 0.3, 2.0) ** 0.45 * FUTURE / FPS)
+
+
+def amplitudes(speed: Array) -> Array:
+    """(N, 3) metres by which the pelvis swings to the side, to the front and up, as the coefficients of `pelvis`."""
+    side = np.clip(0.062 - 0.028 * (speed - 0.9), 0.03, 0.065)
+    ripple = np.clip(0.26 - 0.1 * (speed - 0.9), 0.12, 0.28)
+    ahead = ripple * speed / (2 * np.pi * cadence(speed) * FPS / FUTURE)
+    up = np.clip(0.019 + 0.012 * (speed - 0.9), 0.008, 0.03)
+    fade = smooth(speed / 0.5)
+    return np.asarray(np.stack([side, ahead, up], -1) * fade[:, None])
+
+
+def pelvis_height(speed: Array) -> Array:
+    """Mean height of a walker's pelvis: long steps lower it."""
+    return np.asarray(0.949 - 0.034 * np.clip(speed, 0.0, 1.8))
+
+
+def pelvis(phase: Array) -> Array:
+    """(..., 3) to the side, ahead and up, each between -1 and 1: over the standing foot, fastest and lowest between two steps."""
+    return np.stack([np.cos(np.pi * phase), -np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)], -1)
+
+
+def pinned(values: Array) -> Array:
+    """(N, 16, ...) with the difference to a smooth passage from first to last instant alone left: nought at both ends."""
+    ease = smoother(GRID).reshape(-1, *(1 for _ in values.shape[2:]))
+    return np.asarray(values - values[:, :1] * (1 - ease) - values[:, -1:] * ease)
+
+
+def _curve(points: Array, width: float = 0.07) -> tuple[Array, Array]:
+    """Straight lines between points (K, 2), their corners rounded."""
+    at = np.linspace(-1.5, 1.5, 601)
+    kernel = np.hanning(max(3, int(width / 0.005)) * 2 + 1)
+    values = np.interp(at, points[:, 0], points[:, 1])
+    padded = np.pad(values, len(kernel) // 2, mode="edge")
+    return at, np.convolve(padded, kernel / kernel.sum(), "valid")
+
+
+_PITCH: Final = _curve(
+    np.array(
+        [
+            [-0.72, 0.0], [-0.56, 0.18], [-0.44, 0.6], [-0.31, 0.98], [-0.19, 0.84], [-0.06, 0.58], [0.06, 0.2],
+            [0.19, -0.2], [0.31, -0.46], [0.39, -0.42], [0.47, -0.2], [0.58, 0.0],
+        ]
+    )
+)  # fmt: skip
+"""Heel pitch of a foot over the phase since it passed the other one, radians at 1.1 m/s."""
+
+
+def pitch(since: Array, speed: Array) -> Array:
+    """(...) heel pitch, radians, at a phase in [-1, 1) and a speed."""
+    return np.interp(since, *_PITCH) * np.clip(0.6 + 0.37 * speed, 0.6, 1.25)
+
+
+def swing_height(progress: Array) -> Array:
+    """0 to 1: the toes go up at once and sink before the heel lands."""
+    return bump(np.sqrt(np.clip(progress, 0.0, 1.0)))
+
+
+# -- the feet of a chunk -----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Cycle:
+    """The step cycle over a chunk: phase (N, 16), the rates at its ends (N,) steps a chunk, and how fast the body walks."""
+
+    phase: Array
+    rate: Array
+    end_rate: Array
+    speed: Array
+
+    @classmethod
+    def of(cls, start: Array, rate: Array, end_rate: Array, speed: Array) -> Cycle:
+        """The rate changes evenly."""
+        moved = rate[:, None] * GRID + (end_rate - rate)[:, None] * GRID**2 / 2
+        return cls(start[:, None] + moved, rate, end_rate, speed)
+
+    @property
+    def first(self) -> Ints:
+        """(N,) the passing of the first foot that is in the air, or that leaves next."""
+        return np.ceil(self.phase[:, 0] - LAND).astype(int)
+
+    def since(self, foot: int) -> Array:
+        """(N, 16) phase since a foot passed the other one, in [-1, 1)."""
+        return (self.phase + foot) % 2 - 1
+
+    def progress(self, passing: Ints) -> Array:
+        """(N, 16) of a swing: 0 as the toes leave, 1 as the heel lands, and beyond."""
+        return (self.phase - passing[:, None] + LIFT) / SWING
+
+
+def foot_of(passing: Ints) -> Ints:
+    """The foot that swings: left 0, right 1."""
+    return (passing + 1) % 2
+
+
+def reached(cycle: Cycle, path: Array, velocity: Array, phase: Array) -> Array:
+    """(N, k) of a path (N, 16, k) when the cycle gets to a phase (N,), beyond its end at the velocity (N, k) that it ends with."""
+    order = np.array([np.interp(at, row, GRID) for at, row in zip(phase, cycle.phase, strict=True)]) * FUTURE
+    low = np.clip(order.astype(int), 0, FUTURE - 1)
+    share = (order - low)[:, None]
+    rows = np.arange(len(path))
+    later = np.clip((phase - cycle.phase[:, -1]) / cycle.end_rate, 0.0, 1.2)[:, None]
+    return np.asarray((1 - share) * path[rows, low] + share * path[rows, low + 1] + later * velocity)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One foot at the start of a chunk: value (N, k) and its rate a chunk."""
+
+    value: Array
+    rate: Array
+
+
+def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
+    """(N, 16, k) from where a foot is, or stood, to its target (N, k) at the landing; the same curve whenever it is planned.
+
+    Shortly before the landing there is no time left for another target.
+    """
+    progress = cycle.progress(passing)
+    begun = np.clip(progress[:, 0], 0.0, 0.995)
+    left = (1 - begun) * SWING / cycle.rate
+    moving = (progress[:, 0] > 0)[:, None]
+    rate = np.where(moving, leg.rate, 0.0)
+    late = np.clip((1 - begun) / 0.35, 0.0, 1.0)[:, None]
+    goal = late * target + (1 - late) * (leg.value + rate * left[:, None] / 2)
+    share = (progress - begun[:, None]) / (1 - begun)[:, None]
+    return cubic(share[..., None], leg.value[:, None], (rate * left[:, None])[:, None], goal[:, None], 0.0)
+
+
+def settled(value: Array, rate: Array, goal: Array, span: Array | float = 0.5) -> Array:
+    """(N, 16) a goal (N, 16), with the difference to the value and rate (N,) that a chunk begins with faded out over `span`."""
+    gap = (value - goal[:, 0])[:, None]
+    drift = (rate - (goal[:, 1] - goal[:, 0]) * FUTURE)[:, None]
+    return goal + cubic(GRID / span, gap, drift * span, np.zeros_like(gap), 0.0)

@@ -1,0 +1,78 @@
+"""Who brings what, and the lines to type that mend what is missing."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from wheels import distributions as folders
+
+from humanclaw import distributions
+from humanclaw.errors import PluginError
+from humanclaw.plugins import Plugins
+
+PROJECT = tomllib.loads((folders()[0] / "pyproject.toml").read_text())["project"]
+NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in folders()}
+
+
+def test_the_table_says_what_the_distributions_register():
+    plugins = Plugins.discover()
+    origins = {info.name: info.origin for info in plugins.infos}
+    for kind, table in distributions.table().items():
+        found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
+        installed = {name: of for name, of in table.items() if of in origins.values()}
+        assert {name: of for name, of in found.items() if of in NAMES} == installed, kind
+
+
+def test_every_distribution_has_the_licence_of_the_whole_and_says_where_it_belongs():
+    licence = (folders()[0] / "LICENSE").read_text()
+    for folder in folders():
+        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        assert (folder / "LICENSE").read_text() == licence
+        assert project["license"] == "Apache-2.0"
+        assert project["requires-python"] == ">=3.11"
+        assert project["authors"]
+        assert project["classifiers"]
+        assert project["urls"]["Homepage"].endswith(f"/{project['name']}/")
+        assert (folder / project["readme"]).is_file()
+
+
+def test_the_extras_name_every_distribution():
+    extras = PROJECT["optional-dependencies"]
+    named = {Requirement(text).name for texts in extras.values() for text in texts}
+    assert named | {"humanclaw"} >= NAMES
+    assert not {"torch", "ray"} & {Requirement(text).name for text in PROJECT["dependencies"]}
+
+
+def test_all_that_is_missing_is_told_at_once_with_one_line_that_mends_it():
+    with pytest.raises(PluginError) as refused:
+        Plugins().require(("scenes", "house"), ("simulators", "mujoco"), ("renderers", "raster"))
+    assert refused.value.message == "scene 'house', simulator 'mujoco' and renderer 'raster' are not installed."
+    assert refused.value.remedy == 'Run `pip install "humanclaw[demo]"`.'
+
+
+def test_what_the_extra_does_not_hold_is_added_to_the_line():
+    missing = ("scenes", "house"), ("renderers", "raster"), ("verifiers", "litellm")
+    with pytest.raises(PluginError, match=r'pip install "humanclaw\[demo\]" humanclaw-litellm'):
+        Plugins().require(*missing)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "remedy"),
+    [
+        ("scenes", "house", "Run `pip install humanclaw-houses`."),
+        ("executors", "ray", "Run `pip install humanclaw-ray`."),
+        ("simulators", "mujocco", "Did you mean mujoco (of humanclaw-mujoco)?"),
+        ("renderers", "unheard-of", "Known: raster (of humanclaw-raster)."),
+    ],
+)
+def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_it(kind, name, remedy):
+    with pytest.raises(PluginError) as refused:
+        Plugins().require((kind, name))
+    assert refused.value.message.startswith("there is no ")
+    assert refused.value.remedy == remedy
+
+
+def test_every_skill_of_the_repository_is_in_the_table():
+    skills = Path(__file__).parents[1] / "skills"
+    assert {file.parent.name for file in skills.glob("*/*/*/schema.json")} == distributions.table()["skills"].keys()
