@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from humanclaw import PluginError, Skill, StepRecord
-from humanclaw import _pictures as pictures
 from humanclaw.body import JOINTS
 from humanclaw.outcomes import FLOOR_THRESHOLD
 from humanclaw.pose import Pose2D
+from humanclaw.storage import jpeg
 from humanclaw.tasks import ALIASES, SEATS
 from humanclaw.tools import bounds, parameter_schema, publish
 from humanclaw_mcp.session import Snapshot
@@ -189,7 +189,7 @@ def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:
 
 def jpeg(rgb: NDArray[np.uint8]) -> str:
     """A picture as base64 of a JPEG."""
-    return base64.b64encode(pictures.jpeg(rgb)).decode()
+    return base64.b64encode(jpeg(rgb)).decode()
 
 
 # -- resources -----------------------------------------------------------------------------------------------------------
