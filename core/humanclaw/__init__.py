@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from humanclaw.contract import Check, Control, Keyframes, Skill, skill
     from humanclaw.embodiment import Body
+    from humanclaw.episode import Episode
     from humanclaw.errors import HumanclawError
     from humanclaw.hookspecs import hookimpl
     from humanclaw.interfaces import Observation
@@ -22,9 +23,10 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Body": "embodiment",
-    "Call": "interfaces",
+    "Call": "records",
     "Check": "contract",
     "Control": "contract",
+    "Episode": "episode",
     "HumanclawError": "errors",
     "Keyframes": "contract",
     "Motion": "pose",
@@ -35,7 +37,7 @@ _HOMES = {
     "skill": "contract",
 }
 __all__ = [
-    "Body", "Call", "Check", "Control", "HumanclawError", "Keyframes", "Motion", "Observation", "Plugins", "Skill",
+    "Body", "Call", "Check", "Control", "Episode", "HumanclawError", "Keyframes", "Motion", "Observation", "Plugins", "Skill",
     "hookimpl", "skill",
 ]  # fmt: skip
 

@@ -185,8 +185,7 @@ def test_scenes_are_listed_and_checked(dataset: Path) -> None:
 
 def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path) -> None:
     spec = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
-    start = Pose2D(**spec.start.model_dump())
-    with Body(spec.scene, start, seed=spec.seed) as body:
+    with Body(spec.scene, spec.start, seed=spec.seed) as body:
         record = run_episode(body, spec, OracleAgent(), folder=tmp_path / "episode")
     assert record.outcome == "stopped"
     scored = score(RecordedEpisode(tmp_path / "episode"))

@@ -291,8 +291,7 @@ def generated_gaits(
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
         gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
         found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
-    found = {name: gaits for name, gaits in found.items() if gaits}
-    return found
+    return {name: gaits for name, gaits in found.items() if gaits}
 
 
 @dataclass(frozen=True)
