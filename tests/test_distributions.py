@@ -1,5 +1,7 @@
 """Who brings what, and the lines to type that mend what is missing."""
 
+import ast
+import sys
 import tomllib
 from pathlib import Path
 
@@ -71,6 +73,35 @@ def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_
         Plugins().require((kind, name))
     assert refused.value.message.startswith("there is no ")
     assert refused.value.remedy == remedy
+
+
+IMPORTED_AS = {"PIL": "pillow", "skimage": "scikit-image"}
+OPTIONAL = {"alktx2", "onnxruntime", "openvino"}
+"""Used where somebody has installed them, and told by name where not."""
+CARRIED = {"mcp-types"}
+"""Modules that come with another distribution of the same authors."""
+
+
+def _imported(package: Path) -> set[str]:
+    """What the modules of a package import, its own and the standard library apart, as distributions are called."""
+    nodes = [node for file in package.rglob("*.py") for node in ast.walk(ast.parse(file.read_text()))]
+    modules = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    modules += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
+    tops = {module.split(".")[0] for module in modules} - sys.stdlib_module_names - {package.name}
+    return {IMPORTED_AS.get(top, top).lower().replace("_", "-") for top in tops}
+
+
+@pytest.mark.parametrize("folder", folders(), ids=lambda folder: folder.name)
+def test_a_distribution_requires_all_that_it_imports(folder):
+    content = tomllib.loads((folder / "pyproject.toml").read_text())
+    project = content["project"]
+    texts = [
+        *project["dependencies"],
+        *(text for texts in project.get("optional-dependencies", {}).values() for text in texts),
+    ]
+    required = {Requirement(text).name.lower() for text in texts}
+    (package,) = content["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert _imported(folder / package) <= required | OPTIONAL | CARRIED
 
 
 def test_every_skill_of_the_repository_is_in_the_table():
