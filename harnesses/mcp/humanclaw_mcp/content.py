@@ -145,7 +145,7 @@ def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
     """
     content: list[Any] = [TextContent(text=_words(snapshot))]
     if not snapshot.refused:
-        content.append(ImageContent(data=jpeg(snapshot.rgb), mime_type="image/jpeg"))
+        content.append(ImageContent(data=base64_jpeg(snapshot.rgb), mime_type="image/jpeg"))
     values = _outcome(snapshot, executed and not snapshot.refused).model_dump(mode="json")
     return CallToolResult(content=content, structured_content=values, is_error=snapshot.refused)
 
@@ -187,7 +187,7 @@ def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:
     )
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> str:
+def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
     """A picture as base64 of a JPEG."""
     return base64.b64encode(jpeg(rgb)).decode()
 
@@ -238,7 +238,7 @@ def skill_sheet(skill: Skill) -> TextResourceContents:
 
 
 def view(snapshot: Snapshot) -> BlobResourceContents:
-    return BlobResourceContents(uri=VIEW, mime_type="image/jpeg", blob=jpeg(snapshot.rgb))
+    return BlobResourceContents(uri=VIEW, mime_type="image/jpeg", blob=base64_jpeg(snapshot.rgb))
 
 
 def state(snapshot: Snapshot) -> TextResourceContents:
