@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from humanclaw.errors import HumanclawError
 from humanclaw.measures import Declaration
 from humanclaw.pose import Array
-from humanclaw.recipes import Feet, GaitParameters, Recipe
+from humanclaw.recipes import Feet, GaitParameters, Recipe, WindowTravel
 
 if TYPE_CHECKING:
     from humanclaw.plugins import Plugins
@@ -45,6 +45,16 @@ class Trained:
     @property
     def name(self) -> str:
         return self.recipe.name
+
+    @property
+    def tag(self) -> str:
+        """Of the spans of clips in which the skill is looked for."""
+        return self.recipe.tag or self.recipe.name
+
+    def shown(self, windows: WindowTravel) -> Mask:
+        """Which windows of real motion show the skill."""
+        rule = self.recipe.windows
+        return np.asarray(rule(windows)) if rule is not None else np.zeros(len(windows.yaw), bool)
 
     @property
     def synthetic(self) -> bool:

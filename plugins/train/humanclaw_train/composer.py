@@ -815,7 +815,7 @@ def play(
 
     They begin in a quiet stance, a share `rested` of them in `rest_pose`.
     """
-    n = len(series[0].skill)
+    n = len(series[0].yaw)
     style = _style(profiles, n, rng)
     next_foot = rng.integers(0, 2, n)
     state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.standing(n), style)
@@ -837,9 +837,9 @@ def play(
 def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
     """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
 
-    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters named as in
-    chunks.PARAMETERS, in metres and radians. What a command asks for is what `outcome` measures, but for a stair straight out of a
-    seat, where the pelvis rises by both. Raises ValueError for unknown skills and parameters.
+    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their names behind
+    the contract. What a command asks for is what its measures say, but for a stair straight out of a seat, where the pelvis rises
+    by both. Raises HumanclawError for unknown parameters and skills without gait.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
