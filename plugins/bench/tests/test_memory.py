@@ -9,7 +9,7 @@ import pytest
 import toy_world
 
 from humanclaw import Backends, Plugins
-from humanclaw.testing.speed import resident
+from humanclaw.testing import resident
 from humanclaw_bench.worker import Job, Worker
 
 BALLAST = np.zeros((1600, 1600, 3), np.uint8)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from declared import INFOS, STROLL, info
 from rollouts import COUCH, roaming, rollout, step
 
+from humanclaw import Call
 from humanclaw.measures import Declaration
-from humanclaw.records import Call, SkillInfo
+from humanclaw.records import SkillInfo
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
 
