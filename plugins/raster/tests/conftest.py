@@ -1,4 +1,4 @@
-"""A workshop for small scenes whose pictures can be worked out by hand."""
+"""A builder for small scenes whose pictures can be worked out by hand."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def flat_mesh(vertices, faces, colour=(200, 200, 200)):
 
 
 @dataclass
-class Workshop:
+class SceneBuilder:
     """Things put together to a scene; ids count from 1."""
 
     assets: dict = field(default_factory=dict)
@@ -57,17 +57,17 @@ class Workshop:
         return self.box((20, 0.2, 20), (0, -0.2, 0))
 
     def scene(self):
-        return Scene("workshop", self.assets, tuple(self.objects), (), Pose2D(0, 0, 0))
+        return Scene("builder", self.assets, tuple(self.objects), (), Pose2D(0, 0, 0))
 
-    def look(self, lens, state=None):
+    def look(self, eye, state=None):
         renderer = RasterRenderer()
         renderer.load(self.scene())
-        return renderer.render(state or WorldState(AWAY, {}), lens)
+        return renderer.render(state or WorldState(AWAY, {}), eye)
 
 
 @pytest.fixture
-def workshop():
-    return Workshop()
+def builder():
+    return SceneBuilder()
 
 
 @pytest.fixture
