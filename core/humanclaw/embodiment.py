@@ -98,23 +98,23 @@ class Body:
         *,
         seed: int = 0,
         plugins: Plugins | None = None,
-        engines: Backends | None = None,
+        backends: Backends | None = None,
     ) -> None:
         """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
 
         seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
         """
         self.plugins = plugins or Plugins.discover()
-        self.engines = (engines or Backends()).chosen(self.plugins)
-        self.senses = check_senses(self.engines.senses)
-        self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
-        self._simulator: Simulator = self._make("simulators", self.engines.simulator)
-        self._renderer: Renderer = self.plugins.make("renderers", self.engines.renderer)
+        self.backends = (backends or Backends()).chosen(self.plugins)
+        self.senses = check_senses(self.backends.senses)
+        self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
+        self._simulator: Simulator = self._make("simulators", self.backends.simulator)
+        self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
         self.reset(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:
-        return self.plugins.make(kind, name, profile=self.engines.profile)
+        return self.plugins.make(kind, name, profile=self.backends.profile)
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
         """Stand in a scene, everything in it at rest."""

@@ -1,4 +1,4 @@
-"""What can be asked for: the words that name things, the episode that an instruction means, and files of episodes."""
+"""What can be asked for: the words that name objects, the episode that an instruction means, and files of episodes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         scene_digest=scene.digest,
         start=scene.start,
         target_category=category,
-        target_ids=tuple(thing.id for thing in scene.of_category(category)) if category else (),
+        target_ids=tuple(obj.id for obj in scene.of_category(category)) if category else (),
         interact=category in SEATS and wants_to_sit(instruction),
         max_steps=max_steps,
         seed=seed,

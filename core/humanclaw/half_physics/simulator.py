@@ -62,7 +62,7 @@ class HalfPhysics:
         (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         self._world = world = self._open(scene, self._profile, pose)
         self._scene, self._reflex = scene, CALM
-        self._building = {thing.id for thing in scene.objects if thing.category in STRUCTURE}
+        self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
         self._objects = world.objects()
         self._refuse_overlap(world, start)

@@ -59,7 +59,7 @@ class OccupancyGrid:
 
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
-        """Rasterise a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
+        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
         low, shape = _extent(scene)
         blocked, movable = np.zeros(shape, bool), np.zeros(shape, bool)
         owners, tops = np.zeros(shape, np.int32), np.zeros(shape)
@@ -67,7 +67,7 @@ class OccupancyGrid:
         for obj in scene.objects:
             pose = (moved or {}).get(obj.id)
             for hull in _hulls(scene, obj, pose, floor):
-                mask, where = rasterise(hull[:, [0, 2]], low, shape)
+                mask, where = rasterize(hull[:, [0, 2]], low, shape)
                 bottom, top = hull[:, 1].min() - floor, hull[:, 1].max() - floor
                 if bottom >= OBSTACLE_HEIGHTS[1]:
                     under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
@@ -174,7 +174,7 @@ def floors_of(scene: Scene) -> tuple[float, ...]:
     return tuple(found)
 
 
-# -- geometry of a floor ------------------------------------------------------------------------------------------------
+# -- geometry of a floor -----------------------------------------------------------------------------------------------
 def room_at(scene: Scene, x: float, z: float, floor: float = 0.0) -> str:
     """Name of the room that a point lies in; empty between rooms."""
     inside: Sequence[str] = [
@@ -205,7 +205,7 @@ def yaw_of(direction: Array) -> float:
     return float(np.arctan2(direction[0], direction[1]))
 
 
-# -- rasterising -------------------------------------------------------------------------------------------------------
+# -- rasterizing -------------------------------------------------------------------------------------------------------
 def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     corners = [corner[[0, 2]] for obj in scene.objects for corner in scene.aabb(obj.id)]
     corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]
@@ -231,7 +231,7 @@ def placed_hulls(scene: Scene, obj: SceneObject, pose: Array | None) -> Iterator
         yield hull.astype(float) @ turn.T + place[:3]
 
 
-def rasterise(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
+def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
     """Cells whose centre is within half a cell of the convex hull of (K, 2) points, and the window that they lie in."""
     first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
     last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)

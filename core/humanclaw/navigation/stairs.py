@@ -17,7 +17,7 @@ from humanclaw.navigation.occupancy import (
     Mask,
     OccupancyGrid,
     placed_hulls,
-    rasterise,
+    rasterize,
     samples,
     yaw_of,
 )
@@ -31,7 +31,7 @@ APRON: Final = 0.7
 def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> OccupancyGrid:
     """The grid of what leads from one storey to the next. Nobody passes it if nothing does."""
     pieces = list(_static(scene, lower.floor + 0.05, upper.floor + OBSTACLE_HEIGHTS[1]))
-    masks = [(hull, *rasterise(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
+    masks = [(hull, *rasterize(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
     tops = np.full(lower.blocked.shape, -np.inf)
     for hull, mask, where in masks:
         if hull[:, 1].max() < upper.floor - 0.05:

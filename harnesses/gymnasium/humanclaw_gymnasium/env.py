@@ -53,7 +53,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         self.scenes = (scene,) if isinstance(scene, str) else tuple(scene)
         self.instruction, self.max_steps, self.shaping, self.render_mode = instruction, max_steps, shaping, render_mode
         self._plugins = plugins or Plugins.discover()
-        self._engines = Backends(profile=profile)
+        self._backends = Backends(profile=profile)
         self._body: Body | None = None
         self._episode: Episode | None = None
         self._measured: tuple[tuple[Scene, tuple[int, ...]], DistanceFn] | None = None
@@ -84,7 +84,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         if self._episode:
             self._episode.close()
         if self._body is None:
-            self._body = Body(scene, seed=seed, plugins=self._plugins, engines=self._engines)
+            self._body = Body(scene, seed=seed, plugins=self._plugins, backends=self._backends)
         elif self._body.scene.name != scene:
             self._body.reset(scene, seed=seed)
         instruction = chosen.get("instruction") or self.instruction

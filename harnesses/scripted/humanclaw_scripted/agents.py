@@ -376,11 +376,11 @@ class OracleAgent:
     def _on_seat(self, state: WorldState, target: int) -> bool:
         """Whether the hips are over a target and down on its seat."""
         low, high = self._scene.aabb(target)
-        thing = self._scene.by_id[target]
-        seat = self._scene.assets[thing.asset].seat_height
+        obj = self._scene.by_id[target]
+        seat = self._scene.assets[obj.asset].seat_height
         point = state.body.root[-1]
         inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
-        return bool(seat is not None and inside and _hip_bottom(state) <= thing.position[1] + seat + TOUCHING)
+        return bool(seat is not None and inside and _hip_bottom(state) <= obj.position[1] + seat + TOUCHING)
 
     def _arrived(self, pose: Pose, stand: Viewpoint, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:

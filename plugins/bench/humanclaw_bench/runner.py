@@ -151,7 +151,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
-    base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
+    base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     episodes = "\n".join(spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
@@ -168,12 +168,12 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
 
 
 def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
-    """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
-    engines = job.engines
+    """Of humanclaw and the distributions that the run rests on: those of its skills, backends, scenes and deciders."""
+    backends = job.backends
     used = {
-        f"{noun('simulators')} {engines.simulator}",
-        f"{noun('renderers')} {engines.renderer}",
-        f"{noun('motion_generators')} {engines.generator}",
+        f"{noun('simulators')} {backends.simulator}",
+        f"{noun('renderers')} {backends.renderer}",
+        f"{noun('motion_generators')} {backends.generator}",
         f"{noun('agents')} {job.agent}",
         f"{noun('verifiers')} {job.verifier}",
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),

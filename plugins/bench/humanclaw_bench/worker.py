@@ -36,7 +36,7 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     verifier: str = ""
     """Empty for none."""
-    engines: Backends = field(default_factory=Backends)
+    backends: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
     """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
@@ -109,7 +109,7 @@ class Worker:
 
     def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
         job, plugins = self._job, self._plugins
-        body = self._body = self._body or Body(spec.scene, plugins=plugins, engines=job.engines)
+        body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
         agent = plugins.make("agents", job.agent, job.options)
         verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
         self._replayed = sum((step.usage for step in replay), Usage())

@@ -61,7 +61,7 @@ class Report:
     """Assets by category, those that were there already among them."""
     unchanged: int = 0
     other: Counter[str] = field(default_factory=Counter)
-    """Names of things that no category wants."""
+    """Names of objects that no category wants."""
     aside: dict[str, str] = field(default_factory=dict)
     """Models of a known category that could not be used, and why."""
     passed_over: int = 0
@@ -182,7 +182,7 @@ def _vec3(values: Array) -> Vec3:
 
 
 def _hulls(mesh: Mesh, category: str, level: Hollow | None) -> tuple[np.ndarray, ...]:
-    """Few pieces for small things, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
+    """Few pieces for small objects, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
     if category in _ONE_PIECE:
         return convex_pieces(mesh, 1)
     if category == "potted_plant":

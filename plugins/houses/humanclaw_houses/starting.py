@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Walkways:
-    """What can be walked in a house, on all storeys, movable things left where they stand."""
+    """What can be walked in a house, on all storeys, movable objects left where they stand."""
 
     scene: Scene
     floors: MultiFloorMap

@@ -87,7 +87,7 @@ class OverheadMap(NamedTuple):
 
 
 class GBuffer(NamedTuple):
-    """The G-buffer, what each pixel shows: inverse_depth is 1 / depth and 0 where nothing is, face and instance are -1 there. All (H, W)."""
+    """What each pixel shows, all (H, W). Where nothing is, inverse_depth is 0, and face and instance are -1."""
 
     inverse_depth: Floats
     face: NDArray[np.int32]
@@ -108,7 +108,9 @@ def _inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @_compiled
-def in_view(model: Model, instances: Instances, pinhole: Pinhole, width: int, height: int) -> tuple[NDArray[np.int32], Floats]:
+def in_view(
+    model: Model, instances: Instances, pinhole: Pinhole, width: int, height: int
+) -> tuple[NDArray[np.int32], Floats]:
     """(K, 2) instance and cluster of all clusters that may be seen, and (K,) their least depths."""
     count = 0
     for instance in range(instances.mesh.size):
@@ -156,7 +158,7 @@ def _moved(turn: Array, shift: Array, point: Floats) -> tuple[float, float, floa
 
 @_compiled
 def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32], gbuffer: GBuffer) -> None:
-    """Fill the G-buffer with the nearest triangles. Both sides of a face are drawn. order: (K, 2) as from in_view, nearest first."""
+    """Fill the G-buffer with the nearest triangles, both sides of a face. order: (K, 2) as from in_view, nearest first."""
     seen, flat = np.empty((3, 3)), np.empty((4, 3))
     for item in range(order.shape[0]):
         instance, cluster = order[item]
@@ -228,7 +230,9 @@ def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuff
 
 
 @_compiled
-def ambient_occlusion(model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap) -> Floats:
+def ambient_occlusion(
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap
+) -> Floats:
     """(H / 2, W / 2) share of the light that reaches every second pixel.
 
     Ambient occlusion in screen space takes the light of corners; instances over a place take the light that falls on it from above.
@@ -343,8 +347,10 @@ def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
 
 
 @_compiled
-def paint(model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, rgb: NDArray[np.uint8]) -> None:
-    """Colour every pixel that shows something. light: as from ambient_occlusion. rgb: (H, W, 3), its other pixels stay as they are."""
+def paint(
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, rgb: NDArray[np.uint8]
+) -> None:
+    """Colour every pixel that shows something. light: as from ambient_occlusion. rgb: (H, W, 3), changed in place."""
     height, width = gbuffer.inverse_depth.shape
     s, last, owner = np.empty(SURFACE), -1, -1
     for row in range(height):

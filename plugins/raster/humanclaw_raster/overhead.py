@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw_raster import kernels
-from humanclaw_raster.kernels import OverheadMap, GBuffer, Pinhole, Instances
+from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
 from humanclaw_raster.packing import Floats, Model
 
 CELL: Final = 0.04
@@ -25,7 +25,9 @@ _HIGH: Final = 1000.0
 class OverheadMapper:
     """Keeps the map of all that stands still, and adds what moves to a copy."""
 
-    def __init__(self, scene: Scene, model: Model, instances: Instances, still: Sequence[int], moving: Sequence[int]) -> None:
+    def __init__(
+        self, scene: Scene, model: Model, instances: Instances, still: Sequence[int], moving: Sequence[int]
+    ) -> None:
         """still, moving: rows of instances. The last len(scene.objects) rows are the objects of the scene."""
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
         self._model, self._moving = model, _order(model, instances, moving)

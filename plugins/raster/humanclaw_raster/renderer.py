@@ -12,8 +12,8 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.interfaces import BODY_ID, Camera, View, WorldState
 from humanclaw.pose import Array, forward_kinematics, matrix_from_quaternion
 from humanclaw_raster import kernels
+from humanclaw_raster.kernels import GBuffer, Instances, Pinhole
 from humanclaw_raster.overhead import OverheadMapper
-from humanclaw_raster.kernels import GBuffer, Pinhole, Instances
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.robot import robot
 
@@ -115,7 +115,9 @@ def _pinhole(camera: Camera) -> Pinhole:
     right = np.cross(forward, camera.up)
     right /= np.linalg.norm(right)
     focal = camera.height / 2 / np.tan(np.radians(camera.fov) / 2)
-    return Pinhole(np.asarray(camera.position, float), np.stack([right, np.cross(forward, right), forward]), float(focal))
+    return Pinhole(
+        np.asarray(camera.position, float), np.stack([right, np.cross(forward, right), forward]), float(focal)
+    )
 
 
 def _sky(camera: Camera) -> NDArray[np.uint8]:

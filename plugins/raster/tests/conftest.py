@@ -15,7 +15,7 @@ from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
 AWAY.root[:, 0] += 500.0
-"""A body that is far from everything, for pictures of things alone."""
+"""A body that is far from everything, for pictures of objects alone."""
 
 
 def box_mesh(size, colour):
@@ -46,8 +46,8 @@ class SceneBuilder:
 
     def mesh(self, mesh, position=(0, 0, 0), **facts):
         number = len(self.objects) + 1
-        self.assets[str(number)] = Asset(str(number), "thing", mesh, ())
-        self.objects.append(SceneObject(number, str(number), "thing", position, **facts))
+        self.assets[str(number)] = Asset(str(number), "object", mesh, ())
+        self.objects.append(SceneObject(number, str(number), "object", position, **facts))
         return number
 
     def box(self, size, position, colour=(200, 200, 200), **facts):

@@ -28,7 +28,7 @@ def picture_of(texture, size=1.0):
     return mesh(vertices, [[0, 1, 2], [0, 2, 3]], texture, corners)
 
 
-# -- where things appear -----------------------------------------------------------------------------------------------
+# -- where objects appear ----------------------------------------------------------------------------------------------
 def test_a_box_of_half_a_metre_at_two_metres_covers_64_by_64_pixels(builder, camera):
     box = builder.box((0.5, 0.5, 0.5), (0, 0.75, 2.25))
     view = builder.look(camera((0, 1, 0), (0, 0, 1), 512))
@@ -94,7 +94,7 @@ def test_where_nothing_is_there_is_bright_sky_without_an_end(builder, camera):
 
 
 def test_pixels_agree_with_rays_cast_at_random_triangles(builder, camera):
-    """Each pixel against every triangle, by solving three equations: no code and no method in common with the rasteriser."""
+    """Each pixel against every triangle, by solving three equations: no code and no method in common with the rasterizer."""
     random = np.random.default_rng(3)
     triangles = random.normal(size=(60, 1, 3)) * [2, 2, 1] + [0, 0, 4] + random.normal(size=(60, 3, 3))
     for corners in triangles:
@@ -173,7 +173,7 @@ def test_the_head_comes_back_after_a_picture_from_inside_it(builder, camera):
     assert np.array_equal(renderer.render(STANDING, outside).ids, before.ids)
 
 
-# -- things that move --------------------------------------------------------------------------------------------------
+# -- objects that move -------------------------------------------------------------------------------------------------
 def test_movable_objects_are_drawn_where_the_state_says(builder):
     builder.floor()
     box = builder.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
@@ -311,11 +311,11 @@ def test_the_same_moment_gives_the_same_bytes_whatever_was_drawn_before(builder,
 def test_a_renderer_can_load_one_scene_after_another(builder):
     renderer = RasterRenderer()
     for count in (1, 2):
-        thing = builder.box((0.3, 0.3, 0.3), (0, 1, 1.5 * count))
+        obj = builder.box((0.3, 0.3, 0.3), (0, 1, 1.5 * count))
         renderer.load(builder.scene())
         assert (renderer.render(STANDING, ego_camera(STANDING.body)).ids == 1).any()
     renderer.close()
-    assert thing == 2
+    assert obj == 2
 
 
 def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(builder):

@@ -97,7 +97,7 @@ class HouseMap:
     rooms: tuple[tuple[float, float, float, float, str], ...] = ()
     """x, z, width, depth and kind."""
     walls: tuple[Polygon, ...] = ()
-    things: tuple[tuple[Polygon, str, str], ...] = ()
+    objects: tuple[tuple[Polygon, str, str], ...] = ()
     """Outline, kind (fixed, movable or stairs) and title."""
 
 
@@ -121,7 +121,7 @@ class PathMap:
 
 @dataclass(frozen=True)
 class ContactRow:
-    thing: str
+    obj: str
     parts: str
     steps: str
     kind: str
@@ -394,8 +394,8 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _name(scene: Scene | None, key: int) -> str:
-    thing = scene.by_id.get(key) if scene else None
-    return f"{thing.category.replace('_', ' ')} {key}" if thing else f"object {key}"
+    obj = scene.by_id.get(key) if scene else None
+    return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"
 
 
 def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
@@ -419,7 +419,7 @@ def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
 def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
     """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all are.
 
-    A pelvis, or the bottom of a thing, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
+    A pelvis, or the bottom of an object, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
     """
     return np.maximum(np.searchsorted(np.asarray(floors), np.asarray(heights) + 0.1, side="right") - 1, 0)
 
@@ -451,37 +451,37 @@ def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
         for r in scene.rooms
         if abs(r.floor - floor) < 0.5
     )
-    walls, things = [], []
-    for thing in sorted(scene.objects, key=lambda thing: scene.aabb(thing.id)[1][1]):
-        if thing.category in ("floor", "ceiling") or not _on_storey(scene, thing, floor):
+    walls, objects = [], []
+    for obj in sorted(scene.objects, key=lambda obj: scene.aabb(obj.id)[1][1]):
+        if obj.category in ("floor", "ceiling") or not _on_storey(scene, obj, floor):
             continue
-        outlines = _outlines(scene, thing, floor)
-        if thing.category in ("wall", "window"):
+        outlines = _outlines(scene, obj, floor)
+        if obj.category in ("wall", "window"):
             walls += outlines
         else:
-            kind = "stairs" if thing.category == "stairs" else "movable" if thing.movable else "fixed"
-            things += [(outline, kind, f"{thing.category.replace('_', ' ')} {thing.id}") for outline in outlines]
-    return HouseMap(key, (0, 0, 0, 0), title, floor, rooms, tuple(walls), tuple(things))
+            kind = "stairs" if obj.category == "stairs" else "movable" if obj.movable else "fixed"
+            objects += [(outline, kind, f"{obj.category.replace('_', ' ')} {obj.id}") for outline in outlines]
+    return HouseMap(key, (0, 0, 0, 0), title, floor, rooms, tuple(walls), tuple(objects))
 
 
-def _on_storey(scene: Scene, thing: SceneObject, floor: float) -> bool:
+def _on_storey(scene: Scene, obj: SceneObject, floor: float) -> bool:
     """Stairs are on the storeys that they join: they lead up to one whose floor is a step higher than their last."""
-    low, high = scene.aabb(thing.id)
-    bottom = floor - STEP if thing.category == "stairs" else floor + 0.02
+    low, high = scene.aabb(obj.id)
+    bottom = floor - STEP if obj.category == "stairs" else floor + 0.02
     return bool(low[1] < floor + OBSTACLE_HEIGHTS[1] and high[1] > bottom)
 
 
-def _outlines(scene: Scene, thing: SceneObject, floor: float) -> list[Polygon]:
+def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
     """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel above.
 
     Of stairs all pieces, from the lowest up.
     """
-    asset = scene.assets[thing.asset]
+    asset = scene.assets[obj.asset]
     if not asset.hulls:
-        return [_outline(scene.vertices(thing.id))]
-    turn = matrix_from_quaternion(np.array(thing.rotation))
-    pieces = [hull @ turn.T + np.array(thing.position) for hull in asset.hulls]
-    if thing.category == "stairs":
+        return [_outline(scene.vertices(obj.id))]
+    turn = matrix_from_quaternion(np.array(obj.rotation))
+    pieces = [hull @ turn.T + np.array(obj.position) for hull in asset.hulls]
+    if obj.category == "stairs":
         return [_outline(piece) for piece in sorted(pieces, key=lambda piece: float(piece[:, 1].max()))]
     low, high = floor + OBSTACLE_HEIGHTS[0], floor + OBSTACLE_HEIGHTS[1]
     return [_outline(p) for p in pieces if p[:, 1].min() < high and p[:, 1].max() > low]

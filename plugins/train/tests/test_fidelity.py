@@ -160,7 +160,7 @@ def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
 @pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
 def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
     scene = stage(declaration(skill), {"h": 0.17, "d": 0.28})
-    boxes = [scene.aabb(thing.id) for thing in scene.of_category("stairs")]
+    boxes = [scene.aabb(obj.id) for obj in scene.of_category("stairs")]
     assert [high[1] for _, high in boxes] == pytest.approx([sign * 0.17 * k for k in (1, 2, 3)], abs=1e-6)
     assert [high[2] - low[2] for low, high in boxes] == pytest.approx([0.28] * 3, abs=1e-6)
     assert [high[2] for _, high in boxes[:-1]] == pytest.approx([low[2] for low, _ in boxes[1:]], abs=1e-6)
