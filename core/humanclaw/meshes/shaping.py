@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from humanclaw.meshes.baking import area
 from humanclaw.meshes.decimation import simplify
-from humanclaw.meshes.hulls import Hollow
+from humanclaw.meshes.hulls import KeepOutBox
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 
@@ -52,7 +52,7 @@ def exact(points: Array) -> NDArray[np.float32]:
     return np.asarray(np.round(points, 5) + 0.0, np.float32)
 
 
-def with_lid(pieces: Sequence[NDArray[np.float32]], level: Hollow) -> tuple[NDArray[np.float32], ...]:
+def with_lid(pieces: Sequence[NDArray[np.float32]], level: KeepOutBox) -> tuple[NDArray[np.float32], ...]:
     """Convex pieces and a box whose lid is exactly a level: a seat, or a table's top."""
     low, high = np.array([level.x0, level.y - 0.04, level.z0]), np.array([level.x1, level.y, level.z1])
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

@@ -17,7 +17,7 @@ from humanclaw.scene import Scene
 
 CROWDED: Final = 1.0
 """Distance from the way within which an object counts as an obstacle, metres."""
-GROUND: Final = frozenset({"floor", "ceiling", "stairs"})
+NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
 """What one walks on or under is no obstacle."""
 
 
@@ -51,7 +51,7 @@ def _crowd(scene: Scene, way: Array) -> Array:
 @lru_cache(maxsize=1)
 def _boxes(scene: Scene) -> tuple[Array, Array]:
     """(N, 3) corners of the bounding boxes of everyobj solid."""
-    solid = [obj for obj in scene.objects if obj.category not in GROUND and scene.assets[obj.asset].hulls]
+    solid = [obj for obj in scene.objects if obj.category not in NO_OBSTACLES and scene.assets[obj.asset].hulls]
     corners = [scene.aabb(obj.id) for obj in solid]
     return np.array([low for low, _ in corners]), np.array([high for _, high in corners])
 

@@ -29,7 +29,7 @@ Command = Mapping[str, float]
 Tick = Callable[[], object]
 FORWARD, TURN, RISE, DROP, HEIGHT = "hips.forward", "heading.left", "hips.rise", "hips.drop", "hips.height"
 GRAVITY: Final = 9.81
-STRIDE: Final = 0.28
+STEP_DEPTH: Final = 0.28
 """Depth of the stairs' treads, metres."""
 RISES: Final = (0.10, 0.13, 0.16, 0.19, 0.22)
 STEPS: Final = 6
@@ -261,9 +261,9 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         for rise in RISES:
             builder, up = SceneBuilder(), change == RISE
             builder.floor()
-            (builder.steps if up else builder.descent)(STEPS, rise, STRIDE, STRIDE + 0.12 if up else 0.16)
+            (builder.steps if up else builder.descent)(STEPS, rise, STEP_DEPTH, STEP_DEPTH + 0.12 if up else 0.16)
             played = fixture.perform(
-                builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STRIDE}] * (STEPS + 1)
+                builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STEP_DEPTH}] * (STEPS + 1)
             )
             heights.append(abs(played.realised.root[-1, 1] - played.start[1]) / (STEPS * rise))
             advances.append(played.achieved()[2])
@@ -440,9 +440,9 @@ def _rate_scenes() -> dict[str, tuple[Scene, Sequence[Command]]]:
     for builder in builders.values():
         builder.floor()
     builders["at a wall"].box("wall", (6, 2.5, 0.2), (0, 0, 0.9))
-    builders["on stairs"].steps(STEPS, 0.16, STRIDE, STRIDE + 0.12)
+    builders["on stairs"].steps(STEPS, 0.16, STEP_DEPTH, STEP_DEPTH + 0.12)
     builders["on a seat"].box("couch", (1.6, 0.42, 0.8), (0, 0, -0.53))
-    climb = {RISE: 0.16, FORWARD: STRIDE}
+    climb = {RISE: 0.16, FORWARD: STEP_DEPTH}
     commands: list[Sequence[Command]] = [walk(4), walk(4), [climb] * 4, [{HEIGHT: 0.55}] * 3]
     return {name: (builder.scene(), call) for (name, builder), call in zip(builders.items(), commands, strict=True)}
 

@@ -126,7 +126,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
             "step": len(episode.steps),
             "call": str(call or ""),
             "error": episode.observe().feedback.refusal,
-            "way_left": self._left,
+            "distance_to_goal": self._left,
             "target_distance": episode.target_distance(),
             "success": episode.success,
         }

@@ -15,7 +15,7 @@ from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
 from humanclaw_houses.names import seed_of
-from humanclaw_houses.plan import Area, Plan, draw_plans
+from humanclaw_houses.plan import Area, FloorPlan, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock
@@ -73,7 +73,7 @@ def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
     return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
-def _furnish(plans: Sequence[Plan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
+def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
     areas = [(area, plan) for plan in plans for area in plan.areas]
     kit = Kit(style, rng, tuple(area.kind for area, _ in areas), stock)
     spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
@@ -86,7 +86,7 @@ def _furnish(plans: Sequence[Plan], style: Style, rng: np.random.Generator, stoc
     return spaces
 
 
-def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
+def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
     assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
     objects = tuple(_object(number, obj) for number, obj in enumerate(placed, 1))
     rooms = tuple(

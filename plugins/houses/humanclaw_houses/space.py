@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, label
 
 from humanclaw_houses.building import Placed
 from humanclaw_houses.model import Piece
-from humanclaw_houses.plan import Area, Opening, Plan, Wall
+from humanclaw_houses.plan import Area, FloorPlan, Opening, Wall
 from humanclaw_houses.shapes import Array
 
 Side = Literal["south", "north", "west", "east"]
@@ -103,7 +103,7 @@ def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
 class Space:
     """One room while it is being furnished. Heights are over its own floor."""
 
-    def __init__(self, area: Area, plan: Plan) -> None:
+    def __init__(self, area: Area, plan: FloorPlan) -> None:
         self.area = area
         self.floor = plan.floor
         self.rect = Rect(*area.inner)

@@ -14,7 +14,7 @@ from humanclaw.navigation import RADIUS
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
-from humanclaw_houses.starting import Walkways
+from humanclaw_houses.starting import WalkableArea
 
 REACH: Final = 0.42
 """How far from the middle of a standing body a target may be, seen from above, metres."""
@@ -26,19 +26,19 @@ _SHARED: Final = 2e-5
 
 def problems(scene: Scene) -> list[str]:
     """Everything wrong with a house, in words; empty if it can be used."""
-    ways = Walkways.of(scene)
+    walkable = WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
-    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, ways)]
+    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walkable)]
     for obj in scene.objects:
-        if obj.category in FURNISHED and not _any(ways.near(*scene.aabb(obj.id), REACH)):
+        if obj.category in FURNISHED and not _any(walkable.near(*scene.aabb(obj.id), REACH)):
             found.append(f"{obj.asset} cannot be approached")
         if obj.category in SEATS:
             found += _wrong_seat(scene, obj)
-            if not _any(standing_room(scene, ways, obj)):
+            if not _any(standing_room(scene, walkable, obj)):
                 found.append(f"there is no room to stand before {obj.asset}")
-    plan = ways.floors.grids[0]
-    if plan.at(ways.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
+    plan = walkable.floors.grids[0]
+    if plan.at(walkable.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
         found.append("there is no room at the start")
     return found
 
@@ -47,32 +47,32 @@ def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:
     return any(bool(mask.any()) for mask in masks)
 
 
-def unreached_rooms(scene: Scene, ways: Walkways) -> list[str]:
+def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
     """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are passed
     over if a storey that they lead to is reached."""
     names = []
     for room in scene.rooms:
-        for k, plan in enumerate(ways.floors.floors):
+        for k, plan in enumerate(walkable.floors.floors):
             free = plan.within(room) & plan.fits(RADIUS)
-            walked = int((free & np.isfinite(ways.reached[2 * k])).sum())
+            walked = int((free & np.isfinite(walkable.reached[2 * k])).sum())
             if abs(room.floor - plan.floor) < 0.5 and room.kind != "stairs" and walked < max(1.0, 0.75 * free.sum()):
                 names.append(room.name)
     return names
 
 
-def standing_room(scene: Scene, ways: Walkways, obj: SceneObject) -> tuple[NDArray[np.bool_], ...]:
+def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tuple[NDArray[np.bool_], ...]:
     """On each storey, the cells from which a body can sit down on an object: before its front edge (beds: beside them too), and
     reached on foot."""
     points = scene.assets[obj.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
-    plan = ways.floors.grids[0]
+    plan = walkable.floors.grids[0]
     offset = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1)) - np.array(obj.position)[[0, 2]]
     turn = matrix_from_quaternion(np.array(obj.rotation))[np.ix_([0, 2], [0, 2])]
     side, ahead = np.moveaxis(offset @ turn, -1, 0)
     before = (ahead > front) & (ahead < front + 0.5) & (np.abs(side) < max(half - 0.1, 0.2))
     if obj.category == "bed":
         before |= (np.abs(ahead) < front - 0.2) & (np.abs(side) > half) & (np.abs(side) < half + 0.5)
-    return tuple(before & near for near in ways.near(*scene.aabb(obj.id), 2.0))
+    return tuple(before & near for near in walkable.near(*scene.aabb(obj.id), 2.0))
 
 
 def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:

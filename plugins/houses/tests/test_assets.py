@@ -131,8 +131,8 @@ def test_the_summary_counts_what_came_in_what_was_left_out_and_names_what_was_br
 ) -> None:
     _, result = imported
     assert result.exit_code == 0, result.output
-    for words in ("couch", "chair", "wardrobe", "set aside: broken: m.obj cannot be read", "Grand piano",
-                  "doors, windows and stairs: 1", "3 assets", "set aside: toysofa: Toy sofa (couch): 0.22 m width"):  # fmt: skip
+    for words in ("couch", "chair", "wardrobe", "rejected: broken: m.obj cannot be read", "Grand piano",
+                  "doors, windows and stairs: 1", "3 assets", "rejected: toysofa: Toy sofa (couch): 0.22 m width"):  # fmt: skip
         assert words in " ".join(result.output.split()), (words, result.output)
 
 
@@ -223,7 +223,7 @@ def kit_library(work: Path, kit: Path) -> Path:
             "assets", "import", kit, "--out", work / "lib_kit", "--licence", "CC0-1.0", "--author", "Kit Maker"
         )
     assert result.exit_code == 0, result.output
-    assert "set aside: chairBroken" in result.output
+    assert "rejected: chairBroken" in result.output
     return work / "lib_kit"
 
 

@@ -17,7 +17,7 @@ from humanclaw.navigation import goals_at
 from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
 from humanclaw_houses.source import house, storeys_of
-from humanclaw_houses.starting import Walkways
+from humanclaw_houses.starting import WalkableArea
 from humanclaw_houses.validity import FURNISHED, interpenetrating, problems
 
 SAMPLE = ("0", "12", "20", "train-17")
@@ -193,12 +193,12 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
-    whole, ways = scene(name), Walkways.of(scene(name))
+    whole, walkable = scene(name), WalkableArea.of(scene(name))
     start = np.array([whole.start.x, whole.start.floor, whole.start.z])
-    assert ways.floors.grids[0].at(ways.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
+    assert walkable.floors.grids[0].at(walkable.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
     for obj in whole.objects:
         if obj.category in FURNISHED:
-            assert np.isfinite(ways.floors.geodesic(start, goals_at(ways.floors, whole, obj.id))), obj.asset
+            assert np.isfinite(walkable.floors.geodesic(start, goals_at(walkable.floors, whole, obj.id))), obj.asset
 
 
 # -- storeys -----------------------------------------------------------------------------------------------------------
@@ -239,10 +239,10 @@ def test_over_every_step_there_is_room_for_a_head() -> None:
 
 def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
     """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something waist-high."""
-    whole, ways = scene(TALL), Walkways.of(scene(TALL))
-    plan = ways.floors.floors[1]
+    whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
+    plan = walkable.floors.floors[1]
     solid = np.array([box for obj in whole.objects for box in boxes(whole, obj)])
-    for cell in np.argwhere(np.isfinite(ways.reached[2]))[::7]:
+    for cell in np.argwhere(np.isfinite(walkable.reached[2]))[::7]:
         point = plan.point(cell)
         for angle in np.linspace(0, 2 * np.pi, 8, endpoint=False):
             gap = 0  # a centimetre lies between the edge and the rail
@@ -257,13 +257,13 @@ def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
 
 
 def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
-    whole, ways = scene(TALL), Walkways.of(scene(TALL))
+    whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
     upstairs = [room for room in whole.rooms if room.floor > 2]
     assert {"bedroom", "bathroom", "landing"} <= {room.kind for room in upstairs}
     start = np.array([whole.start.x, 0.0, whole.start.z])
     bed = next(obj for obj in whole.of_category("bed") if obj.position[1] > 2)
     direct = np.linalg.norm(np.array(bed.position) - start)
-    assert direct + 2 < ways.floors.geodesic(start, goals_at(ways.floors, whole, bed.id)) < 30
+    assert direct + 2 < walkable.floors.geodesic(start, goals_at(walkable.floors, whole, bed.id)) < 30
 
 
 def test_a_house_whose_stairs_are_barred_is_noticed() -> None:

@@ -57,7 +57,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Milestone:
     """Found, reached, sat or stopped: whether, and one fact about it."""
 
     name: str
@@ -144,7 +144,7 @@ class EpisodeView:
     recorded: RecordedEpisode
     anchor: str
     words: str
-    stages: tuple[Stage, ...]
+    milestones: tuple[Milestone, ...]
     times: Mapping[str, float]
     tokens: int
     cost: float
@@ -226,7 +226,7 @@ def _seconds(value: float) -> str:
 
 # -- episodes ----------------------------------------------------------------------------------------------------------
 def _episode(recorded: RecordedEpisode, number: int) -> EpisodeView:
-    met = stages(recorded)
+    met = milestones(recorded)
     times = {part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS}
     anchor = f"episode-{number}-{re.sub(r'[^A-Za-z0-9]+', '-', recorded.record.spec.id)}"
     usage = sum((step.usage for step in recorded.steps), Usage())
@@ -270,16 +270,16 @@ def _spread(count: int, wanted: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, count - 1, min(count, wanted))}) if count else []
 
 
-def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
+def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
     """How far an episode came, by geometry and the active stop alone; metrics also ask what the agent acknowledged."""
     spec, steps = recorded.record.spec, recorded.steps
-    stopped = Stage("stopped", recorded.record.outcome == "stopped", f"after {len(steps)} steps")
+    stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {len(steps)} steps")
     if not spec.target_ids:
         return (stopped,)
     seen = [s.step for s in steps if in_view(s)]
     last = end_distance(recorded)
-    found = Stage("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
-    near = Stage(
+    found = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
+    near = Milestone(
         "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
     )
     if not spec.interact:
@@ -287,16 +287,16 @@ def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
     return found, near, _sat(recorded), stopped
 
 
-def _sat(recorded: RecordedEpisode) -> Stage:
+def _sat(recorded: RecordedEpisode) -> Milestone:
     """Whether the hips were on a target when the episode was stopped."""
     moved = [step for step in recorded.steps if step.status == "executed"]
     on = [step.step for step in moved if on_target(recorded, step)]
     if moved and on and on[-1] == moved[-1].step:
-        return Stage("sat", True, f"since step {on[-1]}")
-    return Stage("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
+        return Milestone("sat", True, f"since step {on[-1]}")
+    return Milestone("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
 
 
-def in_words(recorded: RecordedEpisode, met: Sequence[Stage]) -> str:
+def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
     """The outcome as a sentence."""
     record = recorded.record
     endings = {
@@ -402,11 +402,11 @@ def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
     names = ("in view", "reached", "sat", "stopped")
     counts = {}
     for name in names:
-        asked = [stage for view in views for stage in view.stages if stage.name == name]
+        asked = [stage for view in views for stage in view.milestones if stage.name == name]
         if asked:
             counts[name] = (sum(stage.met for stage in asked), len(asked))
     return {
-        "stages": counts,
+        "milestones": counts,
         "steps": sum(len(view.recorded.steps) for view in views),
         "times": {part: sum(view.times[part] for view in views) for part in PARTS},
         "tokens": sum(view.tokens for view in views),

@@ -12,7 +12,7 @@ from made import record_episode
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
-from humanclaw_report.report import Table, house_maps, in_words, path_maps, stages, storeys_at, write_report
+from humanclaw_report.report import Table, house_maps, in_words, milestones, path_maps, storeys_at, write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -94,7 +94,7 @@ def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tu
 
 def test_the_outcome_is_told_in_words(run: tuple[Path, Scene]) -> None:
     episode = RecordedEpisode(run[0] / "one")
-    reached = stages(episode)
+    reached = milestones(episode)
     assert {stage.name: stage.met for stage in reached} == {
         "in view": True,
         "reached": True,

@@ -11,7 +11,7 @@ from tiny_motion import write_adapter
 from humanclaw import CheckpointError, PluginError, Plugins, pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
-from humanclaw_train.fidelity import Report, achieved, baseline, fidelity, main, markdown, realised
+from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, realised
 from humanclaw_train.realised import HIPS, Actor, flat, roll_realised, stage
 from humanclaw_train.rollouts import Command, Rollouts
 
@@ -189,7 +189,7 @@ def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still
     printed = capsys.readouterr().out
     assert "| step_back |" in printed
     assert "ms a chunk" in printed
-    report = Report.load(file)
+    report = FidelityReport.load(file)
     assert report.base == still[0].digest
     assert markdown(report.rows) in printed
     assert main([*arguments, "--skills", "fly"]) == 2
@@ -201,4 +201,4 @@ def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
     file = tmp_path / "fidelity.json"
     file.write_text(json.dumps({"rows": [1]}))
     with pytest.raises(CheckpointError, match="holds no fidelity report"):
-        Report.load(file)
+        FidelityReport.load(file)
