@@ -360,7 +360,7 @@ class OracleAgent:
             return self._side(left), f"I line up with the {self._noun} behind me."
         if gap > AT_SEAT + 0.05 and not (self._memory.blocked and gap < 0.25):
             return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
-        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my segments: I sit down."
+        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
 
     def _after_sitting(self, state: WorldState) -> tuple[Call, str]:
         memory = self._memory

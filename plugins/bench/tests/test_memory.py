@@ -9,8 +9,8 @@ import pytest
 import toy_world
 
 from humanclaw import Backends, Plugins
+from humanclaw.testing import resident
 from humanclaw_bench.worker import Job, Worker
-from humanclaw_bullet.speed import resident
 
 BALLAST = np.zeros((1600, 1600, 3), np.uint8)
 """A texture of 7.3 MB, so that a house weighs as much as those of the benchmark."""
