@@ -124,7 +124,7 @@ class Scene:
         return tuple(obj for obj in self.objects if obj.category == category)
 
     def vertices(self, object_id: int) -> NDArray[np.float64]:
-        """(N, 3) world positions of an object's mesh vertices, metres."""
+        """Compute (N, 3) world positions of an object's mesh vertices, metres."""
         obj = self.by_id[object_id]
         local = self.assets[obj.asset].mesh.vertices.astype(float)
         return np.asarray(local @ matrix_from_quaternion(np.array(obj.rotation)).T + np.array(obj.position))
@@ -156,7 +156,7 @@ class Scene:
 
 
 def distance_to_box(points: Array, low: Array, high: Array) -> Array:
-    """(..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
+    """Map (..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
     outside = np.maximum(np.maximum(low - points, points - high), 0.0)
     return np.asarray(np.linalg.norm(outside, axis=-1))
 

@@ -76,7 +76,7 @@ class Reasoning:
 
 # -- publishing --------------------------------------------------------------------------------------------------------
 def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
-    """The reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
+    """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
     described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool again.
     """
@@ -85,7 +85,7 @@ def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
 
 
 def tool_spec(skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True) -> Json:
-    """A skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
+    """Describe a skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
     Raises PluginError if a parameter has the name of a reasoning field or several types.
     """
@@ -112,7 +112,7 @@ def publish(
     reasoning: bool = True,
     described: bool = True,
 ) -> list[Json]:
-    """The tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
+    """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in skills], format)
@@ -121,7 +121,7 @@ def publish(
 def openai_tools(
     skills: Iterable[Skill], reasoning: bool = True, mid_level: bool = True, described: bool = True
 ) -> list[Json]:
-    """The tool list of OpenAI's chat completions, which most other servers and clients take too."""
+    """Write the tool list of OpenAI's chat completions, which most other servers and clients take too."""
     return publish(skills, "openai", mid_level, reasoning, described)
 
 
@@ -135,7 +135,7 @@ def _wrap(specs: list[Json], form: Format) -> list[Json]:
 
 
 def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bool = True) -> Json:
-    """One object that holds the reasoning fields, the skill's name and its parameters: for models without tool calling.
+    """Return one object that holds the reasoning fields, the skill's name and its parameters: for models without tool calling.
 
     The parameters of all skills share one object, with the widest bounds of each name, because providers drop alternatives.
     """
@@ -146,7 +146,7 @@ def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bo
 
 
 def call_schema(skills: Sequence[Skill]) -> Json:
-    """The properties `skill` and `parameters` of an answer that names a call."""
+    """Return the properties `skill` and `parameters` of an answer that names a call."""
     merged: Json = {}
     for skill in skills:
         for key, part in parameter_schema(skill).items():
@@ -156,7 +156,10 @@ def call_schema(skills: Sequence[Skill]) -> Json:
 
 
 def parameter_schema(skill: Skill) -> Json:
-    """The skill's own parameters, rewritten in the words that every provider keeps. Raises PluginError where that fails."""
+    """Return the skill's own parameters, rewritten in the words that every provider keeps.
+
+    Raises PluginError where that fails.
+    """
     defs = skill.schema.get("$defs", {})
     properties = skill.schema.get("properties", {})
     return {key: _plain(part, defs, f"parameter {key!r} of skill {skill.name!r}") for key, part in properties.items()}
@@ -289,7 +292,10 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
 
 
 def read_text(text: str) -> list[tuple[Reasoning, Call]]:
-    """Every call in a text: JSON objects that name a skill, with anything around them. Raises CallError if there is none."""
+    """Read every call in a text: JSON objects that name a skill, with anything around them.
+
+    Raises CallError if there is none.
+    """
     found = [read_answer(item) for item in json_objects(text) if isinstance(item.get("skill", item.get("name")), str)]
     if not found:
         raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
@@ -297,7 +303,10 @@ def read_text(text: str) -> list[tuple[Reasoning, Call]]:
 
 
 def json_objects(text: str) -> Iterator[Json]:
-    """The complete outermost JSON objects in a text; thoughts between <think> tags are skipped, fences ignored."""
+    """Find the complete outermost JSON objects in a text.
+
+    Thoughts between <think> tags are skipped, fences ignored.
+    """
     text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
     decoder, place = json.JSONDecoder(), text.find("{")
     while place >= 0:

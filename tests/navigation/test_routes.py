@@ -282,7 +282,7 @@ def test_starts_are_found_on_every_storey_with_room_around_them() -> None:
     assert not ((above[:, 0] < 5.7) & (above[:, 2] < 1.5)).any(), "the hole over the stairs and its rail"
 
 
-def test_the_way_left_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
+def test_the_distance_to_the_goal_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
     way = geodesics(two_storeys(), (32,))
     assert way(FOOT) == pytest.approx(way(FOOT + [0.0, 0.95, 0.0]))
     assert way(HEAD) < 2.2 < 7.0 < way(FOOT)

@@ -89,7 +89,10 @@ class HalfPhysics:
         return Execution(motion_of(realised), tuple(contacts), tuple(touches), _moved(began, paths))
 
     def state(self) -> WorldState:
-        """The pose of the body and of every movable object, now. Raises HumanclawError before the first reset."""
+        """Return the pose of the body and of every movable object, now.
+
+        Raises HumanclawError before the first reset.
+        """
         return WorldState(motion_of([self._loaded().pose()]), self._objects)
 
     def close(self) -> None:

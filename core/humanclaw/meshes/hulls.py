@@ -142,7 +142,7 @@ def _area(points: Array, faces: NDArray[np.int64]) -> float:
 
 
 def surface(points: Array, faces: NDArray[np.int64], spacing: float = 0.012, most: int = 150_000) -> Array:
-    """(N, 3) points all over a mesh, about so far apart; always the same for the same mesh."""
+    """Return (N, 3) points all over a mesh, about so far apart; always the same for the same mesh."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     count = int(np.clip(area.sum() / spacing**2, 2_000, most))

@@ -43,7 +43,7 @@ class HeightMap:
         return cls(heights, float(low[0]), float(low[2]))
 
     def part(self, x0: float, x1: float, z0: float, z1: float) -> Window:
-        """The cells of a part of the footprint, given in shares of it; at least one."""
+        """Return the cells of a part of the footprint, given in shares of it; at least one."""
         w, d = self.heights.shape
         a, b, c, e = int(x0 * w), int(np.ceil(x1 * w)), int(z0 * d), int(np.ceil(z1 * d))
         return a, max(b, a + 1), c, max(e, c + 1)
@@ -53,7 +53,10 @@ class HeightMap:
         return KeepOutBox(self.x0 + a * CELL, self.z0 + c * CELL, self.x0 + b * CELL, self.z0 + d * CELL, y)
 
     def grown(self, window: Window, fits: NDArray[np.bool_], share: float) -> Window | None:
-        """The window, made larger at its four sides while that much of each new line fits; None if it does not itself."""
+        """Return the window, made larger at its four sides while that much of each new line fits.
+
+        None if it does not itself.
+        """
         a, b, c, d = window
         if fits[a:b, c:d].mean() < share:
             return None
@@ -71,7 +74,7 @@ class HeightMap:
 
 
 def back_of(mesh: Mesh) -> str:
-    """The side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
+    """Find the side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
     height_map = HeightMap.of(mesh)
     heights = height_map.heights
     a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)
@@ -96,7 +99,10 @@ class Seat:
 
 
 def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
-    """The sitting surface of a mesh whose back is at -Z; middle: where it is surely found, in shares of the depth."""
+    """Find the sitting surface of a mesh whose back is at -Z.
+
+    Middle: where it is surely found, in shares of the depth.
+    """
     height_map = HeightMap.of(mesh)
     a, b, c, d = height_map.part(0.35, 0.65, *middle)
     inside = height_map.heights[a:b, c:d]
@@ -109,7 +115,10 @@ def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
 
 
 def top_of(mesh: Mesh) -> KeepOutBox | None:
-    """The largest level rectangle near the top of a mesh, a little smaller than it is; None if nothing can stand there."""
+    """Find the largest level rectangle near the top of a mesh, a little smaller than it is.
+
+    None if nothing can stand there.
+    """
     height_map = HeightMap.of(mesh)
     heights = height_map.heights
     high = heights[heights > 0.55 * heights.max()]

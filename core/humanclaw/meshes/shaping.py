@@ -20,7 +20,10 @@ _SURFACE: Final = 0.7
 
 
 def lightened(mesh: Mesh, triangles: int) -> Mesh:
-    """A mesh of about so many triangles; up to four times as many where fewer would cost it its surface, as leaves do."""
+    """Make a mesh of about so many triangles.
+
+    Up to four times as many where fewer would cost it its surface, as leaves do.
+    """
     whole, less = area(mesh), mesh
     for factor in (1, 2, 4):
         less = simplify(mesh, factor * triangles)
@@ -30,18 +33,18 @@ def lightened(mesh: Mesh, triangles: int) -> Mesh:
 
 
 def base_of(points: NDArray[Any]) -> Array:
-    """(3,) centre of the footprint of (N, 3) points, at the height of the lowest."""
+    """Return (3,) centre of the footprint of (N, 3) points, at the height of the lowest."""
     low, high = points.min(axis=0), points.max(axis=0)
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], float)
 
 
 def moved(mesh: Mesh, by: Array) -> Mesh:
-    """A mesh moved by a (3,) vector, metres."""
+    """Return a mesh moved by a (3,) vector, metres."""
     return replace(mesh, vertices=exact(mesh.vertices + by))
 
 
 def turned(mesh: Mesh, quarters: int) -> Mesh:
-    """A mesh turned by quarter turns to the left about y."""
+    """Return a mesh turned by quarter turns to the left about y."""
     x, y, z = mesh.vertices.T
     points = {0: (x, y, z), 1: (z, y, -x), 2: (-x, y, -z), 3: (-z, y, x)}[quarters % 4]
     return replace(mesh, vertices=exact(np.stack(points, axis=-1)))

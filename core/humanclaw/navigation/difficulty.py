@@ -22,7 +22,7 @@ NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
 
 
 def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
-    """The difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
+    """Measure the difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
     return Difficulty(
         distance=round(distance, 2),
         turns=turns(way[:, [0, 2]]),
@@ -57,7 +57,7 @@ def _boxes(scene: Scene) -> tuple[Array, Array]:
 
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
-    """How often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
+    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)
     bearing = np.arctan2(segments[:, 0], segments[:, 1])
