@@ -85,9 +85,9 @@ def test_a_provider_that_keeps_failing_moves_nobody(play):
 # -- settings and limits -----------------------------------------------------------------------------------------------
 def test_the_settings_in_force_are_in_the_record_with_their_defaults(play):
     episode, _ = play(call("stop"), status(500), verify=True, profile="paper", images=2)
-    maker, judge = episode.record.settings["agent"], episode.record.settings["verifier"]
-    assert (maker["history"], maker["images"], maker["mid_level"], maker["mode"]) == (10, 2, True, "auto")
-    assert (judge["model"], judge["timeout"]) == ("openai/scripted", 30.0)
+    agent, verifier = episode.record.settings["agent"], episode.record.settings["verifier"]
+    assert (agent["history"], agent["images"], agent["mid_level"], agent["mode"]) == (10, 2, True, "auto")
+    assert (verifier["model"], verifier["timeout"]) == ("openai/scripted", 30.0)
     assert json.loads(episode.steps[0].decision.raw)["mode"] == "tools"
 
 
