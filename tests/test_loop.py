@@ -182,10 +182,17 @@ def test_what_a_model_writes_does_not_break_its_record(play, words):
     assert episode.steps[0].decision.visible_state == words.replace("\ud800", "\ufffd")
 
 
-@pytest.mark.parametrize("bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}])
+@pytest.mark.parametrize(
+    "bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}, {"z_cm": 10**5000}]
+)
 def test_a_call_that_no_schema_asks_for_is_the_models_own_mistake(play, bad):
     episode, _ = play(Call("walk", bad), STOP)
     assert [bool(attempt.error) for attempt in episode.steps[0].attempts] == [True, False]
+
+
+def test_what_a_model_wrote_at_length_is_not_said_back_to_it_whole(play):
+    episode, _ = play(Call("w" * 90_000, {}), Call("walk", {"z_cm": "4" * 90_000}), STOP)
+    assert all(len(attempt.error) < 1_000 for attempt in episode.steps[0].attempts)
 
 
 def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, house, tmp_path):

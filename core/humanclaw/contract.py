@@ -23,7 +23,8 @@ from humanclaw.errors import CallError, PluginError
 from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, role_of, si_name, to_si
 from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
-NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
+NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
+_LONGEST_FAULT: Final = 300
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class Skill:
     """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
 
     def __post_init__(self) -> None:
-        if not NAME_PATTERN.match(self.name):
+        if not NAME_PATTERN.fullmatch(self.name):
             raise PluginError(f"skill name {self.name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
         if self.schema.get("type") != "object":
             raise PluginError(f"the schema of skill {self.name!r} must have type 'object'.", "Mend its schema.json.")
@@ -207,8 +208,10 @@ def _bad_checklist(path: Path, why: str) -> PluginError:
 
 
 def _explain(fault: jsonschema.ValidationError) -> str:
+    """One fault in words; what a model wrote at length is not said back to it whole."""
     where = ".".join(map(str, fault.absolute_path))
-    return f"{where}: {fault.message}" if where else fault.message
+    message = fault.message if len(fault.message) <= _LONGEST_FAULT else f"{fault.message[:_LONGEST_FAULT]}..."
+    return f"{where}: {message}" if where else message
 
 
 def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
