@@ -47,6 +47,8 @@ _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
 _TRIES: Final = 200
 """Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_ABOUT: Final = frozenset({"title", "description", "default", "type"})
+"""Words of which the nearer one goes before that of a referenced schema."""
 _GEMINI_WORDS: Final = frozenset(
     [
         "type",
@@ -195,6 +197,8 @@ def _merge_alternatives(part: Json, defs: Mapping[str, Any], where: str) -> Json
             raise PluginError(f"{where} refers to {inner!r}, which is not among its $defs.", "Mend the reference.")
         if len(options) != 1 or not isinstance(options[0], Mapping):
             raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
+        if twice := sorted(set(options[0]) & set(part) - _ABOUT):
+            raise PluginError(f"{where} has {twice[0]!r} both of its own and by reference.", "Give it one.")
         part = {**options[0], **part}
     raise PluginError(f"{where} refers to itself.", "Give it a flat type.")
 
