@@ -58,6 +58,16 @@ _FROM_BACK: Final = {"-z": 0, "+x": 1, "+z": 2, "-x": 3}
 """Quarter turns to the left that bring a front to +z, by the side where the back is. Habitat's own back is at +z."""
 
 
+_SCALED: Final = "@"
+"""Between the template and the scale in the name of an asset."""
+
+
+def template_of(thing: SceneObject) -> str:
+    """The template that an object of a scene was made of; empty for a piece of the building."""
+    name, scaled, _ = thing.asset.rpartition(_SCALED)
+    return name if scaled else ""
+
+
 @dataclass(frozen=True)
 class Origin:
     """Where a dataset's assets come from, and on what terms."""
@@ -175,7 +185,7 @@ class Models:
             given = self._given(kind, np.array(scale))
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        name = f"{kind.name}@{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
+        name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
         asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
         thing = _thing(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
