@@ -106,6 +106,22 @@ class Semantics(_Attributes):
     region_annotations: tuple[Region, ...] = ()
 
 
+class Nested(_Attributes):
+    """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template without a file of its own."""
+
+    original_file: str = ""
+    """What is changed; empty: a template is made from the defaults."""
+    template_handle: str = ""
+    """What the result is called; empty: as what is changed."""
+    attributes: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _named(self) -> Nested:
+        if not (self.original_file or self.template_handle):
+            raise ValueError("an entry of configs needs an original_file or a template_handle")
+        return self
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Raises SceneError if the file is missing or not a JSON object."""
     try:

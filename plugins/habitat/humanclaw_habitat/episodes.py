@@ -195,7 +195,7 @@ def _values(path: Path) -> Mapping[str, Any]:
         isinstance(some, list) for some in (values.get("episodes"), *goals.values())
     ):
         raise HumanclawError("it is no ObjectNav file: it has no list of episodes, or of goals.", "See ObjectNav-v1.")
-    return values
+    return dict(values)
 
 
 def _named(entries: Iterable[Any]) -> Iterator[tuple[object, Any]]:

@@ -97,7 +97,7 @@ class _Assembly:
             place()
         except SceneError as error:
             if not self.skip:
-                raise SceneError(f"{self.dataset.scenes[self.name]}: {what}: {error.message}",
+                raise SceneError(f"{self.dataset.scenes[self.name].file}: {what}: {error.message}",
                                  f"{error.remedy} {_REMEDY}".strip()) from error  # fmt: skip
             self.left_out.append(f"{what}: {error.message}")
 

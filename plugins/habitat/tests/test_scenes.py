@@ -265,6 +265,66 @@ def test_without_a_table_of_objects_the_lexicon_says_what_they_are(mine: Path) -
     assert (scene.by_id[1].category, scene.by_id[2].category) == ("couch", "object")
 
 
+# -- templates without files of their own --------------------------------------------------------------------------------
+def nest(folder: Path, section: str, *configs: dict) -> None:
+    """Write `configs` into the dataset's own config."""
+    file = folder / "toy.scene_dataset_config.json"
+    values = json.loads(file.read_text())
+    values.setdefault(section, {})["configs"] = list(configs)
+    write(file, values)
+
+
+def test_a_nested_config_changes_a_file_and_gives_it_another_name(mine: Path) -> None:
+    heavy = {
+        "original_file": "objects/c/cup1.object_config.json",
+        "template_handle": "heavy_cup",
+        "attributes": {"mass": 3.5},
+    }
+    nest(mine, "objects", heavy)
+    assert load(mine).by_id[4].mass == 0.3
+    change_object(mine, 3, template_name="heavy_cup")
+    thing = load(mine).by_id[4]
+    # What is not changed is that of the file; its model lies beside that file.
+    assert (thing.mass, thing.friction) == (3.5, 0.4)
+    np.testing.assert_allclose(load(mine).aabb(4), ((0.95, 0, 4.95), (1.05, 0.1, 5.05)), atol=1e-4)
+
+
+def test_a_nested_config_without_a_name_changes_the_file_itself(mine: Path) -> None:
+    nest(mine, "objects", {"original_file": "objects/c/cup1.object_config.json", "attributes": {"mass": 3.5}})
+    assert load(mine).by_id[4].mass == 3.5
+
+
+def test_a_nested_config_without_a_file_makes_a_template_with_paths_relative_to_the_dataset(mine: Path) -> None:
+    nest(mine, "objects", {"template_handle": "mug", "attributes": {"render_asset": "objects/c/cup1.glb", "mass": 1.1}})
+    nest(
+        mine,
+        "stages",
+        {"template_handle": "flat", "attributes": {"render_asset": "stages/toy.glb", "scale": [2, 1, 2]}},
+    )
+    nest(mine, "scene_instances", {"original_file": "scenes/toy1.scene_instance.json", "template_handle": "toy2",
+                                   "attributes": {"stage_instance": {"template_name": "flat"}}})  # fmt: skip
+    change_object(mine, 3, template_name="mug")
+    thing = load(mine).by_id[4]
+    # The default friction of all objects of this dataset is 0.7.
+    assert (thing.mass, thing.friction) == (1.1, 0.7)
+    wide = Plugins.discover().scene(f"hssd:{mine}#toy2")
+    floor = next(thing for thing in wide.objects if thing.category == "floor")
+    np.testing.assert_allclose(np.ptp(wide.aabb(floor.id), axis=0)[[0, 2]], (16, 12), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ({"original_file": "objects/nowhere.object_config.json", "attributes": {}}, "nowhere.object_config.json"),
+        ({"attributes": {}}, "original_file or a template_handle"),
+        ({"template_handle": "mug"}, "attributes"),
+    ],
+)
+def test_a_nested_config_that_says_nothing_usable_is_named(mine: Path, config: dict, said: str) -> None:
+    nest(mine, "objects", config)
+    fails(mine, "toy.scene_dataset_config.json", said)
+
+
 # -- what is wrong ----------------------------------------------------------------------------------------------------
 def fails(folder: Path, *words: str, rest: str = "") -> None:
     with pytest.raises(SceneError) as caught:
