@@ -14,6 +14,7 @@ from typing import Any, Final
 from humanclaw import SceneError
 from humanclaw_habitat.attributes import Nested, Region, SceneInstance, Semantics, Template, checked, read_json
 from humanclaw_habitat.categories import category_of
+from humanclaw_habitat.primitives import DEFAULT_SCALE, is_primitive
 
 CONFIG: Final = ".scene_dataset_config.json"
 SCENE: Final = ".scene_instance.json"
@@ -31,8 +32,8 @@ class Kind:
     template: Template
 
     def path(self, asset: str) -> Path:
-        """Where an asset of the template lies."""
-        return (self.file.parent / asset).resolve()
+        """Where an asset of the template lies; a shape that Habitat makes itself lies nowhere and is only a name."""
+        return Path(asset) if is_primitive(asset) else (self.file.parent / asset).resolve()
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,10 @@ class Dataset:
 
     def _kind(self, section: str, name: str) -> Kind:
         """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
+        if is_primitive(name) and section == "objects":
+            return Kind(
+                name, self.config, checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
+            )
         known = self._templates[section]
         base = _stem(Path(name))
         found = [base] if base in known else [key for key in known if name and base in key]

@@ -45,6 +45,7 @@ from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion
 from humanclaw_habitat.gltf import readable
+from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces
 
 VERSION: Final = 2
@@ -129,6 +130,8 @@ class Models:
         return fragment
 
     def _digest(self, path: Path) -> str:
+        if is_primitive(path.name):
+            return path.name
         if path not in self.digests:
             try:
                 self.digests[path] = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -142,6 +145,8 @@ class Models:
         return [replace(part, vertices=part.vertices @ turn.T) for part in self._read(path)]
 
     def _read(self, path: Path) -> list[Part]:
+        if is_primitive(path.name):
+            return primitive(path.name)
         if path.suffix.lower() != ".glb":
             return read_model(path)
         data = path.read_bytes()
@@ -193,9 +198,11 @@ class Models:
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""
-        if not kind.template.collision_asset or kind.template.use_bounding_box_for_collision:
+        shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
+        asset = kind.template.collision_asset or shape
+        if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = _scaled(self._parts(kind.path(kind.template.collision_asset), kind.template), scale)
+        parts = _scaled(self._parts(kind.path(asset), kind.template), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 
