@@ -98,6 +98,6 @@ def _tell(scene: Scene) -> None:
         f"{len({room.name for room in scene.rooms})} rooms; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )
-    for note, what in (("left_out", "left out"), ("without_textures", "without textures")):
+    for note, what in (("left_out", "left out"), ("without_textures", "without textures"), ("ignored", "ignored")):
         for line in json.loads(scene.notes[note]):
             click.echo(f"  {what}: {line}")

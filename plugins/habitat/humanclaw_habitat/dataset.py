@@ -12,15 +12,25 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw import SceneError
-from humanclaw_habitat.attributes import Nested, Region, SceneInstance, Semantics, Template, checked, read_json
+from humanclaw_habitat.attributes import (
+    Articulated,
+    Nested,
+    Region,
+    SceneInstance,
+    Semantics,
+    Template,
+    checked,
+    read_json,
+)
 from humanclaw_habitat.categories import category_of
 from humanclaw_habitat.primitives import DEFAULT_SCALE, is_primitive
 
 CONFIG: Final = ".scene_dataset_config.json"
 SCENE: Final = ".scene_instance.json"
-_SUFFIXES: Final = {"stages": ".stage_config.json", "objects": ".object_config.json", "scene_instances": SCENE,
+_SUFFIXES: Final = {"stages": ".stage_config.json", "objects": ".object_config.json",
+                    "articulated_objects": ".ao_config.json", "scene_instances": SCENE,
                     "semantic_scene_descriptor_instances": ".semantic_config.json"}  # fmt: skip
-_MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
+_MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl", ".urdf")
 
 
 @dataclass(frozen=True)
@@ -128,7 +138,7 @@ class Dataset:
 
     @cached_property
     def _templates(self) -> Mapping[str, dict[str, _Source]]:
-        return {section: self._index(section) for section in ("stages", "objects")}
+        return {section: self._index(section) for section in ("stages", "objects", "articulated_objects")}
 
     @cached_property
     def scenes(self) -> Mapping[str, _Source]:
@@ -159,12 +169,25 @@ class Dataset:
     def furniture(self, name: str) -> Kind:
         return self._kind("objects", name)
 
+    def articulated(self, name: str) -> Kind:
+        """A thing of links and joints; its model is its URDF, what is seen and what collides. Raises SceneError."""
+        found, source, values = self._found("articulated_objects", name)
+        attributes = checked(Articulated, values, source.file)
+        model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
+        scale = (attributes.uniform_scale,) * 3
+        template = Template(render_asset=model, collision_asset=model, scale=scale, semantic_id=attributes.semantic_id)
+        return Kind(found, source.file, template)
+
     def _kind(self, section: str, name: str) -> Kind:
-        """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
         if is_primitive(name) and section == "objects":
             return Kind(
                 name, self.config, checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
             )
+        found, source, values = self._found(section, name)
+        return Kind(found, source.file, checked(Template, values, source.file))
+
+    def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
+        """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
         known = self._templates[section]
         base = _stem(Path(name))
         found = [base] if base in known else [key for key in known if name and base in key]
@@ -172,8 +195,7 @@ class Dataset:
             many = f"fits {len(found)} {section}" if found else f"is none of the {len(known)} {section}"
             raise SceneError(f"template {name!r} {many} of {self.config}.", "Is the dataset complete?")
         source = known[found[0]]
-        defaults = self._section(section).get("default_attributes", {})
-        return Kind(found[0], source.file, checked(Template, defaults | source.values, source.file))
+        return found[0], source, self._section(section).get("default_attributes", {}) | source.values
 
     def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
         """The annotated rooms of a scene; none if nobody annotated them."""

@@ -40,6 +40,7 @@ from humanclaw.meshes import (
 from humanclaw.pose import Array, Pose2D
 from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw.storage import Cache, pack_scene, unpack_scene
+from humanclaw_habitat import urdf
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
@@ -105,6 +106,7 @@ class Models:
         if not kind.template.render_asset:
             raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
         files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
+        files += [mesh for file in dict.fromkeys(files) if file.suffix == ".urdf" for mesh in urdf.meshes(file)]
         recipe = (VERSION, kind.template.model_dump(), self.origin, self.triangles, self._decodes, *rest)
         key = hashlib.sha256(repr((recipe, [self._digest(file) for file in files])).encode()).hexdigest()
         data = self.cache.get(key)
@@ -139,10 +141,18 @@ class Models:
                 raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
         return self.digests[path]
 
-    def _parts(self, path: Path, template: Template) -> list[Part]:
-        """Everything in a model file, turned so that its up is +Y and its front -Z."""
+    def _parts(self, path: Path, template: Template, what: str = "visual") -> list[Part]:
+        """Everything in a model file, turned so that its up is +Y and its front -Z. what: which side of a URDF's links."""
         turn = axes(template.up, template.front)
-        return [replace(part, vertices=part.vertices @ turn.T) for part in self._read(path)]
+        parts = self._links(path, what) if path.suffix == ".urdf" else self._read(path)
+        return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
+
+    def _links(self, path: Path, what: str) -> list[Part]:
+        """What the links of a URDF show, or what they collide with; a file that has but one of them has it for both."""
+        found = urdf.links(path, what, self._read) or urdf.links(path, "collision", self._read)
+        if not found and what == "visual":
+            raise SceneError(f"{path}: none of its links has a shape.")
+        return found
 
     def _read(self, path: Path) -> list[Part]:
         if is_primitive(path.name):
@@ -202,7 +212,7 @@ class Models:
         asset = kind.template.collision_asset or shape
         if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = _scaled(self._parts(kind.path(asset), kind.template), scale)
+        parts = _scaled(self._parts(kind.path(asset), kind.template, "collision"), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 

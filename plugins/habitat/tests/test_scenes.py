@@ -381,6 +381,124 @@ def test_a_shape_that_cannot_be_is_named(mine: Path) -> None:
     fails(mine, "object 3 (icosphereSolid_subdivs_40)", "subdivs cannot be 40")
 
 
+# -- articulated objects -----------------------------------------------------------------------------------------------
+FRIDGE = """<robot name="fridge">
+  <link name="body">
+    <visual><origin xyz="0 0.9 0"/><geometry><box size="0.6 1.8 0.6"/></geometry></visual>
+    <collision><origin xyz="0 0.9 0"/><geometry><box size="0.6 1.8 0.6"/></geometry></collision>
+  </link>
+  <link name="door">
+    <visual><origin xyz="0.3 0 0" rpy="0 0 1.570796"/><geometry><mesh filename="door.glb" scale="2 1 1"/></geometry></visual>
+    <collision><origin xyz="0.3 0 0"/><geometry><box size="0.6 1.2 0.05"/></geometry></collision>
+  </link>
+  <link name="drawer"><visual><geometry><cylinder radius="0.1" length="0.4"/></geometry></visual></link>
+  <joint name="hinge" type="revolute">
+    <parent link="body"/><child link="door"/><origin xyz="-0.3 1 -0.325"/><axis xyz="0 1 0"/>
+    <limit lower="LOWER" upper="1.570796"/>
+  </joint>
+  <joint name="rail" type="prismatic">
+    <parent link="body"/><child link="drawer"/><origin xyz="0 0.2 -0.3"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.4"/>
+  </joint>
+</robot>"""
+
+
+def fridge(folder: Path, lower: str = "0", **placing: object) -> Path:
+    """A fridge of 0.6 x 1.8 x 0.6 m with a door of 5 cm before it and a round drawer of 0.4 m, half of it outside, at (2, 0, 5)."""
+    place = folder / "urdf" / "fridge"
+    # 0.6 m wide once it is turned by a quarter and 1.2 m high once it is doubled.
+    model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025)))
+    (place / "fridge.urdf").write_text(FRIDGE.replace("LOWER", lower))
+    config = json.loads((folder / "toy.scene_dataset_config.json").read_text())
+    write(folder / "toy.scene_dataset_config.json", config | {"articulated_objects": {"paths": {".urdf": ["urdf/*"]}}})
+    placed = {
+        "template_name": "fridge",
+        "translation": [2, 0, 5],
+        "translation_origin": "COM",
+        "fixed_base": True,
+        **placing,
+    }
+    edit(folder / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[placed])
+    return place
+
+
+def test_an_articulated_object_stands_with_its_joints_at_rest(mine: Path, scene: Scene) -> None:
+    fridge(mine)
+    found = load(mine)
+    # The door's front is at z = -0.325 - 0.025, the drawer's end at -0.3 - 0.2; the root link is at the translation.
+    np.testing.assert_allclose(found.aabb(6), ((1.7, 0, 4.5), (2.3, 1.8, 5.3)), atol=2e-3)
+    thing = found.by_id[6]
+    assert (thing.category, thing.movable) == ("fridge", False)
+    assert len(found.objects) == len(scene.objects) + 1
+    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): its joints (2) stand still"]
+
+
+def test_each_link_collides_as_its_own_convex_pieces(mine: Path) -> None:
+    fridge(mine)
+    scene = load(mine)
+    sizes = sorted(np.ptp(hull, axis=0).round(3).tolist() for hull in scene.assets[scene.by_id[6].asset].hulls)
+    np.testing.assert_allclose(sizes, [(0.6, 1.2, 0.05), (0.6, 1.8, 0.6)], atol=1e-3)
+
+
+def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path) -> None:
+    fridge(mine, lower="1.570796")
+    # A quarter turn to the left about y brings the door, to +X of its hinge, to -Z of it: 0.6 m before z = 5 - 0.325.
+    np.testing.assert_allclose(load(mine).aabb(6)[0], (1.675, 0, 4.075), atol=2e-3)
+
+
+def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
+    fridge(mine, rotation=[HALF, 0, HALF, 0], uniform_scale=0.5)
+    # What was at -Z is at -X, and everything half as far away.
+    np.testing.assert_allclose(load(mine).aabb(6), ((1.75, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
+
+
+def test_a_config_of_an_articulated_object_names_its_file(mine: Path) -> None:
+    place = fridge(mine)
+    (place / "fridge.urdf").rename(place / "cold.urdf")
+    write(
+        place / "fridge.ao_config.json", {"urdf_filepath": "cold.urdf", "uniform_scale": 2.0, "render_mode": "default"}
+    )
+    config = json.loads((mine / "toy.scene_dataset_config.json").read_text())
+    config["articulated_objects"]["paths"] = {".json": ["urdf/*"]}
+    write(mine / "toy.scene_dataset_config.json", config)
+    np.testing.assert_allclose(load(mine).aabb(6)[1], (2.6, 3.6, 5.6), atol=2e-3)
+
+
+def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
+    place = fridge(mine)
+    digest = load(mine).digest
+    model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025), (0, 0, 250)))
+    assert load(mine).digest != digest
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        ('filename="door.glb"', 'filename="gate.glb"', "gate.glb"),
+        ('xyz="0 0.9 0"', 'xyz="0 0.9"', "3 numbers"),
+        ("<cylinder", "<plane", "shape plane"),
+        ("</robot>", "", "no URDF"),
+        ('<parent link="body"/><child link="door"/>', '<parent link="door"/><child link="door"/>', "circle"),
+    ],
+)
+def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str, becomes: str, said: str) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace(was, becomes))
+    fails(mine, "articulated object 0 (fridge)", said)
+    with pytest.warns(UserWarning, match="fridge"):
+        assert 6 not in load(mine, "?missing=skip").by_id
+
+
+def test_an_articulated_object_that_nobody_defines_is_named(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
+    fails(mine, "articulated object 0 (fridge)", "is none of the 0 articulated_objects")
+
+
+def test_lights_are_ignored_and_that_is_said(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", default_lighting="lights/evening")
+    (said,) = json.loads(load(mine).notes["ignored"])
+    assert said.startswith("light setup lights/evening")
+
+
 # -- what is wrong ----------------------------------------------------------------------------------------------------
 def fails(folder: Path, *words: str, rest: str = "") -> None:
     with pytest.raises(SceneError) as caught:
@@ -494,13 +612,6 @@ def test_ktx2_textures_are_read_where_there_is_a_decoder(mine: Path) -> None:
         scene = load(mine)
     mesh = scene.assets[scene.by_id[4].asset].mesh
     np.testing.assert_allclose(np.median(mesh.texture.reshape(-1, 3), axis=0), (0, 160, 0), atol=4)
-
-
-def test_articulated_objects_are_named_as_unsupported(mine: Path) -> None:
-    edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
-    fails(mine, "articulated object fridge", "not supported")
-    with pytest.warns(UserWarning, match="fridge"):
-        assert len(load(mine, "?missing=skip").objects) == 16
 
 
 def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Path) -> None:
