@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from humanclaw.contract import Skill
     from humanclaw.interfaces import DecisionMaker, MotionGenerator, Renderer, Reporter, Simulator, Verifier
     from humanclaw.measures import Measure
+    from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
@@ -37,6 +38,11 @@ class RegisterSkill(Protocol):
 class RegisterMeasure(Protocol):
     def __call__(self, measure: Measure) -> None:
         """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
+
+
+class RegisterRecipe(Protocol):
+    def __call__(self, recipe: Recipe) -> None:
+        """Register the recipe of the skill that it names."""
 
 
 class Register(Protocol[F]):
@@ -69,6 +75,11 @@ def humanclaw_measures(register: RegisterMeasure) -> None:
 @hookspec
 def humanclaw_skills(register: RegisterSkill) -> None:
     """Register skills."""
+
+
+@hookspec
+def humanclaw_recipes(register: RegisterRecipe) -> None:
+    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised (humanclaw.recipes)."""
 
 
 @hookspec

@@ -135,7 +135,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
-    both = Chunks.join([clip, clip.mirrored(command.skill)])[(side < 0).astype(int)]
+    both = Chunks.join([clip, clip.mirrored()])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
     return achieved(command, rollouts)
 

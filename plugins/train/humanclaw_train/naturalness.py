@@ -240,11 +240,11 @@ _STRAIGHT: Final = 0.96
 """Least ratio of the way from end to end over the path of a walk that counts as straight."""
 
 
-def real_gaits(clips: Iterable[Clip]) -> dict[str, Gait]:
-    """Clip to the gait of its longest straight walk, for clips that show one of two steps and a second."""
+def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
+    """Clip to the gait of its longest straight span of a tag, for clips that show one of two steps and a second."""
     found = {}
     for clip in clips:
-        spans = sorted(clip.spans.get("walk", ()), key=lambda span: span[0] - span[1])
+        spans = sorted(clip.spans.get(tag, ()), key=lambda span: span[0] - span[1])
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
             gait = Gait.of(walk)
@@ -291,8 +291,7 @@ def generated_gaits(
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
         gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
         found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
-    found = {name: gaits for name, gaits in found.items() if gaits}
-    return found
+    return {name: gaits for name, gaits in found.items() if gaits}
 
 
 @dataclass(frozen=True)
@@ -470,7 +469,7 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
     """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over seeds."""
     heads = (
-        "walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
+        "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
     )  # fmt: skip
     rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
     for name, gaits in made.items():
@@ -534,7 +533,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if (walks := walker(commands)) is not None:
             made = generated_gaits(generator, walks, seed=options.seed)
             clips = load_pack(options.clips) if options.clips else []
-            print("\n" + gait_table(real_gaits(clips), made), flush=True)
+            print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
             print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(

@@ -53,7 +53,13 @@ def _gliding(distances: np.ndarray) -> Chunks:
     rest = pose.rest_pose(20)
     share = np.clip(np.arange(20) - 4, 0, None) / 15
     root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]
-    return Chunks.of("step_back", root, np.repeat(rest.rotations[None], len(distances), 0), "made", real=False)
+    return Chunks.of(
+        declaration("step_back").parameters,
+        root,
+        np.repeat(rest.rotations[None], len(distances), 0),
+        "made",
+        real=False,
+    )
 
 
 def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(still):
@@ -78,7 +84,9 @@ def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):
 def test_the_baseline_knows_left_from_right(tmp_path):
     rest = pose.rest_pose(20)
     root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
-    Chunks.of("side_step", root, rest.rotations[None], "made", real=True).save(tmp_path / "side_step.npz")
+    Chunks.of(declaration("side_step").parameters, root, rest.rotations[None], "made", real=True).save(
+        tmp_path / "side_step.npz"
+    )
     command = Command(
         declaration("side_step"), tmp_path / "adapter.safetensors", ("x",), np.array([-0.3]), np.array([-0.299])
     )

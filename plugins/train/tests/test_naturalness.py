@@ -10,7 +10,7 @@ from humanclaw.motion.checkpoint import load_base
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw_train.chunks import PARAMETERS, Chunks
+from humanclaw_train.chunks import Chunks
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     SEQUENCES,
@@ -40,8 +40,9 @@ def still(tmp_path_factory, still_base):
     folder = tmp_path_factory.mktemp("still")
     base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
-        width = len(PARAMETERS[skill])
-        config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
+        names = tuple(one.name for one in declaration(skill).parameters)
+        width = len(names)
+        config = AdapterConfig(skill, "mlp", names, (0.0,) * width, (0.2,) * width)
         write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
         declare(folder / skill)
     return folder
@@ -62,7 +63,9 @@ def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
     random = np.random.default_rng(seed)
     rest = pose.rest_pose(20)
     drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15
-    return Chunks.of("walk", rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True)
+    return Chunks.of(
+        declaration("walk").parameters, rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True
+    )
 
 
 def test_the_halves_of_the_data_share_no_clip():

@@ -11,3 +11,12 @@ __version__ = "0.1.0"
 def humanclaw_skills(register):
     for name in ("climb_upstairs", "walk_downstairs"):
         register(Path(__file__).parent / name)
+
+
+@hookimpl
+def humanclaw_recipes(register):
+    from humanclaw_skill_climb.climb_upstairs.recipe import RECIPE as UP
+    from humanclaw_skill_climb.walk_downstairs.recipe import RECIPE as DOWN
+
+    register(UP)
+    register(DOWN)

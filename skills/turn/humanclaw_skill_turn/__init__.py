@@ -10,3 +10,10 @@ __version__ = "0.1.0"
 @hookimpl
 def humanclaw_skills(register):
     register(Path(__file__).parent / "turn_in_place")
+
+
+@hookimpl
+def humanclaw_recipes(register):
+    from humanclaw_skill_turn.turn_in_place.recipe import RECIPE
+
+    register(RECIPE)

@@ -10,3 +10,10 @@ __version__ = "0.1.0"
 @hookimpl
 def humanclaw_skills(register):
     register(Path(__file__).parent / "walk")
+
+
+@hookimpl
+def humanclaw_recipes(register):
+    from humanclaw_skill_walk.walk.recipe import RECIPE
+
+    register(RECIPE)
