@@ -1,29 +1,43 @@
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
-BIN := .venv/bin
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3)
+VENV ?= .venv
+BIN := $(VENV)/bin
 
-.PHONY: help install demo test lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-install: .venv/.installed  ## Create .venv with everything in it
+install: $(VENV)/.installed  ## Create the environment with everything in it
 
-.venv/.installed: requirements.txt pyproject.toml
-	$(PYTHON) -m venv .venv
+$(VENV)/.demo: requirements-demo.txt pyproject.toml
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet hatchling editables
-	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
+	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
-demo: install  ## One episode: find a couch and sit on it
+# Without a build of torch at hand the tests that need it are skipped, and counted.
+$(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
+	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
+	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
+		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
+	@touch $@
+
+demo: $(VENV)/.demo  ## One episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
 
 test: install  ## All tests
 	$(BIN)/python -m pytest
 
+WHEELS ?= dist
+
+wheels: install  ## Build every distribution into dist/ and check its metadata
+	$(BIN)/python tests/support/wheels.py $(WHEELS)
+	$(BIN)/python -m twine check --strict $(WHEELS)/*
+
 lint: install  ## Style, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy core/humanclaw
+	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
 	$(BIN)/lint-imports
 
 CHUNKS ?= .data/chunks
@@ -63,4 +77,4 @@ local-llm: install  ## A small language model on this machine drives the body (m
 	$(BIN)/python examples/local_llm.py
 
 clean:  ## Remove .venv and caches, keep runs
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache

@@ -11,15 +11,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import Plugins
-from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw import Plugins, Renderer, Scene
+from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import MultiFloorMap
-from humanclaw.pose import Frame, matrix_from_quaternion, rest_pose
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import Pose2D, matrix_from_quaternion, rest_pose
 from humanclaw_scripted.agents import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
-NOBODY = WorldState(Frame(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
+NOBODY = WorldState(Pose2D(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
 TILE, VIEW, EYES = (460, 330), 384, 1.55
 
 
@@ -62,11 +61,11 @@ def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
     return tile
 
 
-def standing(place: Placement) -> WorldState:
-    return WorldState(Frame(place.x, place.z, place.yaw, place.floor).to_world(rest_pose()), {})
+def standing(place: Pose2D) -> WorldState:
+    return WorldState(Pose2D(place.x, place.z, place.yaw, place.floor).to_world(rest_pose()), {})
 
 
-def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Placement:
+def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
     """Somewhere one can walk to, 2 to 4 m from a thing of this category, facing it, with nothing between."""
     floors = MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
@@ -77,19 +76,19 @@ def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Placemen
         for place in rng.permutation(places[(away > 1.2) & (away < 3.2)])[:200]:
             towards = np.array(thing.position) - place
             yaw = float(np.arctan2(towards[0], towards[2]))
-            here = Placement(float(place[0]), float(place[2]), yaw, float(place[1]))
+            here = Pose2D(float(place[0]), float(place[2]), yaw, float(place[1]))
             plan = floors.grids[int(floors.level(place))]
             if in_view(plan, scene, standing(here), thing.id) and np.linalg.norm(towards) < 4.0:
                 return here
     return scene.start
 
 
-def at_stairs(scene: Scene, upper: bool) -> Placement:
+def at_stairs(scene: Scene, upper: bool) -> Pose2D:
     """In the hall, or on the landing above it, facing the stairs."""
     (stairs,) = scene.of_category("stairs")
     x, _, z = _front(scene, stairs.id, 1.3)
     dx, _, dz = np.array(stairs.position) - [x, 0, z]
-    return Placement(float(x), float(z), float(np.arctan2(dx, dz)), max(r.floor for r in scene.rooms) if upper else 0.0)
+    return Pose2D(float(x), float(z), float(np.arctan2(dx, dz)), max(r.floor for r in scene.rooms) if upper else 0.0)
 
 
 def _front(scene: Scene, key: int, distance: float) -> np.ndarray:

@@ -19,8 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from humanclaw import Plugins, Skill
-from humanclaw.records import RecordedEpisode, load_run
+from humanclaw import Plugins, RecordedEpisode, Skill, load_run
 from humanclaw.tools import envelope_schema
 
 Json = dict[str, Any]
@@ -96,7 +95,7 @@ def numbers(episode: RecordedEpisode) -> Iterator[str]:
     """What the record says of the model."""
     attempts = [attempt for step in episode.steps for attempt in step.attempts]
     good = sum(not attempt.error for attempt in attempts)
-    read, said = (sum(getattr(a.usage, part) for a in attempts) for part in ("tokens_in", "tokens_out"))
+    read, said = (sum(getattr(step.usage, part) for step in episode.steps) for part in ("tokens_in", "tokens_out"))
     decide = [step.seconds.get("decide", 0.0) for step in episode.steps]
     yield f"{len(episode.steps)} steps, {len(attempts)} answers, {good} of them calls that were executed"
     yield f"{read} tokens read, {said} written, {said / max(sum(decide), 1e-9):.1f} written a second of deciding"

@@ -1,17 +1,15 @@
 """Oracle episodes on many houses: python examples/oracle_houses.py [HOUSES] [FOLDER]
 
 Prints how each ended and where the wall time of a step goes. The oracle is privileged: it knows the map. What it cannot do, no
-decision maker can, so a failure here belongs to the world or to the motion.
+agent can, so a failure here belongs to the world or to the motion.
 """
 
 import statistics
 import sys
 from pathlib import Path
 
-from humanclaw import Body, Plugins
-from humanclaw.loop import run_episode
+from humanclaw import Body, Plugins, RecordedEpisode, run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.records import RecordedEpisode
 from humanclaw.tasks import free_episode
 
 INSTRUCTION = "find a couch and sit on it"
@@ -21,9 +19,9 @@ PARTS = ("observe", "decide", "generate", "simulate")
 def play(body: Body, house: int, folder: Path) -> RecordedEpisode:
     scene = body.plugins.scene(f"house:{house}")
     spec = free_episode(INSTRUCTION, scene, seed=house, name=f"house-{house}")
-    agent = body.plugins.make("decision_makers", "oracle", {})
+    agent = body.plugins.make("agents", "oracle", {})
     body.reset(scene, seed=house)
-    run_episode(body, spec, agent, folder=folder / spec.id, ruler=geodesics)
+    run_episode(body, spec, agent, folder=folder / spec.id, distance=geodesics)
     return RecordedEpisode(folder / spec.id)
 
 

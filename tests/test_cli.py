@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -69,7 +70,7 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
     [
         (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
-        (["run", "--agent", "oracel"], "there is no decision maker 'oracel'", "Did you mean oracle?"),
+        (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),
@@ -111,3 +112,20 @@ def test_a_record_is_never_overwritten(cli, tmp_path):
     assert done.returncode == 2
     assert "already holds a record" in done.stderr
     assert (folder / "episode.json").read_text() == "precious"
+
+
+def test_a_run_says_at_once_what_it_does_and_ctrl_c_leaves_a_record_and_a_report(tmp_path):
+    command = [sys.executable, "-m", "humanclaw", "run", "--agent", "random", "--film", "none", "--out", "r"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+    ) as run:
+        assert run.stdout.readline() == 'random in house:0: "find a couch and sit on it"\n'
+        assert run.stdout.readline().split()[0] == "0"  # the first step is over
+        run.send_signal(signal.SIGINT)
+        told, _ = run.communicate(timeout=120)
+    assert run.returncode == 130
+    assert "interrupted after" in told
+    assert "record: r/house-0-0" in told
+    assert "report: r/report.html" in told
+    assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "interrupted"
+    assert (tmp_path / "r/report.html").is_file()

@@ -5,10 +5,9 @@ import pytest
 from humanclaw import Call
 from humanclaw.cli.options import parse_limits
 from humanclaw.errors import HumanclawError, LimitError
-from humanclaw.interfaces import Decision, Usage, Verdict
 from humanclaw.limits import Meter
 from humanclaw.loop import run_episode
-from humanclaw.records import RecordedEpisode
+from humanclaw.records import Decision, RecordedEpisode, Usage, Verdict
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 

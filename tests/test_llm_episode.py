@@ -25,7 +25,7 @@ def play(body, house, plugins, tmp_path):
         spec = free_episode("find a couch and sit on it", house, max_steps=max_steps)
         with OpenAIServer(script) as server:
             given = {"model": "openai/scripted", "api_base": server.url, "num_retries": 1, "backoff": 0.01} | options
-            agent = plugins.make("decision_makers", "litellm", given)
+            agent = plugins.make("agents", "litellm", given)
             verifier = plugins.make("verifiers", "litellm", given) if verify else None
             run_episode(
                 body, spec, agent, verifier, folder=tmp_path / "episode", options=given, meter=Meter(limits)
@@ -85,7 +85,7 @@ def test_a_provider_that_keeps_failing_moves_nobody(play):
 # -- settings and limits -----------------------------------------------------------------------------------------------
 def test_the_settings_in_force_are_in_the_record_with_their_defaults(play):
     episode, _ = play(call("stop"), status(500), verify=True, profile="paper", images=2)
-    maker, judge = episode.record.settings["decision_maker"], episode.record.settings["verifier"]
+    maker, judge = episode.record.settings["agent"], episode.record.settings["verifier"]
     assert (maker["history"], maker["images"], maker["mid_level"], maker["mode"]) == (10, 2, True, "auto")
     assert (judge["model"], judge["timeout"]) == ("openai/scripted", 30.0)
     assert json.loads(episode.steps[0].attempts[0].raw)["mode"] == "tools"
@@ -115,7 +115,7 @@ def shell(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(*args):
-        return CliRunner().invoke(build(Plugins.discover()), ["run", "--out", "run", "--film", "none", *args])
+        return CliRunner().invoke(build(Plugins.discover), ["run", "--out", "run", "--film", "none", *args])
 
     return run
 
@@ -133,7 +133,7 @@ def test_every_switch_of_the_papers_ablation_reaches_the_model(shell, tmp_path):
     assert (len(server.requests), len(last.images), last.text.count("<past step=")) == (3, 2, 1)
     assert "mid_level_goal" not in json.dumps(last.body)
     episode = RecordedEpisode(next((tmp_path / "run").glob("*/")))
-    assert episode.record.settings["decision_maker"]["history"] == 1
+    assert episode.record.settings["agent"]["history"] == 1
     assert episode.record.settings["limits"] == {"run.tokens": 9000}
     assert episode.record.verifier == ""
 

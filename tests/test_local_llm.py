@@ -24,10 +24,10 @@ def test_a_small_model_with_a_grammar_makes_calls_that_are_executed(tmp_path):
     (episode,) = load_run(tmp_path / "run")
     (step,) = episode.steps
     assert step.status in ("executed", "stopped"), step.attempts[-1].error
-    said = json.loads(json.loads(step.attempts[-1].raw)["content"])
+    said = json.loads(json.loads(step.decision.raw)["content"])
     assert list(said)[-2:] == ["skill", "parameters"], "what it thinks comes before what it does"
     assert said["skill"] == step.call.skill
-    usage = step.attempts[-1].usage
+    usage = step.usage
     assert usage.tokens_in > 1000, "the model has read the skills and their rules"
     assert not usage.estimated
     assert "tokens" in done.stdout

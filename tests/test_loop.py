@@ -1,4 +1,4 @@
-"""The loop: what the decision maker does wrong comes back to it as words, and nothing illegal reaches the motion model."""
+"""The loop: what the agent does wrong comes back to it as words, and nothing illegal reaches the motion model."""
 
 import json
 import math
@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Call, Plugins
-from humanclaw.errors import CheckpointError, ProviderError, RecordError, SceneError
-from humanclaw.interfaces import Answer, Decision, Verdict
+from humanclaw.episode import Episode
+from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
 from humanclaw.loop import run_episode
-from humanclaw.records import RecordedEpisode
+from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
@@ -81,7 +81,7 @@ def test_an_episode_without_a_stop_runs_out_of_steps(play):
 )
 def test_an_unusable_answer_is_explained_and_the_episode_goes_on(play, bad, hint):
     episode, agent = play(bad, STEP, STOP)
-    assert hint in agent.heard[1].feedback
+    assert hint in str(agent.heard[1].feedback)
     assert [step.status for step in episode.steps] == ["executed", "stopped"]
     assert [hint in attempt.error for attempt in episode.steps[0].attempts] == [True, False]
 
@@ -113,7 +113,7 @@ def test_a_verifier_puts_another_call_in_place(play):
     judge = Judge(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
     episode, agent = play(STEP, verifier=judge, max_steps=2)
     assert episode.steps[0].call.skill == "turn_in_place"
-    assert "a wall is near" in agent.heard[1].feedback
+    assert "a wall is near" in str(agent.heard[1].feedback)
 
 
 def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
@@ -170,6 +170,55 @@ def test_a_line_that_is_no_step_is_refused(play):
         RecordedEpisode(episode.folder)
 
 
+def nested(levels):
+    return {"in": nested(levels - 1)} if levels else 1
+
+
+@pytest.mark.parametrize("words", ["a couch\u2028and\u0085a\u2029bed\x0b\x0c\x1c", "half of a letter: \ud800"])
+def test_what_a_model_writes_does_not_break_its_record(play, words):
+    said = Decision((Call("turn_in_place", {"yaw_deg": 10}),), visible_state=words, raw=words)
+    episode, _ = play(said, STOP)
+    assert [step.status for step in episode.steps] == ["executed", "stopped"]
+    assert episode.steps[0].decision.visible_state == words.replace("\ud800", "\ufffd")
+
+
+@pytest.mark.parametrize("bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}])
+def test_a_call_that_no_schema_asks_for_is_the_models_own_mistake(play, bad):
+    episode, _ = play(Call("walk", bad), STOP)
+    assert [bool(attempt.error) for attempt in episode.steps[0].attempts] == [True, False]
+
+
+def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, house, tmp_path):
+    with Episode(body, free_episode("walk", house, max_steps=9), "a test", folder=tmp_path / "episode") as episode:
+        seen = episode.observe()
+        refused = episode.submit(Decision((Call("walk", {"z_cm": 400}),)))
+        assert isinstance(refused, Refusal)
+        assert refused.attempts_left == 2
+        assert episode.observe().feedback.refusal == refused.error
+        step = episode.submit(Decision((Call("walk", {"z_cm": 40}),)))
+        assert step.status == "executed"
+        assert episode.observe().feedback.executed == step.call
+        assert (seen.step, episode.observe().step, len(episode.history)) == (0, 1, 1)
+    recorded = RecordedEpisode(tmp_path / "episode")
+    assert (recorded.record.outcome, recorded.record.agent, recorded.steps) == ("interrupted", "a test", (step,))
+    assert recorded.record.skills["stop"].role == "stop"
+    with pytest.raises(HumanclawError, match=r"has ended \(interrupted\)"):
+        episode.submit(Decision((STOP,)))
+
+
+def test_stop_takes_no_further_decision_and_a_signal_closes_the_record(body, house, tmp_path):
+    with Episode(body, free_episode("walk", house), folder=tmp_path / "stopped") as episode:
+        episode.stop()
+        assert episode.done
+    with (
+        pytest.raises(KeyboardInterrupt),
+        Episode(body, free_episode("walk", house), folder=tmp_path / "signal"),
+    ):
+        raise KeyboardInterrupt
+    outcomes = [RecordedEpisode(tmp_path / name).record.outcome for name in ("stopped", "signal")]
+    assert outcomes == ["interrupted", "interrupted"]
+
+
 def test_an_unwritable_folder_is_refused_before_anything_is_written(body, house, tmp_path):
     (tmp_path / "file").write_text("in the way")
     spec = free_episode("walk", house, max_steps=1)
@@ -196,7 +245,7 @@ def test_a_skill_without_adapter_is_refused_in_words_and_says_how_to_train_it(un
     with Body(house, plugins=untrained) as body:
         agent = ScriptedAgent([Call("hop"), STOP])
         run_episode(body, free_episode("hop", house, max_steps=1), agent)
-        assert "hop is not available, its adapter is not trained" in agent.heard[1].feedback
+        assert "hop is not available, its adapter is not trained" in str(agent.heard[1].feedback)
         with pytest.raises(CheckpointError, match="humanclaw train adapter hop"):
             body.call("hop")
 

@@ -3,10 +3,12 @@
 import pytest
 from click.testing import CliRunner
 
+from humanclaw.cli import build
 from humanclaw.cli.physics import physics
-from humanclaw.embodiment import Engines, default_simulator
+from humanclaw.embodiment import Backends, default_simulator
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins import Plugins
+from humanclaw.records import RecordedEpisode
 from humanclaw.testing.physics import Finding, skill_with, table
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import Quartiles, crowded
@@ -68,10 +70,20 @@ def _offering(*names):
     [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")],
 )
 def test_bullet_moves_the_world_where_it_is_installed_or_else_mujoco_or_whatever_is(installed, chosen):
-    assert Engines().chosen(_offering(*installed)).simulator == chosen
+    assert Backends().chosen(_offering(*installed)).simulator == chosen
 
 
 def test_a_simulator_that_is_named_is_taken_and_no_simulator_at_all_is_told():
-    assert Engines("mine").chosen(_offering("bullet")).simulator == "mine"
+    assert Backends("mine").chosen(_offering("bullet")).simulator == "mine"
     with pytest.raises(PluginError, match="no simulator"):
         default_simulator(_offering())
+
+
+@pytest.mark.parametrize(("asked", "recorded"), [([], "bullet"), (["--simulator", "mujoco"], "mujoco")])
+def test_the_record_names_the_simulator_that_was_chosen(asked, recorded, tmp_path):
+    arguments = ["run", "--agent", "still", "--max-steps", "1", "--film", "none", "--out", str(tmp_path), *asked]
+    done = CliRunner().invoke(build(Plugins.discover()), arguments)
+    assert done.exit_code == 0, done.output
+    (path,) = tmp_path.glob("*/episode.json")
+    assert RecordedEpisode(path.parent).record.settings["body"]["simulator"] == recorded
+    assert RecordedEpisode(path.parent).record.settings["body"]["generator"] == "dit"

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from humanclaw import Body
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT
+from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Contact, Execution
+from humanclaw.interfaces import Execution
 from humanclaw.pose import Motion, rest_pose
-from humanclaw.senses import check_senses, displacement, feeling, posture, touch
+from humanclaw.records import Call, Contact, Feedback, StepRecord, Touch
+from humanclaw.senses import check_senses, proprioception, tactile
 
 BEFORE = rest_pose(1)
 
@@ -26,18 +29,23 @@ def _did(motion: Motion, *contacts: Contact) -> Execution:
 
 
 def _contact(joint: str, group: str, height: float, frame: int = 0, movable: bool = False) -> Contact:
-    return Contact(frame, joint, group, 7, movable, 0.001, height)  # type: ignore[arg-type]
+    return Contact((frame,), joint, group, 7, movable, 0.001, height)  # type: ignore[arg-type]
+
+
+def _felt(motion: Motion) -> str:
+    return str(proprioception(BEFORE, [(motion, _did(motion))]))
 
 
 def test_a_standing_body_feels_its_height_above_its_soles():
-    assert posture(rest_pose(15)) == (
+    assert _felt(rest_pose(15)).startswith(
         f"You feel yourself standing upright: your hips are {100 * STANDING_HEIGHT:.0f} cm above your soles."
     )
 
 
 def test_height_is_felt_from_the_soles_and_not_from_the_scene():
     upstairs = Motion(rest_pose(15).root + [0, 3.0, 0], rest_pose(15).rotations)
-    assert posture(upstairs) == posture(rest_pose(15))
+    felt = proprioception(upstairs[-1:], [(upstairs, _did(upstairs))])
+    assert felt.hip_height == pytest.approx(STANDING_HEIGHT)
 
 
 def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
@@ -46,12 +54,13 @@ def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
     for side in ("left", "right"):
         rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -np.pi / 2
         rotations[:, JOINT_INDEX[f"{side}_knee"], 0] = np.pi / 2
-    assert "seated" in posture(Motion(pose.root, rotations))
+    assert "seated" in _felt(Motion(pose.root, rotations))
 
 
 def test_a_blocked_walk_is_felt_as_less_than_was_meant():
-    text = displacement(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
-    assert text == "Your limbs meant 40 cm forward; your body went 12 cm forward."
+    felt = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
+    assert (felt.intended.forward, felt.moved.forward) == (pytest.approx(0.4), pytest.approx(0.12))
+    assert str(felt).endswith("Your limbs meant 40 cm forward; your body went 12 cm forward.")
 
 
 def test_displacements_are_in_the_frame_of_the_body():
@@ -59,34 +68,51 @@ def test_displacements_are_in_the_frame_of_the_body():
     turned = Motion(BEFORE.root, BEFORE.rotations + np.eye(3)[1] * (np.arange(24) == 0)[:, None] * np.pi / 2)
     end = _after(forward=0.3)
     end = Motion(end.root, np.broadcast_to(turned.rotations, end.rotations.shape))
-    assert "went 30 cm to the right." in displacement(turned, [(end, _did(end))])
+    moved = proprioception(turned, [(end, _did(end))]).moved
+    assert (moved.left, moved.forward) == (pytest.approx(-0.3), pytest.approx(0, abs=1e-9))
+    assert str(moved) == "30 cm to the right"
 
 
 def test_a_turn_is_told_in_degrees_and_standing_still_as_nowhere():
-    still = displacement(BEFORE, [(_after(turn=30), _did(_after()))])
-    assert still == "Your limbs meant a turn of 30 degrees to the left; your body went nowhere."
+    felt = str(proprioception(BEFORE, [(_after(turn=30), _did(_after()))]))
+    assert felt.endswith("Your limbs meant a turn of 30 degrees to the left; your body went nowhere.")
 
 
 def test_touch_tells_part_side_time_and_whether_it_gave_way():
-    contacts = [_contact("right_hand", "arm_hand", 0.9, frame, movable=True) for frame in range(6)]
-    text = touch([_did(rest_pose(15), *contacts, _contact("pelvis", "torso", 0.5, 14))])
-    assert text == "Something touched your hips for 0.0 s, your right arm or hand for 0.2 s (it gives way)."
+    hand = Contact(tuple(range(6)), "right_hand", "arm_hand", 7, True, 0.001, 0.9)
+    felt = tactile([_did(rest_pose(15), hand, _contact("pelvis", "torso", 0.5, 14))])
+    assert felt == (Touch("hips", 1, False), Touch("right arm or hand", 6, True))
+    words = "Something touched your hips for 0.0 s, your right arm or hand for 0.2 s (it gives way)."
+    assert Feedback(Call("walk"), tactile=felt).felt == words
 
 
 def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():
     floor = _contact("left_foot", "leg_foot", 0.0)
     riser = _contact("left_foot", "leg_foot", 0.05)
-    assert touch([_did(rest_pose(15), floor)]) == "You touch nothing but what you stand on."
-    assert "left leg or foot" in touch([_did(rest_pose(15), riser)])
+    assert tactile([_did(rest_pose(15), floor)]) == ()
+    assert Feedback(Call("walk"), tactile=()).felt == "You touch nothing but what you stand on."
+    assert [touch.part for touch in tactile([_did(rest_pose(15), riser)])] == ["left leg or foot"]
 
 
 @pytest.mark.parametrize(
-    ("senses", "words"), [((), ()), (("body",), ("hips",)), (("body", "touch"), ("hips", "touch"))]
+    ("senses", "told"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
 )
-def test_only_the_senses_asked_for_speak(senses, words):
-    text = feeling(check_senses(senses), BEFORE, [(_after(), _did(_after()))])
-    assert bool(text) == bool(words)
-    assert all(word in text for word in words)
+def test_only_the_senses_asked_for_speak(plugins, house, senses, told):
+    with Body(house, plugins=plugins, engines=Backends(senses=senses)) as body:
+        feedback = body.call("turn_in_place", yaw_deg=10).feedback
+    assert (feedback.proprioception is not None, feedback.tactile is not None) == told
+    assert str(feedback).startswith("Executed turn_in_place(yaw_deg=10).")
+    assert ("hips" in str(feedback), "touch" in str(feedback)) == told
+
+
+def test_a_record_keeps_what_was_felt_as_values_and_says_the_same_again():
+    felt = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
+    step = StepRecord(
+        step=0, status="executed", attempts=(), call=Call("walk"), proprioception=felt, tactile=(Touch("hips", 3, False),)
+    )  # fmt: skip
+    again = StepRecord.model_validate_json(step.model_dump_json())
+    assert again == step
+    assert str(again.feedback) == f"Executed walk(). {felt} Something touched your hips for 0.1 s."
 
 
 def test_vision_is_always_on_and_an_unknown_sense_is_refused():

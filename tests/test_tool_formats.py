@@ -18,7 +18,7 @@ SAID = ("visible_state", "progress", "mid_level_change", "mid_level_goal", "reas
 
 @pytest.fixture(scope="module")
 def command():
-    return build(Plugins.discover())
+    return build(Plugins.discover)
 
 
 @pytest.fixture

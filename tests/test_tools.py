@@ -7,7 +7,7 @@ import pytest
 
 from humanclaw import Keyframes, Skill, skill
 from humanclaw.errors import CallError, PluginError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 from humanclaw.tools import ENVELOPE, answer_schema, openai_tools, publish, read_answer, read_call, read_text
 
 SAID = {

@@ -7,16 +7,16 @@ observation = body.call("walk", z_cm=40)
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 import numpy as np
 
+from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw.contract import Control, Plan, Skill
 from humanclaw.errors import CheckpointError, PluginError
 from humanclaw.interfaces import (
-    Call,
     Execution,
     MotionGenerator,
     Observation,
@@ -25,18 +25,19 @@ from humanclaw.interfaces import (
     View,
     WorldState,
     ego_camera,
-)  # fmt: skip
+)
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, anchored
-from humanclaw.scene import Placement, Scene
-from humanclaw.senses import check_senses, feeling
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, anchored
+from humanclaw.records import Call
+from humanclaw.scene import Scene
+from humanclaw.senses import check_senses, proprioception, tactile
 
 SIMULATORS: Final = ("bullet", "mujoco")
 """Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest Pythons."""
 
 
 @dataclass(frozen=True)
-class Engines:
+class Backends:
     """Names of the implementations to use, as plugins registered them."""
 
     simulator: str = ""
@@ -71,14 +72,20 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class Deed:
+class SkillExecution:
     """What one executed call did: at least one chunk, and the wall time of its parts in seconds."""
 
     call: Call
     chunks: tuple[Chunk, ...]
     seconds: Mapping[str, float]
-    felt: str = ""
-    """What senses other than vision tell of it, in words."""
+    proprioception: Proprioception | None = None
+    tactile: tuple[Touch, ...] | None = None
+    """What senses other than vision tell of it; None for one that is off."""
+
+    @property
+    def feedback(self) -> Feedback:
+        """What its agent is told."""
+        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile)
 
 
 class Body:
@@ -87,18 +94,18 @@ class Body:
     def __init__(
         self,
         scene: str | Scene = "house:0",
-        start: Placement | None = None,
+        start: Pose2D | None = None,
         *,
         seed: int = 0,
         plugins: Plugins | None = None,
-        engines: Engines | None = None,
+        engines: Backends | None = None,
     ) -> None:
         """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
 
         seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
         """
         self.plugins = plugins or Plugins.discover()
-        self.engines = (engines or Engines()).chosen(self.plugins)
+        self.engines = (engines or Backends()).chosen(self.plugins)
         self.senses = check_senses(self.engines.senses)
         self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
         self._simulator: Simulator = self._make("simulators", self.engines.simulator)
@@ -109,7 +116,7 @@ class Body:
     def _make(self, kind: str, name: str) -> Any:
         return self.plugins.make(kind, name, profile=self.engines.profile)
 
-    def reset(self, scene: str | Scene, start: Placement | None = None, *, seed: int = 0) -> Observation:
+    def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
         """Stand in a scene, everything in it at rest."""
         wanted: Scene = self.plugins.scene(scene) if isinstance(scene, str) else scene
         if self._shown is not wanted:
@@ -118,7 +125,7 @@ class Body:
         self.start = start or self.scene.start
         self.seed = seed
         self.step = 0
-        self.last: Deed | None = None
+        self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
         self._history = anchored(self._generator.start(), self._state.body)
         return self.observe()
@@ -139,25 +146,26 @@ class Body:
         return self._generator.digest
 
     def state(self) -> WorldState:
-        """The true state of the world: for scoring and for privileged decision makers, never for models."""
+        """The true state of the world: for scoring and for privileged agents, never for models."""
         return self._state
 
     def view(self) -> View:
         """What the eyes see: colours, depth and object ids."""
         return self._renderer.render(self._state, ego_camera(self._state.body))
 
-    def observe(self, instruction: str = "", feedback: str = "") -> Observation:
-        return Observation(self.step, instruction, self.view().rgb, feedback)
+    def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
+        """Look, and be told what became of the last call."""
+        return Observation(self.step, instruction, self.view().rgb, feedback or Feedback())
 
     def call(self, skill: str, /, **params: Any) -> Observation:
         """Check a call, execute it, and look. What it did is in `last`.
 
         Raises PluginError for an unknown skill, CallError for parameters outside its schema.
         """
-        deed = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
-        return self.observe(feedback=f"Executed {deed.call}. {deed.felt}".strip())
+        done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
+        return self.observe(feedback=done.feedback)
 
-    def execute(self, call: Call) -> Deed:
+    def execute(self, call: Call) -> SkillExecution:
         """Carry out a call that has been checked already."""
         skill = self.plugins.skill(call.skill)
         plan = skill.plan(call.params)
@@ -173,9 +181,15 @@ class Body:
             seconds["simulate"] += time.perf_counter() - moment
             moment = time.perf_counter()
         self.step += 1
-        felt = feeling(self.senses, before, [(chunk.commanded, chunk.execution) for chunk in chunks])
-        self.last = Deed(call, tuple(chunks), seconds, felt)
+        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks))
         return self.last
+
+    def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
+        told = [(chunk.commanded, chunk.execution) for chunk in chunks]
+        return (
+            proprioception(before, told) if "body" in self.senses else None,
+            tactile([execution for _, execution in told]) if "touch" in self.senses else None,
+        )
 
     def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
         """The motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""

@@ -1,65 +1,407 @@
-"""What is asked of a body: one episode, complete in itself."""
+"""One episode that anyone can step: observe, submit a decision, get the step's record (paper, section 3).
+
+An agent's mistake is an error text that goes back to it; a provider's failure ends the episode as infra_error; neither is ever
+turned into a motion. Whatever ends an episode, its record is closed.
+
+with Episode(body, spec, agent, folder=folder) as episode:
+    while not episode.done:
+        episode.submit(agent.decide(episode.observe(), episode.history))
+"""
 
 from __future__ import annotations
 
-import re
-from typing import Annotated
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from humanclaw._calls import check, check_call
+from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
+from humanclaw._feedback import Feedback
+from humanclaw._recorder import (
+    TrajectoryBuffer,
+    begin_record,
+    contacts,
+    distance_to_goal,
+    jpeg,
+    pelvis_contacts,
+    target_distance,
+    touches,
+    vec3,
+    yaw,
+)
+from humanclaw.embodiment import Body, SkillExecution
+from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
+from humanclaw.interfaces import (
+    Agent,
+    DistanceFactory,
+    EpisodeContext,
+    HistoryEntry,
+    Observation,
+    Verifier,
+    View,
+    WorldState,
+)
+from humanclaw.limits import Meter
+from humanclaw.outcomes import succeeded
+from humanclaw.records import EpisodeRecord, EpisodeSpec, EpisodeWriter, Outcome, StepRecord
 
-Frozen = ConfigDict(frozen=True, extra="forbid")
-
-
-class StartPose(BaseModel):
-    """Where the body stands at first. Metres, radians."""
-
-    model_config = Frozen
-
-    x: float
-    z: float
-    yaw: float
-    floor: float = 0.0
-
-
-class Difficulty(BaseModel):
-    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
-
-    model_config = Frozen
-
-    distance: float
-    """Its length, metres."""
-    turns: int
-    """Of more than 30 degrees."""
-    rooms: int
-    """That it enters, the one of the start included."""
-    obstacles: float
-    """Pieces of furniture within a metre, averaged along it."""
-
-
-class EpisodeSpec(BaseModel):
-    """One episode: an instruction, a scene and a start."""
-
-    model_config = Frozen
-
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,100}$")]
-    instruction: Annotated[str, Field(min_length=1)]
-    scene: str
-    """Scheme and name, such as house:0."""
-    scene_digest: str = ""
-    """If given, a scene with another digest is refused."""
-    start: StartPose | None = None
-    """None: where the scene says."""
-    target_category: str = ""
-    """Empty for a free instruction, which is then not scored."""
-    target_ids: tuple[int, ...] = ()
-    interact: bool = False
-    """Whether the target is to be sat on."""
-    max_steps: Annotated[int, Field(ge=1, le=10_000)] = 100
-    seed: int = 0
-    difficulty: Difficulty | None = None
-    """Known of the episodes of a split."""
+MAX_ATTEMPTS: Final = 3
+"""Answers asked for in one step until one is usable; after that the step is lost and the episode goes on."""
 
 
-def name_of(scene: str) -> str:
-    """A scene reference as part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be called."""
-    return re.sub(r"[^A-Za-z0-9._]+", "-", scene).strip("-")[:60]
+class Episode:
+    """A body's episode, from its start to its closed record. Not thread-safe, except for stop()."""
+
+    def __init__(
+        self,
+        body: Body,
+        spec: EpisodeSpec,
+        agent: Agent | str = "",
+        verifier: Verifier | None = None,
+        *,
+        folder: Path | None = None,
+        options: Mapping[str, Any] | None = None,
+        distance: DistanceFactory | None = None,
+        replay: Sequence[StepRecord] = (),
+        meter: Meter | None = None,
+        attempts: int = MAX_ATTEMPTS,
+    ) -> None:
+        """Put the body at the start, start agent and verifier, and begin the record.
+
+        Args:
+            agent: who decides. It is told its task here; somebody who knows it already is only named.
+            folder: of the record; None keeps none on disk.
+            options: of the run, for the record.
+            distance: measures the way that is left to a target after each step, for the record.
+            replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and the
+                episode goes on from there.
+            meter: the limits of the run, one meter for all of its episodes.
+            attempts: so many refused decisions in a row cost a step.
+
+        Raises:
+            SceneError: the scene is not the one that the episode was made for.
+            ReplayError: the world does not do as it did.
+        """
+        reset(body, spec)
+        self.body, self.spec = body, spec
+        self._agent = None if isinstance(agent, str) else agent
+        self._verifier, self._max_attempts = verifier, attempts
+        self._meter = meter or Meter()
+        self._meter.begin("episode")
+        settings = {
+            "agent": getattr(agent, "settings", {}),
+            "verifier": getattr(verifier, "settings", {}),
+            "limits": self._meter.limits,
+        }
+        name = agent if isinstance(agent, str) else agent.name
+        record = begin_record(body, spec, name, verifier.name if verifier else "", options or {}, settings)
+        self._distance = (
+            distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
+        )
+        self._record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
+        # Before anything is written: what they refuse leaves nothing behind.
+        for decider in (self._agent, verifier):
+            if decider:
+                decider.begin(self._context(decider))
+        self._folder = folder
+        self._writer = EpisodeWriter(folder, self._record, replay) if folder else None
+        self._trajectory = TrajectoryBuffer(body)
+        self._steps: list[StepRecord] = []
+        self._history: list[HistoryEntry] = []
+        self._feedback = Feedback()
+        self._stopping = False
+        self._asked: float | None = None
+        """When the open question was put; None if none is open."""
+        self._begin_step()
+        with self._closing():
+            for step in replay:
+                self._replay_step(step)
+
+    # -- how it stands -------------------------------------------------------------------------------------------------
+    @property
+    def done(self) -> bool:
+        """Whether no further decision is taken."""
+        return self._stopping or self.outcome != "running" or len(self._steps) >= self.spec.max_steps
+
+    @property
+    def outcome(self) -> Outcome:
+        """'running' until the record is closed."""
+        return self._record.outcome
+
+    @property
+    def record(self) -> EpisodeRecord:
+        """The episode's record as it stands."""
+        return self._record
+
+    @property
+    def steps(self) -> tuple[StepRecord, ...]:
+        """Every step so far."""
+        return tuple(self._steps)
+
+    @property
+    def history(self) -> tuple[HistoryEntry, ...]:
+        """Every step so far as an agent remembers it."""
+        return tuple(self._history)
+
+    @property
+    def success(self) -> bool:
+        """Whether it has been stopped within reach of a target, and sitting on it if that was asked."""
+        return succeeded(self.spec, self._steps)
+
+    def target_distance(self) -> float | None:
+        """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
+        return target_distance(self.body.scene, self.spec.target_ids, self.body.state().body)
+
+    def distance_to_goal(self) -> float | None:
+        """Shortest way to a place beside the nearest target, metres; None if nothing measures it or there is none."""
+        return distance_to_goal(self.body.state(), self._distance)
+
+    # -- stepping it ---------------------------------------------------------------------------------------------------
+    def observe(self) -> Observation:
+        """See what the body sees, and what became of the last decision. Nothing moves; may be called as often as one likes.
+
+        Raises LimitError, and ends the episode, if a limit leaves nothing for another decision.
+        """
+        view = self._look()
+        if self._asked is None and not self.done:
+            with self._closing():
+                self._question()
+            self._asked = time.perf_counter()
+        return Observation(len(self._steps), self.spec.instruction, view.rgb, self._feedback)
+
+    def submit(self, decision: Decision) -> StepRecord | Refusal:
+        """Take a step. A decision that holds no legal call is refused; the last of several in a row costs the step.
+
+        Raises HumanclawError if the episode has ended, LimitError if a limit was crossed, which ends it.
+        """
+        if self.done:
+            raise HumanclawError(f"the episode has ended ({self.outcome.replace('_', ' ')}).", "Begin another one.")
+        self._look()
+        decision = recordable(decision)
+        with self._closing():
+            self._answered("decide", decision.usage)
+            try:
+                call = check(decision, self.body.skills)
+            except CallError as fault:
+                return self._refuse(decision, str(fault))
+            self._attempts.append(Attempt(decision))
+            verdict, call = self._verify(decision, call)
+            return self._keep(self._execute(call, verdict))
+
+    def stop(self) -> None:
+        """Take no further decision. May be called from another thread or a signal handler."""
+        self._stopping = True
+
+    def close(self) -> None:
+        """Close the record; an episode that has not ended is recorded as interrupted."""
+        self._close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        """Close the record. A provider's failure and a limit end the episode; they are in the record and go no further."""
+        self._end_by(fault)
+        return isinstance(fault, ProviderError | LimitError)
+
+    # -- one step ------------------------------------------------------------------------------------------------------
+    def _begin_step(self) -> None:
+        self._attempts: list[Attempt] = []
+        self._seconds: dict[str, float] = {}
+        self._view: View | None = None
+        self._frame_file = ""
+        self._asked = None
+
+    def _look(self) -> View:
+        """The view of the step under way, which is drawn and kept once."""
+        if self._view is None:
+            with self._timed("observe"):
+                self._view = self.body.view()
+            if self._writer and not self.done:
+                self._frame_file = self._writer.frame(f"{len(self._steps):04d}.jpg", jpeg(self._view))
+        return self._view
+
+    def _question(self) -> None:
+        """Open the account of one question to a model. Raises LimitError if a limit has been crossed."""
+        self._meter.begin("call")
+        self._meter.check()
+
+    def _answered(self, part: str, usage: Usage) -> None:
+        """Enter what an answer took. Raises LimitError if it has crossed a limit."""
+        if self._asked is not None:
+            self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - self._asked
+            self._asked = None
+        self._meter.add(usage)
+        self._meter.check()
+
+    def _refuse(self, decision: Decision, error: str) -> StepRecord | Refusal:
+        self._attempts.append(Attempt(decision, error))
+        self._feedback = Feedback(refusal=error)
+        left = self._max_attempts - len(self._attempts)
+        return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
+
+    def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
+        """The verdict and the call to execute. A replacement that is not legal lets the proposal through, and says so."""
+        if self._verifier is None:
+            return None, call
+        skills = self.body.skills
+        self._question()
+        self._asked = time.perf_counter()
+        observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
+        verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
+        self._answered("verify", verdict.usage)
+        if verdict.accepted or verdict.replacement is None:
+            return verdict, call
+        try:
+            return verdict, check_call(verdict.replacement, skills)
+        except CallError as fault:
+            return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call
+
+    def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
+        before = self.body.state()
+        done = self.body.execute(call)
+        self._trajectory.add(done.chunks)
+        self._seconds |= done.seconds
+        return self._measure(before, done, verdict)
+
+    def _measure(
+        self, before: WorldState, done: SkillExecution | None = None, verdict: Verdict | None = None
+    ) -> StepRecord:
+        """The record of a step: of a call that was executed, or of none."""
+        after, chunks = self.body.state(), done.chunks if done else ()
+        scene, targets, ids = self.body.scene, self.spec.target_ids, self._look().ids
+        return StepRecord(
+            step=len(self._steps),
+            status=self._status(done.call) if done else "invalid",
+            attempts=tuple(self._attempts),
+            verdict=verdict,
+            call=done.call if done else None,
+            proprioception=done.proprioception if done else None,
+            tactile=done.tactile if done else None,
+            target_pixels={key: int((ids == key).sum()) for key in targets},
+            frame_file=self._frame_file,
+            motion_frames=sum(len(chunk.commanded) for chunk in chunks),
+            start=vec3(before.body.root[-1]),
+            end=vec3(after.body.root[-1]),
+            yaw_start=yaw(before),
+            yaw_end=yaw(after),
+            contacts=contacts(chunks),
+            touches=touches(chunks),
+            target_distance=target_distance(scene, targets, chunks[-1].execution.realised) if chunks else None,
+            pelvis_contacts=pelvis_contacts(chunks),
+            geodesic=self.distance_to_goal(),
+            seconds={part: round(seconds, 4) for part, seconds in self._seconds.items()},
+        )
+
+    def _status(self, call: Call) -> Literal["executed", "stopped"]:
+        return "stopped" if self.body.skills[call.skill].role == "stop" else "executed"
+
+    def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
+        """A step is over: record it, remember it, tell the observers."""
+        if self._writer and not replayed:
+            self._writer.step(step)
+        self._steps.append(step)
+        self._feedback = step.feedback
+        self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
+        self._begin_step()
+        self.body.plugins.hook.humanclaw_step(episode=self._record, step=step)
+        if step.status == "stopped" or len(self._steps) == self.spec.max_steps:
+            self._close()
+        return step
+
+    # -- replay --------------------------------------------------------------------------------------------------------
+    def _replay_step(self, step: StepRecord) -> None:
+        """Carry out a recorded step again, so that body, history and trajectory are as they were after it."""
+        self._look()
+        self._replay_decisions(step)
+        if step.call:
+            self._trajectory.add(self.body.execute(step.call).chunks)
+        after = self.body.state()
+        if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):
+            raise ReplayError(
+                f"step {step.step} of episode {self.spec.id} ended at {step.end}, "
+                f"and now ends at {vec3(after.body.root[-1])}.",
+                "Continue it on the machine and with the versions that it was begun with, or remove its folder.",
+            )
+        self._meter.add(step.usage)
+        self._keep(step, replayed=True)
+
+    def _replay_decisions(self, step: StepRecord) -> None:
+        """A script that knows the world keeps a memory beside the history, so it has to live through its decisions too."""
+        if self._agent and self._agent.privileged:
+            feedback = self._feedback
+            for attempt in step.attempts:
+                seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
+                if recordable(self._agent.decide(seen, self.history)) != attempt.decision:
+                    raise ReplayError(
+                        f"{self._agent.name} now decides otherwise in step {step.step} of episode {self.spec.id}.",
+                        "Continue it with the versions that it was begun with, or remove its folder.",
+                    )
+                feedback = Feedback(refusal=attempt.error)
+        if getattr(self._verifier, "privileged", False) and step.status != "invalid":
+            self._verify(step.decision, check(step.decision, self.body.skills))
+
+    # -- the end -------------------------------------------------------------------------------------------------------
+    @contextmanager
+    def _closing(self) -> Iterator[None]:
+        """Close the record if anything is raised; it goes on to whoever called."""
+        try:
+            yield
+        except BaseException as fault:
+            self._end_by(fault)
+            raise
+
+    def _end_by(self, fault: BaseException | None) -> None:
+        if isinstance(fault, ProviderError):
+            self._close("infra_error", str(fault))
+        elif isinstance(fault, LimitError):
+            self._close("limit_reached", str(fault), fault.scope)
+        elif isinstance(fault, HumanclawError):
+            self._close("interrupted", str(fault))
+        else:
+            self._close("interrupted" if fault else "")
+
+    def _close(self, outcome: Outcome | Literal[""] = "", error: str = "", limit: str = "") -> None:
+        """Write the end of the record, once. outcome: by default what the steps say."""
+        if self.outcome != "running":
+            return
+        ended = {"outcome": outcome or self._natural_outcome(), "error": error, "limit": limit}
+        counted = {"usage": self._meter.episode, "steps": len(self._steps)}
+        self._record = self._record.model_copy(update=ended | counted)
+        if self._writer:
+            self._writer.end(self._record, self._trajectory.arrays())
+        self.body.plugins.hook.humanclaw_episode_end(episode=self._record, folder=self._folder)
+
+    def _natural_outcome(self) -> Outcome:
+        if self._steps and self._steps[-1].status == "stopped":
+            return "stopped"
+        return "out_of_steps" if len(self._steps) >= self.spec.max_steps else "interrupted"
+
+    # -- parts ---------------------------------------------------------------------------------------------------------
+    def _context(self, decider: Agent | Verifier) -> EpisodeContext:
+        context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
+        if not getattr(decider, "privileged", False):
+            return context
+        return replace(context, scene=self.body.scene, state=self.body.state)
+
+    @contextmanager
+    def _timed(self, part: str) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - began
+
+
+def reset(body: Body, spec: EpisodeSpec) -> None:
+    """Put a body at the start of an episode. Raises SceneError if the scene is not the one that the episode was made for."""
+    body.reset(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
+    if spec.scene_digest and body.scene.digest != spec.scene_digest:
+        raise SceneError(
+            f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for {spec.scene_digest[:12]}.",
+            "Install the version of the scene's plugin that the episode was made with.",
+        )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.contract import Skill
-    from humanclaw.interfaces import DecisionMaker, MotionGenerator, Renderer, Reporter, Simulator, Verifier
+    from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Reporter, Simulator, Verifier
     from humanclaw.measures import Measure
     from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
@@ -56,9 +56,14 @@ if TYPE_CHECKING:
     SimulatorFactory: TypeAlias = Callable[..., Simulator]
     RendererFactory: TypeAlias = Callable[[], Renderer]
     GeneratorFactory: TypeAlias = Callable[..., MotionGenerator]
-    DecisionMakerFactory: TypeAlias = Callable[[Options], DecisionMaker]
+    AgentFactory: TypeAlias = Callable[[Options], Agent]
     VerifierFactory: TypeAlias = Callable[[Options], Verifier]
     ReporterFactory: TypeAlias = Callable[..., Reporter]
+
+
+def noun(kind: str) -> str:
+    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
+    return kind.removesuffix("s").replace("_", " ")
 
 
 @hookspec
@@ -103,8 +108,8 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 
 
 @hookspec
-def humanclaw_decision_makers(register: Register[DecisionMakerFactory]) -> None:
-    """Register decision makers: factory(options: Mapping[str, Any]) -> DecisionMaker, with the options of the run."""
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
+    """Register agents: factory(options: Mapping[str, Any]) -> Agent, with the options of the run."""
 
 
 @hookspec

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import EYE, JOINT_INDEX, BodyGroup
+from humanclaw._feedback import Feedback
+from humanclaw.body import EYE, JOINT_INDEX
 from humanclaw.contract import Skill
-from humanclaw.episode import EpisodeSpec
-from humanclaw.pose import Array, Motion, forward_kinematics, yaw_matrix
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import Array, Motion, Pose2D, forward_kinematics, yaw_matrix
+from humanclaw.records import Call, Contact, Decision, EpisodeSpec, Verdict
+from humanclaw.scene import Scene
 
 if TYPE_CHECKING:
     from humanclaw.limits import Meter
@@ -36,22 +37,6 @@ class WorldState:
 
 
 @dataclass(frozen=True)
-class Contact:
-    """A link of the body touches an object in one frame of a chunk."""
-
-    frame: int
-    """0..14 within the chunk."""
-    joint: str
-    group: BodyGroup
-    object_id: int
-    movable: bool
-    depth: float
-    """Penetration in metres, positive inside."""
-    height: float
-    """World height of the contact point, metres."""
-
-
-@dataclass(frozen=True)
 class Execution:
     """What became of 15 commanded frames."""
 
@@ -67,7 +52,7 @@ class Execution:
 class Simulator(Protocol):
     """Half-physics (paper, section 3.4): the body follows commanded poses as contact and gravity allow."""
 
-    def reset(self, scene: Scene, start: Placement) -> WorldState:
+    def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         """Load a scene and stand the body on its start. Raises SceneError if the body does not fit there."""
 
     def execute(self, motion: Motion) -> Execution:
@@ -132,6 +117,12 @@ class Reporter(Protocol):
         """Write into the folder of a run or of the episode; returns each file by what a person calls it."""
 
 
+DistanceFn: TypeAlias = Callable[[Array], float]
+"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
+DistanceFactory: TypeAlias = Callable[[Scene, Sequence[int], float], DistanceFn]
+"""Makes a DistanceFn for a scene, the ids of its targets and the height of the floor at the start."""
+
+
 # -- motion ------------------------------------------------------------------------------------------------------------
 class MotionGenerator(Protocol):
     """A motion prior with skill adapters (paper, section 3.3)."""
@@ -152,92 +143,49 @@ class MotionGenerator(Protocol):
 
 # -- deciding ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Call:
-    """A skill and its parameters, as a model wrote them or after they were checked."""
-
-    skill: str
-    params: Mapping[str, Any] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        return f"{self.skill}({', '.join(f'{key}={value}' for key, value in self.params.items())})"
-
-
-@dataclass(frozen=True)
-class Usage:
-    """What one answer cost. Tokens are the provider's own count unless estimated is true; cost is in US dollars."""
-
-    tokens_in: int = 0
-    tokens_out: int = 0
-    cost: float = 0.0
-    estimated: bool = False
-    cost_estimated: bool = False
-    """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
-
-    def __add__(self, other: Usage) -> Usage:
-        return Usage(
-            self.tokens_in + other.tokens_in,
-            self.tokens_out + other.tokens_out,
-            self.cost + other.cost,
-            self.estimated or other.estimated,
-            self.cost_estimated or other.cost_estimated,
-        )
-
-
-@dataclass(frozen=True)
 class Observation:
-    """What the decision maker may know: the ego view, the instruction and what became of the last step."""
+    """What an agent may know: the ego view, the instruction and what became of the last step."""
 
     step: int
     instruction: str
     rgb: NDArray[np.uint8]
-    feedback: str = ""
-    """Result of the last step in words, or why the last answer could not be used."""
+    """(512, 512, 3)."""
+    feedback: Feedback = field(default_factory=Feedback)
+    """Of the last step, or why the last answer could not be used; str() says it in words."""
 
 
 @dataclass(frozen=True)
-class Decision:
-    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is legal."""
-
-    calls: tuple[Call, ...]
-    visible_state: str = ""
-    progress: str = ""
-    mid_level_goal: str = ""
-    mid_level_change: str = ""
-    """'keep' or 'revise'."""
-    reasoning: str = ""
-    raw: str = ""
-    prompt_digest: str = ""
-    usage: Usage = field(default_factory=Usage)
-
-
-@dataclass(frozen=True)
-class Past:
-    """One step as the text history tells it (paper: 'previous visual states, reasoning traces, selected actions')."""
+class HistoryEntry:
+    """One step as an agent remembers it (paper: 'previous visual states, reasoning traces, selected actions')."""
 
     step: int
     decision: Decision
-    executed: Call | None
-    """None if nothing was executed."""
-    feedback: str
+    feedback: Feedback
     rgb: NDArray[np.uint8]
+    """What it was decided from."""
+
+    @property
+    def executed(self) -> Call | None:
+        """The call that was carried out; None if none was."""
+        return self.feedback.executed
 
 
 @dataclass(frozen=True)
 class EpisodeContext:
-    """What a decision maker is told before the first step."""
+    """What an agent or a verifier is told before the first step."""
 
     spec: EpisodeSpec
     skills: Mapping[str, Skill]
     seed: int
     scene: Scene | None = None
     state: Callable[[], WorldState] | None = None
-    """scene and state are given to privileged decision makers only: oracles, never models."""
+    """scene and state are given to privileged agents only: oracles, never models."""
     meter: Meter | None = None
     """What may still be used; whoever waits for a model should wait no longer than meter.seconds_left()."""
 
 
 @runtime_checkable
-class DecisionMaker(Protocol):
+class Agent(Protocol):
     """Anything that can call a tool: a model, a person, a script.
 
     If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force, with the
@@ -249,38 +197,17 @@ class DecisionMaker(Protocol):
 
     def begin(self, context: EpisodeContext) -> None: ...
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Raises ProviderError when no answer can be had; that is never turned into a decision.
 
         Raises LimitError when the meter of the episode leaves no time to wait for one.
         """
 
 
-@dataclass(frozen=True)
-class Answer:
-    """A verifier's answer to one check."""
-
-    check: str
-    passed: bool
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Accept the proposed call, or put another one from the same pool in its place."""
-
-    accepted: bool
-    replacement: Call | None = None
-    answers: tuple[Answer, ...] = ()
-    failed_open: str = ""
-    """Why the call was let through unverified, if it was."""
-    usage: Usage = field(default_factory=Usage)
-
-
 class Verifier(Protocol):
     """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone.
 
-    An attribute `settings` is recorded, as a decision maker's is. One with a true attribute `privileged` is told scene and state.
+    An attribute `settings` is recorded, as an agent's is. One with a true attribute `privileged` is told scene and state.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Limits on what one answer, an episode or a whole run may take: seconds, tokens and US dollars.
 
 A limit is noticed when an answer has crossed it, so at most one answer lies beyond it; seconds are also noticed while a
-decision maker waits, if it asks for seconds_left().
+agent waits, if it asks for seconds_left().
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from humanclaw.errors import HumanclawError, LimitError
-from humanclaw.interfaces import Usage
+from humanclaw.records import Usage
 
 Scope = Literal["call", "episode", "run"]
 """call: one question to a model, its retries included."""

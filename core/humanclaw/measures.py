@@ -27,6 +27,7 @@ Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
 stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 _UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
+_PER_SI: Final = MappingProxyType({"_cm": 100.0, "_deg": 180 / pi})
 
 
 # -- measures ----------------------------------------------------------------------------------------------------------
@@ -178,7 +179,7 @@ def to_si(key: str, value: float) -> float:
 
 def from_si(key: str, value: float) -> float:
     """A parameter in the unit of its name: the inverse of to_si."""
-    return float(value) / _scale(key)
+    return float(value) * next((scale for unit, scale in _PER_SI.items() if key.endswith(unit)), 1.0)
 
 
 def _scale(key: str) -> float:

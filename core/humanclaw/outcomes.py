@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from typing import Final
 
-from humanclaw.records import ContactRecord, RecordedEpisode, StepRecord
+from humanclaw.records import Contact, EpisodeSpec, RecordedEpisode, StepRecord
 from humanclaw.tasks import ALIASES
 
 SEEN_PIXELS: Final = 100
@@ -35,17 +35,37 @@ def in_view(step: StepRecord) -> bool:
     return sum(step.target_pixels.values()) >= SEEN_PIXELS
 
 
+def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
+    """The role of the skill that a step called; empty for a step without a call, or of a skill that the record does not know."""
+    info = recorded.record.skills.get(step.call.skill) if step.call else None
+    return info.role if info else ""
+
+
 def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Whether the pelvis touches a target in the last frame of a step."""
     return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
 
 
-def footing(contact: ContactRecord, ground: Set[int]) -> bool:
+def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord]) -> bool:
+    """Decide whether an episode ended in success: an active stop within reach and, if it was asked for, after sitting.
+
+    What the pelvis rests on is that of the last executed step before the stop.
+    """
+    if not steps or steps[-1].status != "stopped":
+        return False
+    distance = steps[-1].target_distance
+    if distance is None or distance > REACHED:
+        return False
+    before = next((step for step in reversed(steps[:-1]) if step.call), None)
+    return not spec.interact or (before is not None and bool(set(before.pelvis_contacts) & set(spec.target_ids)))
+
+
+def footing(contact: Contact, ground: Set[int]) -> bool:
     """Whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 
-def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[ContactRecord, ...]:
+def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
     """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))

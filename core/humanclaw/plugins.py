@@ -23,12 +23,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import humanclaw
+from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
+from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
+from humanclaw.hookspecs import noun
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
-from humanclaw.skill_check import skill_faults
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
@@ -120,11 +122,6 @@ def _skill(given: Skill | Path) -> Skill:
     return skill
 
 
-def noun(kind: str) -> str:
-    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
-    return kind.removesuffix("s").replace("_", " ")
-
-
 class Plugins:
     """All that is installed, by name. An object, not a global: two of them never influence each other."""
 
@@ -205,8 +202,27 @@ class Plugins:
         return tuple(self._found.get(kind, {}).values())
 
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
-        """Call the factory registered under a name. Raises PluginError with the nearest names if there is none."""
-        return self._find(kind, name).value(*args, **options)
+        """Call the factory registered under a name.
+
+        Raises PluginError with the nearest names if there is none, and for one that needs a package that is not installed.
+        """
+        found = self._find(kind, name)
+        try:
+            return found.value(*args, **options)
+        except ModuleNotFoundError as error:
+            needed = f"{noun(kind)} {name!r} of plugin {found.owner!r} needs {error.name!r}, which is not installed."
+            raise PluginError(needed, f"Run `pip install {error.name}`.") from error
+
+    def require(self, *wanted: tuple[str, str]) -> None:
+        """Raises PluginError for all (kind, name) that are not there, with the one line that installs them."""
+        missing = [(kind, name) for kind, name in wanted if name not in self._found.get(kind, {})]
+        bringing = [distributions.bringing(kind, name) for kind, name in missing]
+        if len(missing) > 1 and all(bringing):
+            told = [f"{noun(kind)} {name!r}" for kind, name in missing]
+            listed = f"{', '.join(told[:-1])} and {told[-1]}"
+            raise PluginError(f"{listed} are not installed.", f"Run `{distributions.install(bringing)}`.")
+        for kind, name in missing:
+            self._find(kind, name)
 
     def scene(self, reference: str) -> Any:
         """The scene that `source:argument` names."""
@@ -219,11 +235,22 @@ class Plugins:
             return known[name]
         if kind == "skills" and name in self.disabled:
             raise PluginError(f"skill {name!r} is disabled: {self.disabled[name]}")
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        hint = f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(known) or 'none'}."
         disabled = [f"{info.name} ({info.error})" for info in self._infos if info.error]
         lost = f" Plugins that are disabled: {'; '.join(disabled)}." if disabled else ""
-        raise PluginError(f"there is no {noun(kind)} {name!r}.", hint + lost)
+        raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
+
+    def _remedy(self, kind: str, name: str) -> str:
+        """The line that installs what a name may mean, or else what there is."""
+        known, elsewhere = self._found.get(kind, {}), distributions.table().get(kind, {})
+        distribution = elsewhere.get(name)
+        if distribution and distribution not in (info.origin for info in self._infos):
+            return f"Run `{distributions.install([distribution])}`."
+        near = difflib.get_close_matches(name, known.keys() | elsewhere.keys(), n=3, cutoff=0.5)
+        if near:
+            told = [one if one in known else f"{one} (of {elsewhere[one]})" for one in near]
+            return f"Did you mean {' or '.join(told)}?"
+        more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in known]
+        return f"Known: {', '.join([*known, *more]) or 'none'}."
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
         """The plugin's module; None, and the reason among the infos, if it cannot be imported or is for another version."""

@@ -7,7 +7,7 @@ Rotations are axis-angle vectors (rotation vectors) unless a name says otherwise
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,8 +179,10 @@ def support_height(joints: Array) -> Array:
 
 # -- canonical frames --------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Frame:
-    """A frame on the floor: origin (x, floor, z) in metres, facing yaw radians."""
+class Pose2D:
+    """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it spans."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     x: float = 0.0
     z: float = 0.0
@@ -188,7 +190,7 @@ class Frame:
     floor: float = 0.0
 
     @classmethod
-    def of(cls, motion: Motion, index: int = -1, floor: float | None = None) -> Frame:
+    def of(cls, motion: Motion, index: int = -1, floor: float | None = None) -> Pose2D:
         """The floor-projected hip frame of one pose; without a floor the height of that pose's lowest sole."""
         one = motion[index:] if index == -1 else motion[index : index + 1]
         if floor is None:
@@ -196,7 +198,7 @@ class Frame:
         return cls(float(one.root[0, 0]), float(one.root[0, 2]), float(one.yaw()[0]), floor)
 
     @classmethod
-    def of_history(cls, history: Motion) -> Frame:
+    def of_history(cls, history: Motion) -> Pose2D:
         """The canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest sole."""
         return cls.of(history, -1, float(support_height(history.joints()).min()))
 
@@ -221,8 +223,8 @@ def anchored(generated: Motion, realised: Motion) -> Motion:
     The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair, and
     the model never meets a pose that no person would take. Position and heading, which contact changes for good, are physical.
     """
-    there = Frame.of(realised, floor=float(realised.root[-1, 1]))
-    here = Frame.of(generated, floor=float(generated.root[-1, 1]))
+    there = Pose2D.of(realised, floor=float(realised.root[-1, 1]))
+    here = Pose2D.of(generated, floor=float(generated.root[-1, 1]))
     return there.to_world(here.to_local(generated))
 
 

@@ -1,92 +1,109 @@
-"""What is kept of an episode (folder: episode.json, steps.jsonl, motion.npz, frames/): enough to score it without a simulator."""
+"""What is asked of a body and what is kept of it: specifications, records, and the folder that holds them.
+
+A folder (episode.json, steps.jsonl, motion.npz, frames/) is enough to score an episode without a simulator.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
+from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
+from humanclaw._files import write_atomically
+from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
-from humanclaw.files import write_atomically
-from humanclaw.pose import Array, Motion
+from humanclaw.pose import Array, Motion, Pose2D
 
-FORMAT: Literal[1] = 1
+__all__ = [
+    "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
+    "EpisodeWriter", "Feedback", "Outcome", "Proprioception", "Record", "RecordedEpisode", "Refusal", "SkillInfo",
+    "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "load_run", "name_of",
+]  # fmt: skip
+
+FORMAT: Literal[2] = 2
 Outcome = Literal["running", "stopped", "out_of_steps", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
 
 
 class Record(BaseModel):
-    """Base of all records: frozen, and strict about unknown fields, so that an old reader never misreads a new record."""
+    """Base of all records: frozen, and strict about unknown fields, so that an old reader never misreads a new record.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    What a model wrote as NaN or Infinity is kept as that word: JSON has no such number.
+    """
 
-
-class CallRecord(Record):
-    """A call as it was made or executed."""
-
-    skill: str
-    params: dict[str, Any] = {}
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
 
-class UsageRecord(Record):
-    """Tokens and US dollars of one or more provider requests; estimated where the provider did not say."""
+# -- what is asked -----------------------------------------------------------------------------------------------------
+class Difficulty(Record):
+    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
 
-    tokens_in: int = 0
-    tokens_out: int = 0
-    cost: float = 0.0
-    estimated: bool = False
-    cost_estimated: bool = False
-
-
-class AttemptRecord(Record):
-    """One answer of the decision maker, usable or not."""
-
-    calls: tuple[CallRecord, ...] = ()
-    visible_state: str = ""
-    progress: str = ""
-    mid_level_goal: str = ""
-    mid_level_change: str = ""
-    reasoning: str = ""
-    raw: str = ""
-    prompt_digest: str = ""
-    error: str = ""
-    """Why the answer was handed back; empty if its call was used."""
-    usage: UsageRecord = UsageRecord()
+    distance: float
+    """Its length, metres."""
+    turns: int
+    """Of more than 30 degrees."""
+    rooms: int
+    """That it enters, the one of the start included."""
+    obstacles: float
+    """Pieces of furniture within a metre, averaged along it."""
 
 
-class AnswerRecord(Record):
-    check: str
-    passed: bool
-    note: str = ""
+class EpisodeSpec(Record):
+    """One episode: an instruction, a scene and a start."""
+
+    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,100}$")]
+    instruction: Annotated[str, Field(min_length=1)]
+    scene: str
+    """Scheme and name, such as house:0."""
+    scene_digest: str = ""
+    """If given, a scene with another digest is refused."""
+    start: Pose2D | None = None
+    """None: where the scene says."""
+    target_category: str = ""
+    """Empty for a free instruction, which is then not scored."""
+    target_ids: tuple[int, ...] = ()
+    interact: bool = False
+    """Whether the target is to be sat on."""
+    max_steps: Annotated[int, Field(ge=1, le=10_000)] = 100
+    seed: int = 0
+    difficulty: Difficulty | None = None
+    """Known of the episodes of a split."""
 
 
-class VerdictRecord(Record):
-    """What the verifier said of the proposed call."""
-
-    verifier: str
-    accepted: bool
-    replacement: CallRecord | None = None
-    answers: tuple[AnswerRecord, ...] = ()
-    failed_open: str = ""
-    usage: UsageRecord = UsageRecord()
+def name_of(scene: str) -> str:
+    """Make a scene reference part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be called."""
+    return re.sub(r"[^A-Za-z0-9._]+", "-", scene).strip("-")[:60]
 
 
-class ContactRecord(Record):
-    """A body link against an object during a step: the frames of it, the deepest and the highest point."""
+# -- what came of it ---------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Contact:
+    """A link of the body against an object: in which frames, and the deepest and highest point of them.
 
+    A simulator tells of the 15 frames of a chunk, one or more at a time; a record of all frames of a step.
+    """
+
+    __pydantic_config__: ClassVar = STRICT
+
+    frames: tuple[int, ...]
+    """Counted from the first of the chunk or step."""
     joint: str
-    group: str
+    group: BodyGroup
     object_id: int
     movable: bool
-    frames: tuple[int, ...]
     depth: float
+    """Penetration in metres, positive inside."""
     height: float
+    """World height of the contact point, metres."""
 
 
 class StepRecord(Record):
@@ -95,11 +112,13 @@ class StepRecord(Record):
     step: int
     status: Literal["executed", "stopped", "invalid"]
     """stopped: the body executed an active stop. invalid: no usable call came; nothing was executed."""
-    attempts: tuple[AttemptRecord, ...]
-    verdict: VerdictRecord | None = None
-    call: CallRecord | None = None
+    attempts: tuple[Attempt, ...]
+    verdict: Verdict | None = None
+    call: Call | None = None
     """The call that was executed."""
-    feedback: str = ""
+    proprioception: Proprioception | None = None
+    tactile: tuple[Touch, ...] | None = None
+    """What the body felt, as far as its senses were on."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view that this decision was made from."""
     frame_file: str = ""
@@ -112,7 +131,7 @@ class StepRecord(Record):
     yaw_start: float = 0.0
     """Heading before the step, radians."""
     yaw_end: float = 0.0
-    contacts: tuple[ContactRecord, ...] = ()
+    contacts: tuple[Contact, ...] = ()
     touches: tuple[tuple[int, int, int], ...] = ()
     """(frame of the step, object, object): a movable object touches another."""
     target_distance: float | None = None
@@ -124,19 +143,57 @@ class StepRecord(Record):
     seconds: dict[str, float] = {}
     """Wall time of observe, decide, verify, generate, simulate."""
 
+    @property
+    def decision(self) -> Decision:
+        """The last answer: the one whose call was used, if any was."""
+        return self.attempts[-1].decision if self.attempts else Decision()
+
+    @property
+    def usage(self) -> Usage:
+        """What all answers of the step took, the verifier's included."""
+        verified = self.verdict.usage if self.verdict else Usage()
+        return sum((attempt.decision.usage for attempt in self.attempts), verified)
+
+    @property
+    def feedback(self) -> Feedback:
+        """What the agent is told of the step."""
+        if self.call is None:
+            return Feedback(refusal=self.attempts[-1].error if self.attempts else "")
+        if self.verdict is None or self.verdict.accepted or self.verdict.replacement is None:
+            return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile)
+        proposed = self.decision.calls[0]
+        return Feedback(self.call, proposed, self.verdict.failed, "", self.proprioception, self.tactile)
+
+
+@dataclass(frozen=True)
+class SkillInfo:
+    """A skill that could be called, as the episode found it."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    role: str
+    """What it is: locomotion, sit, posture, gesture or stop."""
+    owner: str = ""
+    """The plugin that brought it."""
+    version: str = ""
+    digest: str = ""
+    """SHA-256 of its schema, checks and adapter."""
+    commands: dict[str, str] = field(default_factory=dict)
+    """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
+
 
 class EpisodeRecord(Record):
     """episode.json: what was asked, of whom, with what; and how it ended."""
 
-    format: Literal[1] = FORMAT
+    format: Literal[2] = FORMAT
     spec: EpisodeSpec
-    start: StartPose
+    start: Pose2D
     agent: str
     verifier: str = ""
     options: dict[str, Any] = {}
     """As they were given."""
     settings: dict[str, dict[str, Any]] = {}
-    """What was in force, defaults filled in, under decision_maker, verifier and limits."""
+    """What was in force, defaults filled in, under agent, verifier, body and limits."""
     versions: dict[str, str] = {}
     weights: dict[str, str] = {}
     """Adapter or base name to digest."""
@@ -146,23 +203,24 @@ class EpisodeRecord(Record):
     targets: dict[int, tuple[Vec3, Vec3]] = {}
     """Target id to its bounding box."""
     movable: tuple[int, ...] = ()
+    """Ids of the objects that can be moved."""
     ground: tuple[int, ...] = ()
     """Ids of the floors and stairs: what feet are meant to stand on."""
-    """Ids of the objects that can be moved."""
     geodesic: float | None = None
     """Shortest way from the start to a place beside the nearest target, metres; None if not measured."""
-    skills: tuple[str, ...] = ()
+    skills: dict[str, SkillInfo] = {}
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""
     """Why it ended as infra_error or limit_reached, or what the user is to mend."""
     limit: str = ""
     """Whose limit was reached: call, episode or run; after a run's no further episode may begin."""
-    usage: UsageRecord = UsageRecord()
+    usage: Usage = Usage()
     """All that the episode's answers took, those included that no step holds because the episode ended first."""
     steps: Annotated[int, Field(ge=0)] = 0
 
 
+# -- the folder --------------------------------------------------------------------------------------------------------
 class EpisodeWriter:
     """Writes one episode folder; every step is on disk before the next begins."""
 
@@ -249,20 +307,20 @@ def _read_steps(path: Path) -> Iterator[StepRecord]:
     """Complete lines only: a line cut off by a crash is not a step."""
     if not path.exists():
         return
-    for line in _read(path).splitlines(keepends=True):
-        if line.endswith("\n"):
-            yield _parse(line, path)
+    # Only this byte ends a line: str.splitlines would also break at what a model may write, such as U+2028.
+    for line in _read(path).split(b"\n")[:-1]:
+        yield _parse(line, path)
 
 
-def _parse(line: str, path: Path) -> StepRecord:
+def _parse(line: bytes, path: Path) -> StepRecord:
     try:
         return StepRecord.model_validate_json(line)
     except ValidationError as error:
         raise RecordError(f"{path} holds a line that is not a step: {error.errors()[0]['msg']}.") from error
 
 
-def _read(path: Path) -> str:
+def _read(path: Path) -> bytes:
     try:
-        return path.read_text("utf-8")
+        return path.read_bytes()
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror}.") from error

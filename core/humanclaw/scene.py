@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.errors import SceneError
-from humanclaw.pose import matrix_from_quaternion
+from humanclaw.pose import Array, Pose2D, matrix_from_quaternion
 
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -90,16 +90,6 @@ class Room:
     floor: float = 0.0
 
 
-@dataclass(frozen=True)
-class Placement:
-    """Where a body stands: on the floor at (x, floor, z), facing yaw radians."""
-
-    x: float
-    z: float
-    yaw: float
-    floor: float = 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A world at rest."""
@@ -108,7 +98,7 @@ class Scene:
     assets: Mapping[str, Asset]
     objects: tuple[SceneObject, ...]
     rooms: tuple[Room, ...]
-    start: Placement
+    start: Pose2D
     """The default place of the body where an episode names none."""
     notes: Mapping[str, str] = field(default_factory=dict)
 
@@ -163,3 +153,14 @@ class Scene:
         rest = [[vars(o) for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
         state.update(json.dumps(rest, sort_keys=True).encode())
         return state.hexdigest()
+
+
+def distance_to_box(points: Array, low: Array, high: Array) -> Array:
+    """(..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return np.asarray(np.linalg.norm(outside, axis=-1))
+
+
+def distance_to_nearest(points: Array, boxes: Iterable[tuple[Array, Array]]) -> float:
+    """From the nearest of (..., 3) points to the nearest of several boxes, each (low, high); infinite without a box."""
+    return min((float(distance_to_box(points, low, high).min()) for low, high in boxes), default=float("inf"))

@@ -9,9 +9,9 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from humanclaw.episode import EpisodeSpec, StartPose
+from humanclaw._files import write_atomically
 from humanclaw.errors import HumanclawError
-from humanclaw.files import write_atomically
+from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
 
 SEATS: Final = ("bed", "couch", "toilet")
@@ -51,7 +51,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         instruction=instruction,
         scene=scene.name,
         scene_digest=scene.digest,
-        start=StartPose(**vars(scene.start)),
+        start=scene.start,
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)) if category else (),
         interact=category in SEATS and wants_to_sit(instruction),

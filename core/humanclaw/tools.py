@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from humanclaw.contract import Skill
+from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
-from humanclaw.interfaces import Call
+from humanclaw.records import Call
 
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]

@@ -18,10 +18,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from humanclaw import Motion, Plugins, Scene
 from humanclaw.interfaces import Camera, WorldState, ego_camera
-from humanclaw.plugins import Plugins
-from humanclaw.pose import Motion, rest_pose
-from humanclaw.scene import Scene
+from humanclaw.pose import rest_pose
 
 Draw = Callable[[WorldState, Camera], object]
 NEAR, FAR = 0.05, 60.0

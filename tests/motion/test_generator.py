@@ -12,7 +12,7 @@ from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import Frame, Motion
+from humanclaw.pose import Motion, Pose2D
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
 TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}
@@ -49,7 +49,7 @@ def test_an_untrained_adapter_moves_as_the_base_does_bit_for_bit(generator, untr
 
 
 def test_motion_does_not_depend_on_where_in_the_world_the_body_is(generator, walk_file, swaying):
-    away = Frame(3.0, -7.0, 2.5, 1.5)
+    away = Pose2D(3.0, -7.0, 2.5, 1.5)
     here = generator.generate(swaying, walk_file, AHEAD, (1,))
     there = generator.generate(away.to_world(swaying), walk_file, AHEAD, (1,))
     back = away.to_local(there)

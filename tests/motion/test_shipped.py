@@ -8,7 +8,7 @@ import pytest
 from humanclaw.measures import Declaration, outcomes
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import STANDING_HEIGHT, Frame, Motion, support_height
+from humanclaw.pose import STANDING_HEIGHT, Motion, Pose2D, support_height
 from humanclaw_train.chunks import canonical
 
 SKILLS = Path(__file__).parents[2] / "skills"
@@ -51,7 +51,7 @@ def _outcome(skill: str, motion: Motion) -> dict[str, float]:
 
 def test_an_episode_starts_upright_and_still_on_the_floor_facing_ahead(generator):
     start = generator.start()
-    frame = Frame.of_history(start)
+    frame = Pose2D.of_history(start)
     assert (frame.x, frame.z, frame.yaw, frame.floor) == pytest.approx((0, 0, 0, 0), abs=1e-5)
     assert start.root[:, 1] == pytest.approx(STANDING_HEIGHT, abs=0.05)
     assert np.abs(np.diff(start.joints(), axis=0)).max() < 0.005

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Plugins
-from humanclaw.episode import EpisodeSpec
-from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import EpisodeContext, Observation, Past
-from humanclaw.loop import check_call
+from humanclaw._calls import check_call
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
 from humanclaw.navigation import MultiFloorMap, goals_at
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import Pose2D
+from humanclaw.records import EpisodeSpec, Feedback
+from humanclaw.scene import Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
 
 HOUSE = "house:3"
@@ -26,33 +26,33 @@ def body() -> Iterator[Body]:
         yield made
 
 
-def go(body: Body, start: Placement, target: int) -> list[str]:
+def go(body: Body, start: Pose2D, target: int) -> list[str]:
     """Names of the skills that the oracle calls from a start until it stops at a target. No pictures are drawn."""
     body.reset(body.scene, start, seed=1)
     category = body.scene.by_id[target].category
     spec = EpisodeSpec(id="x", instruction="x", scene=HOUSE, target_category=category, target_ids=(target,))
-    oracle, history = OracleAgent(), list[Past]()
+    oracle, history = OracleAgent(), list[HistoryEntry]()
     oracle.begin(EpisodeContext(spec, body.skills, 1, body.scene, body.state))
     for step in range(60):
         decision = oracle.decide(Observation(step, "x", NOTHING), history)
         call = check_call(decision.calls[0], body.skills)
         body.execute(call)
-        history.append(Past(step, decision, call, "", NOTHING))
+        history.append(HistoryEntry(step, decision, Feedback(call), NOTHING))
         if call.skill == "stop":
             break
     return [past.executed.skill for past in history if past.executed]
 
 
-def near_stairs(scene: Scene, upper: bool) -> Placement:
+def near_stairs(scene: Scene, upper: bool) -> Pose2D:
     """The roomiest place within two metres of the stairs, on the floor below or above."""
     start = np.array([scene.start.x, 0.0, scene.start.z])
     places = MultiFloorMap.of(scene).solid().starts(start, room=0.45)[upper]
     (stairs,) = scene.of_category("stairs")
     x, y, z = places[int(np.argmin(np.abs(np.linalg.norm((places - stairs.position)[:, [0, 2]], axis=1) - 2.8)))]
-    return Placement(float(x), float(z), 0.0, float(y))
+    return Pose2D(float(x), float(z), 0.0, float(y))
 
 
-def nearest(scene: Scene, place: Placement, upper: bool) -> int:
+def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     """Id of the chair, plant or bed with the shortest way, on one storey."""
     storeys, here = MultiFloorMap.of(scene), np.array([place.x, place.floor, place.z])
     things = [thing for kind in ("potted_plant", "chair", "bed") for thing in scene.of_category(kind)]

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 from humanclaw.measures import Declaration
+from humanclaw.records import SkillInfo
 
 SKILLS = Path(__file__).parents[2] / "skills"
 STROLL = {
@@ -40,3 +41,12 @@ def declare(folder: Path, schema: dict | None = None) -> None:
         shutil.copy(folder_of(folder.name) / "schema.json", folder)
     else:
         (folder / "schema.json").write_text(json.dumps(schema))
+
+
+def info(skill: Declaration) -> SkillInfo:
+    """What a record says of a skill."""
+    return SkillInfo(role=skill.role, commands={one.key: one.measure for one in skill.parameters if one.measure})
+
+
+INFOS = {path.parent.name: info(Declaration.read(path.parent)) for path in sorted(SKILLS.glob("*/*/*/schema.json"))}
+"""What a record says of the shipped skills."""

@@ -6,25 +6,26 @@ import io
 from pathlib import Path
 
 import numpy as np
+from declared import INFOS
 from PIL import Image
 from rooms import two_rooms
 from walker import PICTURE, SKILLS, Walker
 
-from humanclaw.episode import EpisodeSpec, StartPose
-from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import EpisodeContext, Observation, Past
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
 from humanclaw.pose import HISTORY, Motion, rest_pose
-from humanclaw.recorder import attempt_record
 from humanclaw.records import (
-    AnswerRecord,
-    CallRecord,
-    ContactRecord,
+    Answer,
+    Attempt,
+    Call,
+    Contact,
     EpisodeRecord,
+    EpisodeSpec,
     EpisodeWriter,
+    Feedback,
     StepRecord,
-    VerdictRecord,
+    Verdict,
 )
-from humanclaw.scene import GROUND, Scene
+from humanclaw.scene import GROUND, Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
 
 
@@ -37,9 +38,9 @@ def picture(step: int) -> bytes:
     return buffer.getvalue()
 
 
-def foot(thing: int, height: float) -> ContactRecord:
+def foot(thing: int, height: float) -> Contact:
     """The left ankle touches a thing at this height in the world."""
-    return ContactRecord(
+    return Contact(
         joint="left_ankle", group="leg_foot", object_id=thing, movable=False, frames=(14,), depth=0.004, height=height
     )
 
@@ -58,25 +59,25 @@ def record_episode(
     spec = EpisodeSpec(
         id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
         scene=scene.name, target_category=scene.by_id[targets[0]].category, target_ids=targets, interact=True,
-        start=StartPose(**vars(scene.start)),
+        start=scene.start,
     )  # fmt: skip
     boxes, nearest = {key: scene.aabb(key) for key in targets}, targets[0]
     record = EpisodeRecord(
-        spec=spec, start=StartPose(**vars(scene.start)), agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
+        spec=spec, start=scene.start, agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
         weights={"base": "abc"}, scene_digest=scene.digest,
-        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=tuple(SKILLS),
+        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=INFOS,
         created="2026-01-01T00:00:00+00:00", settings=settings or {},
         ground=tuple(o.id for o in scene.objects if o.category in GROUND),
     )  # fmt: skip
     writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, targets), OracleAgent()
     oracle.begin(EpisodeContext(spec, SKILLS, 0, scene, walker.state))
-    history: list[Past] = []
+    history: list[HistoryEntry] = []
     heights = [walker.ground + walker.height] * HISTORY
     for number in range(100):
         before, first = walker.state().body, len(walker.track)
         decision = oracle.decide(Observation(number, spec.instruction, PICTURE), history)
         walker.execute(decision.calls[0])
-        history.append(Past(number, decision, decision.calls[0], "", PICTURE))
+        history.append(HistoryEntry(number, decision, Feedback(decision.calls[0]), PICTURE))
         walker.track += [(walker.x, walker.z)] * max(0, 15 - len(walker.track) + first)
         walker.track[first:] = walker.track[first:][-15:]
         heights += [walker.ground + walker.height] * 15
@@ -84,11 +85,11 @@ def record_episode(
         call = decision.calls[0]
         writer.step(
             StepRecord(
-                step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(attempt_record(decision),),
-                verdict=VerdictRecord(verifier="geometry", accepted=number != 3,
-                                      replacement=None if number != 3 else CallRecord(skill="walk", params={"z_cm": 60}),
-                                      answers=(AnswerRecord(check="clear", passed=number != 3, note="too far"),)),
-                call=CallRecord(skill=call.skill, params=dict(call.params) if number != 3 else {"z_cm": 60}), motion_frames=15,
+                step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(Attempt(decision),),
+                verdict=Verdict(accepted=number != 3,
+                                      replacement=None if number != 3 else Call(skill="walk", params={"z_cm": 60}),
+                                      answers=(Answer(check="clear", passed=number != 3, note="too far"),)),
+                call=Call(skill=call.skill, params=dict(call.params) if number != 3 else {"z_cm": 60}), motion_frames=15,
                 frame_file=writer.frame(f"{number:04d}.jpg", picture(number)),
                 start=tuple(before.root[-1]), end=tuple(after.root[-1]),
                 yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),

@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from declared import INFOS
 
-from humanclaw.episode import EpisodeSpec, StartPose
-from humanclaw.pose import HISTORY, Motion, rest_pose
+from humanclaw.pose import HISTORY, Motion, Pose2D, rest_pose
 from humanclaw.records import (
-    AttemptRecord,
-    CallRecord,
-    ContactRecord,
+    Attempt,
+    Call,
+    Contact,
+    Decision,
     EpisodeRecord,
+    EpisodeSpec,
     EpisodeWriter,
     RecordedEpisode,
     StepRecord,
@@ -25,10 +27,8 @@ COUCH, LAMP, VASE, BOOK, TABLE = 20, 31, 32, 33, 40
 COUCH_BOX = ((5.0, 0.0, -1.0), (6.0, 0.8, 1.0))
 
 
-def touch(
-    thing: int, *frames: int, joint: str = "left_knee", group: str = "leg_foot", height: float = 0.5
-) -> ContactRecord:
-    return ContactRecord(
+def touch(thing: int, *frames: int, joint: str = "left_knee", group: str = "leg_foot", height: float = 0.5) -> Contact:
+    return Contact(
         joint=joint, group=group, object_id=thing, movable=thing in (LAMP, VASE, BOOK), frames=frames or (0,), depth=0.001,
         height=height,
     )  # fmt: skip
@@ -40,7 +40,7 @@ def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | 
     status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
     written: dict[str, Any] = {
         "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill else 0, "target_distance": away if skill else None,
-        "attempts": (AttemptRecord(visible_state=says),), "call": CallRecord(skill=skill, params=params) if skill else None,
+        "attempts": (Attempt(Decision(visible_state=says)),), "call": Call(skill=skill, params=params) if skill else None,
     }  # fmt: skip
     return StepRecord(step=0, status=status, **(written | more))
 
@@ -68,8 +68,8 @@ def rollout(
 ) -> RecordedEpisode:  # fmt: skip
     """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
     fields = {
-        "start": StartPose(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
-        "movable": (LAMP, VASE, BOOK),
+        "start": Pose2D(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
+        "movable": (LAMP, VASE, BOOK), "skills": INFOS,
     } | record  # fmt: skip
     spec = EpisodeSpec(
         id=name, instruction="find a couch", scene="test:rooms", target_category=category,

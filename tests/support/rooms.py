@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.pose import quaternion_from_matrix, yaw_matrix
-from humanclaw.scene import Asset, Mesh, Placement, Room, Scene, SceneObject
+from humanclaw.pose import Pose2D, quaternion_from_matrix, yaw_matrix
+from humanclaw.scene import Asset, Mesh, Room, Scene, SceneObject
 
 CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)], np.float32)
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -31,9 +31,9 @@ def thing(
     return SceneObject(number, kind.name, kind.category, (x, y, z), tuple(map(float, turn)), **more)  # type: ignore[arg-type]
 
 
-def scene(*placed: tuple[Asset, SceneObject], rooms: tuple[Room, ...] = (), start: Placement | None = None) -> Scene:
+def scene(*placed: tuple[Asset, SceneObject], rooms: tuple[Room, ...] = (), start: Pose2D | None = None) -> Scene:
     assets = {kind.name: kind for kind, _ in placed}
-    return Scene("test:rooms", assets, tuple(one for _, one in placed), rooms, start or Placement(1.0, 1.0, 0.0))
+    return Scene("test:rooms", assets, tuple(one for _, one in placed), rooms, start or Pose2D(1.0, 1.0, 0.0))
 
 
 def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:
@@ -106,4 +106,4 @@ def two_storeys(*extra: tuple[Asset, SceneObject]) -> Scene:
         Room("cellar", "living", 0, 0, 8, 3), Room("attic", "bedroom", 0, 1.06, 5.7, 3, UPSTAIRS),
         Room("gallery", "hall", 5.75, 0, 8, 3, UPSTAIRS),
     )  # fmt: skip
-    return scene(*placed, rooms=rooms, start=Placement(1.0, 0.5, np.pi / 2))
+    return scene(*placed, rooms=rooms, start=Pose2D(1.0, 0.5, np.pi / 2))

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from humanclaw.contract import Skill
-from humanclaw.episode import EpisodeSpec
-from humanclaw.interfaces import Call, Decision, DecisionMaker, EpisodeContext, Observation, Past, WorldState
+from humanclaw.interfaces import Agent, EpisodeContext, HistoryEntry, Observation, WorldState
 from humanclaw.navigation import STEP, MultiFloorMap, OccupancyGrid
 from humanclaw.pose import STANDING_HEIGHT, Motion, rest_pose
+from humanclaw.records import Call, Decision, EpisodeSpec, Feedback
 from humanclaw.scene import Scene
 
 ROOT = Path(__file__).parents[2]
@@ -115,20 +115,20 @@ class Walker:
 
 
 def play(
-    maker: DecisionMaker, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
+    maker: Agent, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
 ) -> list[tuple[Decision, Call]]:
     """The loop, without pictures and records: decisions and the checked calls, up to the active stop."""
     context = EpisodeContext(spec, skills, spec.seed)
     if maker.privileged:
         context = replace(context, scene=walker.scene, state=walker.state)
     maker.begin(context)
-    history: list[Past] = []
+    history: list[HistoryEntry] = []
     for step in range(spec.max_steps):
         decision = maker.decide(Observation(step, spec.instruction, PICTURE), history)
         (proposed,) = decision.calls
         call = Call(proposed.skill, skills[proposed.skill].check(proposed.params))
         walker.execute(call)
-        history.append(Past(step, decision, call, "", PICTURE))
+        history.append(HistoryEntry(step, decision, Feedback(call), PICTURE))
         if skills[call.skill].role == "stop":
             break
     return [(past.decision, past.executed) for past in history if past.executed]

@@ -6,18 +6,59 @@ What the user can mend is told in one sentence with a remedy, and the exit code 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import humanclaw
+from humanclaw import builtin
+from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 from humanclaw.plugins import Plugins
 
+if TYPE_CHECKING:
+    from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files
+
+__all__ = [
+    "Commands", "Deciders", "build", "decider_options", "engine_options", "main", "plugin_files",
+]  # fmt: skip
+__getattr__ = lazy(
+    __name__,
+    {
+        "Deciders": "options",
+        "decider_options": "options",
+        "engine_options": "options",
+        "plugin_files": "options",
+    },
+)
+
 
 class Commands(click.Group):
-    """A group that tells errors of the user's kind without a traceback."""
+    """A group that tells errors of the user's kind without a traceback.
+
+    plugins: asked for further commands when a name is not among those that are there, or all are listed. So `humanclaw run` is
+    under way before a plugin is loaded.
+    """
+
+    def __init__(self, *args: Any, plugins: Callable[[], Plugins], **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._plugins = plugins
+        self._complete = False
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.commands:
+            self._load()
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        self._load()
+        return super().list_commands(ctx)
+
+    def _load(self) -> None:
+        if not self._complete:
+            self._plugins().hook.humanclaw_commands(cli=self)
+            self._complete = True
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -29,18 +70,18 @@ class Commands(click.Group):
             ctx.exit(2)
 
 
-def build(plugins: Plugins) -> click.Group:
-    """The command group with the commands of these plugins."""
+def build(plugins: Callable[[], Plugins]) -> click.Group:
+    """The command group with the core's commands and, once they are asked for, those of the plugins."""
 
-    @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+    @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
     @click.version_option(humanclaw.__version__, prog_name="humanclaw")
     def humanclaw_command() -> None:
         """A human body for any tool-calling model: run episodes, look at them, and train the skills."""
 
-    plugins.hook.humanclaw_commands(cli=humanclaw_command)
+    builtin.humanclaw_commands(humanclaw_command)
     return humanclaw_command
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Entry point of the console script."""
-    sys.exit(build(Plugins.discover()).main(args=args, prog_name="humanclaw"))
+    sys.exit(build(Plugins.discover).main(args=args, prog_name="humanclaw"))

@@ -11,9 +11,9 @@ from typing import Any, Final, TypeVar
 
 import click
 
-from humanclaw.embodiment import Engines
+from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import DecisionMaker, Verifier
+from humanclaw.interfaces import Agent, Verifier
 from humanclaw.limits import Meter, check_limits
 from humanclaw.plugins import Plugins
 from humanclaw.senses import SENSES, check_senses
@@ -29,13 +29,13 @@ class Deciders:
     verifier: str
     """Empty: none."""
     options: Mapping[str, Any]
-    """What every factory of decision makers and verifiers is given."""
+    """What every factory of agents and verifiers is given."""
     limits: Mapping[str, float]
 
-    def make(self, plugins: Plugins) -> tuple[DecisionMaker, Verifier | None]:
-        """A decision maker and a verifier, for one episode after another."""
+    def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
+        """An agent and a verifier, for one episode after another."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
-        return plugins.make("decision_makers", self.agent, self.options), verifier
+        return plugins.make("agents", self.agent, self.options), verifier
 
     def meter(self) -> Meter:
         """The accounts of one run."""
@@ -45,12 +45,10 @@ class Deciders:
 SIMULATOR_HELP: Final = "What moves the world, by name; the default is bullet where it is installed, else mujoco."
 _ENGINES: Final = (
     click.option("--simulator", default="", help=SIMULATOR_HELP),
-    click.option("--generator", default=Engines.generator, show_default=True, help="What makes motion, by name."),
+    click.option("--generator", default=Backends.generator, show_default=True, help="What makes motion, by name."),
 )
 _DECIDERS: Final = (
-    click.option(
-        "--agent", default="", help="Decision maker by name; the default is oracle, or the model if one is named."
-    ),
+    click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
     click.option(
         "--model",
         default="",
@@ -65,29 +63,27 @@ _DECIDERS: Final = (
         "mid_level",
         flag_value=False,
         default=None,
-        help="The decision maker keeps no mid-level goal.",
+        help="The agent keeps no mid-level goal.",
     ),
-    click.option("--history", type=click.IntRange(0), help="Past steps that the decision maker is told."),
+    click.option("--history", type=click.IntRange(0), help="Past steps that the agent is told."),
     click.option("--images", type=click.IntRange(1), help="Views that it is shown, the current one included."),
     click.option(
         "--profile",
         type=click.Choice(["default", "paper"]),
         default="default",
         show_default=True,
-        help="Settings of the simulator, the motion solver and the decision maker; the switches above go before it.",
+        help="Settings of the simulator, the motion solver and the agent; the switches above go before it.",
     ),
     *_ENGINES,
-    click.option("--renderer", default=Engines.renderer, show_default=True, help="What draws the views, by name."),
+    click.option("--renderer", default=Backends.renderer, show_default=True, help="What draws the views, by name."),
     click.option(
         "--sense",
         "senses",
         type=click.Choice(SENSES),
         multiple=True,
-        help="What the decision maker is told besides the view, which is always there. Repeatable.",
+        help="What the agent is told besides the view, which is always there. Repeatable.",
     ),
-    click.option(
-        "--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the decision maker. Repeatable."
-    ),
+    click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
         "--limit",
         "limits",
@@ -128,11 +124,14 @@ def decider_options(function: F) -> F:
         switches = {"model": model or None, "history": history, "images": images, "mid_level": mid_level}
         given = {key: value for key, value in switches.items() if value is not None}
         options = {"profile": profile} | parse_pairs(pairs) | given
-        judge = "none" if no_verifier else verifier or ("litellm" if model else "none")
+        verifier = "none" if no_verifier else verifier or ("litellm" if model else "none")
         deciders = Deciders(
-            agent or ("litellm" if model else "oracle"), "" if judge == "none" else judge, options, parse_limits(limits)
+            agent or ("litellm" if model else "oracle"),
+            "" if verifier == "none" else verifier,
+            options,
+            parse_limits(limits),
         )
-        engines = Engines(simulator, renderer, generator, profile, check_senses(senses))
+        engines = Backends(simulator, renderer, generator, profile, check_senses(senses))
         return function(*args, deciders=deciders, engines=engines, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from humanclaw.hookspecs import hookimpl
-from humanclaw.records import CallRecord, EpisodeRecord, StepRecord
+from humanclaw.records import EpisodeRecord, StepRecord
 
 
 class StepProgress:
@@ -19,17 +19,12 @@ class StepProgress:
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
-        thought = step.attempts[-1].reasoning.split("\n")[0] if step.attempts else ""
+        thought = step.decision.reasoning.split("\n")[0]
         near = f"{step.target_distance:5.2f} m" if step.target_distance is not None else ""
+        call = str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
-        line = f"{step.step:>{self._width}}  {_call(step.call):<44} {near:>8} {took:>7}  {thought}"
+        line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
         self._console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ellipsis")
-
-
-def _call(call: CallRecord | None) -> str:
-    if call is None:
-        return "(no usable call)"
-    return f"{call.skill}({', '.join(f'{key}={value}' for key, value in call.params.items())})"
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:

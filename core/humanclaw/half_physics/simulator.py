@@ -17,9 +17,10 @@ from humanclaw.half_physics.profile import Profile, find_profile
 from humanclaw.half_physics.reflexes import CALM, feel
 from humanclaw.half_physics.skeleton import LINK_OF
 from humanclaw.half_physics.world import TOUCHING, OpenWorld, Touch, World
-from humanclaw.interfaces import Contact, Execution, WorldState
-from humanclaw.pose import FPS, Array, Frame, Motion, rest_pose
-from humanclaw.scene import STRUCTURE, Placement, Scene
+from humanclaw.interfaces import Execution, WorldState
+from humanclaw.pose import FPS, Array, Motion, Pose2D, rest_pose
+from humanclaw.records import Contact
+from humanclaw.scene import STRUCTURE, Scene
 
 MOVED: Final = 0.001
 """An object whose path strays less than this from its beginning has not moved, metres."""
@@ -52,13 +53,13 @@ class HalfPhysics:
         self._profile = find_profile(profile) if isinstance(profile, str) else profile
         self._world: World | None = None
 
-    def reset(self, scene: Scene, start: Placement) -> WorldState:
+    def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         """Load a scene, stand the body on its start and let everything settle for half a second.
 
         Raises SceneError if the body overlaps something there, is pushed aside, or finds no floor under it.
         """
         self.close()
-        (pose,) = poses_of(Frame(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
+        (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         self._world = world = self._open(scene, self._profile, pose)
         self._scene, self._reflex = scene, CALM
         self._building = {thing.id for thing in scene.objects if thing.category in STRUCTURE}
@@ -140,7 +141,7 @@ class HalfPhysics:
     def _contact(self, frame: int, touch: Touch) -> Contact:
         joint = JOINTS[touch.joint]
         return Contact(
-            frame, joint, LINK_OF[joint].group, touch.object_id, self._scene.by_id[touch.object_id].movable,
+            (frame,), joint, LINK_OF[joint].group, touch.object_id, self._scene.by_id[touch.object_id].movable,
             depth=max(0.0, -touch.distance), height=touch.point[1],
         )  # fmt: skip
 
@@ -148,7 +149,7 @@ class HalfPhysics:
         pairs = world.touching() if self._objects else ()
         return sorted((frame, *pair) for pair in pairs if not set(pair) & self._building)
 
-    def _settle(self, world: World, pose: Pose, start: Placement) -> None:
+    def _settle(self, world: World, pose: Pose, start: Pose2D) -> None:
         for _ in range(_SETTLE_FRAMES):
             self._frame(world, pose, np.zeros(3))
         drift = world.pose().root - pose.root
@@ -159,7 +160,7 @@ class HalfPhysics:
                 "Start on a free, level floor.",
             )
 
-    def _refuse_overlap(self, world: World, start: Placement) -> None:
+    def _refuse_overlap(self, world: World, start: Pose2D) -> None:
         for contact in self._contacts(0, world.overlaps()):
             if contact.depth > _MAX_OVERLAP:
                 obj = self._scene.by_id[contact.object_id]
@@ -198,5 +199,5 @@ def _turned(path: Array, first: Array) -> bool:
     return bool((np.abs(path @ first) < 1 - 1e-5).any())
 
 
-def _say(start: Placement) -> str:
+def _say(start: Pose2D) -> str:
     return f"(x {start.x:.2f}, z {start.z:.2f}, floor {start.floor:.2f})"

@@ -5,7 +5,31 @@ The libraries it needs come with `pip install 'humanclaw[meshes]'` and are loade
 
 from humanclaw.meshes.baking import area, bake
 from humanclaw.meshes.decimation import simplify
-from humanclaw.meshes.hulls import convex_pieces
-from humanclaw.meshes.reading import Part, read_model, write_model
+from humanclaw.meshes.hulls import Hollow, convex_pieces
+from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of, top_of
+from humanclaw.meshes.reading import Part, bounds, read_mesh, read_model, write_model
+from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
 
-__all__ = ["Part", "area", "bake", "convex_pieces", "read_model", "simplify", "write_model"]
+__all__ = [
+    "ANYWHERE",
+    "MIDDLE",
+    "Hollow",
+    "Part",
+    "area",
+    "back_of",
+    "bake",
+    "base_of",
+    "bounds",
+    "convex_pieces",
+    "exact",
+    "lightened",
+    "moved",
+    "read_mesh",
+    "read_model",
+    "seat_of",
+    "simplify",
+    "top_of",
+    "turned",
+    "with_lid",
+    "write_model",
+]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from humanclaw.cache import Cache
+from humanclaw._cache import Cache
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 

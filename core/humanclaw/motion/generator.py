@@ -19,7 +19,7 @@ from humanclaw.motion.control import Adapter
 from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.pose import HISTORY, Frame, Motion, decode, encode
+from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class DiTGenerator:
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
-        frames = [Frame.of_history(_checked(history)) for history in histories]
+        frames = [Pose2D.of_history(_checked(history)) for history in histories]
         local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
         with self._one_thread():

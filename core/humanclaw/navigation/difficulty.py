@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from skimage.measure import approximate_polygon
 
-from humanclaw.episode import Difficulty
 from humanclaw.navigation.occupancy import OBSTACLE_HEIGHTS, room_at
 from humanclaw.pose import Array, wrap_angle
+from humanclaw.records import Difficulty
 from humanclaw.scene import Scene
 
 CROWDED: Final = 1.0

@@ -1,6 +1,98 @@
 """Helpers for the tests of skills, plugins and harnesses."""
 
-from humanclaw.testing.contract import check_skill, corners
-from humanclaw.testing.scripted import ScriptedAgent
+from __future__ import annotations
 
-__all__ = ["ScriptedAgent", "check_skill", "corners"]
+from typing import TYPE_CHECKING
+
+from humanclaw._lazy import lazy
+
+if TYPE_CHECKING:
+    from humanclaw.testing.contract import check_skill, corners
+    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+    from humanclaw.testing.openai_server import (
+        OpenAIServer,
+        Reply,
+        Request,
+        call,
+        calls,
+        delayed,
+        dropped,
+        message,
+        no_choices,
+        refusing,
+        refusing_images,
+        status,
+        text,
+        thinking,
+        truncated,
+        without_usage,
+    )
+    from humanclaw.testing.scenes import SceneBuilder
+    from humanclaw.testing.scripted import ScriptedAgent
+    from humanclaw.testing.simulators import SimulatorConformance
+    from humanclaw.testing.speed import reset_times
+    from humanclaw.testing.steps import check, contacts, touches
+
+_HOMES = {
+    "check": "steps",
+    "contacts": "steps",
+    "touches": "steps",
+    "AnthropicServer": "dialects",
+    "GeminiServer": "dialects",
+    "OllamaServer": "dialects",
+    "OpenAIServer": "openai_server",
+    "Reply": "openai_server",
+    "Request": "openai_server",
+    "SceneBuilder": "scenes",
+    "ScriptedAgent": "scripted",
+    "SimulatorConformance": "simulators",
+    "VLLMServer": "dialects",
+    "call": "openai_server",
+    "calls": "openai_server",
+    "check_skill": "contract",
+    "corners": "contract",
+    "delayed": "openai_server",
+    "dropped": "openai_server",
+    "message": "openai_server",
+    "no_choices": "openai_server",
+    "refusing": "openai_server",
+    "refusing_images": "openai_server",
+    "reset_times": "speed",
+    "status": "openai_server",
+    "text": "openai_server",
+    "thinking": "openai_server",
+    "truncated": "openai_server",
+    "without_usage": "openai_server",
+}
+__all__ = [
+    "AnthropicServer",
+    "GeminiServer",
+    "OllamaServer",
+    "OpenAIServer",
+    "Reply",
+    "Request",
+    "SceneBuilder",
+    "ScriptedAgent",
+    "SimulatorConformance",
+    "VLLMServer",
+    "call",
+    "calls",
+    "check",
+    "check_skill",
+    "contacts",
+    "corners",
+    "delayed",
+    "dropped",
+    "message",
+    "no_choices",
+    "refusing",
+    "refusing_images",
+    "reset_times",
+    "status",
+    "text",
+    "thinking",
+    "touches",
+    "truncated",
+    "without_usage",
+]
+__getattr__ = lazy(__name__, _HOMES)

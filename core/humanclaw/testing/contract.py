@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Control, Keyframes, Skill
 from humanclaw.errors import CallError
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
-from humanclaw.skill_check import skill_faults
 
 
 def check_skill(skill: Skill | Path, measures: Mapping[str, Measure] = MEASURES) -> Skill:

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
-from humanclaw.interfaces import Contact, Simulator
+from humanclaw.interfaces import Simulator
 from humanclaw.pose import FPS, FUTURE, Array, Motion, rest_pose
+from humanclaw.records import Contact
 from humanclaw.scene import Scene
 
 _THIGH: Final = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])

@@ -18,6 +18,7 @@ from humanclaw.errors import HumanclawError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.half_physics.exertion import GROUND_FRICTION
 from humanclaw.interfaces import Execution, MotionGenerator, Simulator
+from humanclaw.measures import from_si
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, anchored, matrix_from_vector, rest_pose
 from humanclaw.scene import Scene
@@ -179,12 +180,13 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
 
 
 def _commands(skill: Skill) -> Mapping[str, str]:
-    return {parameter.measure: parameter.key for parameter in skill.parameters if parameter.measure}
+    """Measure to the parameter that commands it."""
+    return {one.measure: one.key for one in skill.parameters if one.measure}
 
 
 def _written(key: str, value: float) -> int:
     """Metres or radians in the unit of a parameter, which is an integer."""
-    return round(value * 100) if key.endswith("_cm") else round(float(np.degrees(value)))
+    return round(from_si(key, value))
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:
@@ -245,7 +247,7 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     builder = SceneBuilder()
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
     played = fixture.perform(builder.scene(), walk(5, 0.8))
-    touching = [k * FUTURE + contact.frame for k, e in enumerate(played.executions) for contact in e.contacts]
+    touching = [k * FUTURE + contact.frames[0] for k, e in enumerate(played.executions) for contact in e.contacts]
     begun = max(touching) + 2
     fall = np.diff(played.realised.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
     yield Finding("a step into the air falls", "acceleration", -float(fall), "m/s2", 0.98 * GRAVITY, 1.02 * GRAVITY)
@@ -357,7 +359,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         bench = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.53))
         played = fixture.perform(builder.scene(), [{HEIGHT: seat + 0.13}] * 3)
         last = played.executions[-1]
-        touched += any(c.joint == "pelvis" and c.object_id == bench and c.frame == FUTURE - 1 for c in last.contacts)
+        touched += any(c.joint == "pelvis" and c.object_id == bench and FUTURE - 1 in c.frames for c in last.contacts)
         gaps.append(last.realised.root[-1, 1] - seat - 0.14)
         tick()
     share = 100 * touched / len(SEATS)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject, Vec3
+from humanclaw.pose import Pose2D
+from humanclaw.scene import Asset, Mesh, Scene, SceneObject, Vec3
 
 Colour = tuple[int, int, int]
 GREY: Colour = (200, 200, 200)
@@ -98,4 +99,4 @@ class SceneBuilder:
 
     def scene(self, floor: float = 0.0) -> Scene:
         """What has been put together; the body starts at the origin, facing +Z."""
-        return Scene("boxes", dict(self.assets), tuple(self.objects), (), Placement(0, 0, 0, floor))
+        return Scene("boxes", dict(self.assets), tuple(self.objects), (), Pose2D(0, 0, 0, floor))

@@ -1,11 +1,12 @@
-"""A decision maker that says what a test tells it to."""
+"""An agent that says what a test tells it to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
 from humanclaw.errors import ProviderError
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past
+from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
+from humanclaw.records import Call, Decision
 
 Line = Decision | Call | Exception
 
@@ -24,7 +25,7 @@ class ScriptedAgent:
     def begin(self, context: EpisodeContext) -> None:
         self.context = context
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         self.heard.append(observation)
         line = next(self._script, ProviderError("the script has ended"))
         if isinstance(line, Exception):

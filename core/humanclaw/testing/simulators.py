@@ -18,8 +18,8 @@ from humanclaw.body import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.interfaces import Simulator
-from humanclaw.pose import FPS, Array, Frame, Motion, heading, matrix_from_vector, rest_pose
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
+from humanclaw.scene import Scene
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
 from humanclaw.testing.physics import LAWS, Fixture
 from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
@@ -272,7 +272,7 @@ class SimulatorConformance:
         simulator, scene, random = self.simulator(), builder.scene(), np.random.default_rng(seed)
         here = simulator.reset(scene, scene.start).body
         for _ in range(10):
-            walk = Frame(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
+            walk = Pose2D(0, 0, random.uniform(-np.pi, np.pi)).to_world(gait(3, 0.4))
             for first in range(0, len(walk), 15):
                 gap = (here.root[-1] - walk.root[max(first - 1, 0)]) * [1, 0, 1]
                 here = simulator.execute(
@@ -300,32 +300,32 @@ class SimulatorConformance:
         simulator, scene = self.simulator(), builder.scene()
         simulator.reset(scene, scene.start)
         contacts = simulator.execute(glide(0.0, 1.0)).contacts
-        assert {contact.frame for contact in contacts} <= set(range(15))
+        assert {frame for contact in contacts for frame in contact.frames} <= set(range(15))
         assert {contact.group for contact in contacts} <= set(BODY_GROUPS)
         feet = [contact for contact in contacts if contact.object_id == 1]
         assert {contact.joint for contact in feet} == {"left_ankle", "right_ankle", "left_foot", "right_foot"}
         assert all(abs(contact.height) < 0.01 for contact in feet)
-        assert min(contact.frame for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
+        assert min(contact.frames[0] for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
 
     def test_a_start_inside_something_is_refused_with_a_remedy(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         builder.box("table", (1, 0.8, 1), (2, 0, 0))
         with pytest.raises(SceneError, match=r"does not fit .* inside table 2") as raised:
-            self.simulator().reset(builder.scene(), Placement(2.0, 0.0, 0.0))
+            self.simulator().reset(builder.scene(), Pose2D(2.0, 0.0, 0.0))
         assert raised.value.remedy
 
     def test_a_start_without_a_floor_is_refused_with_a_remedy(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         with pytest.raises(SceneError, match="does not stay on its start") as raised:
-            self.simulator().reset(builder.scene(), Placement(0.0, 0.0, 0.0, floor=1.0))
+            self.simulator().reset(builder.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
         assert raised.value.remedy
 
     def test_a_start_may_lie_on_an_upper_floor_and_face_anywhere(self) -> None:
         builder = SceneBuilder()
         builder.floor(y=2.9)
-        state = self.simulator().reset(builder.scene(), Placement(1.0, -2.0, 1.5, floor=2.9))
+        state = self.simulator().reset(builder.scene(), Pose2D(1.0, -2.0, 1.5, floor=2.9))
         assert state.body.root[0] == pytest.approx([1.0, 2.9 + STANDING_HEIGHT, -2.0], abs=0.005)
         assert state.body.yaw()[0] == pytest.approx(1.5, abs=0.001)
 

@@ -10,9 +10,7 @@ import numpy as np
 from gymnasium.spaces import MultiDiscrete
 from numpy.typing import NDArray
 
-from humanclaw.contract import Skill
-from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Call
+from humanclaw import Call, HumanclawError, Skill
 from humanclaw.tools import parameter_schema
 
 Action = NDArray[np.int64]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,21 +11,14 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image
 
-from humanclaw.embodiment import Body, Engines
-from humanclaw.errors import CallError
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call
-from humanclaw.loop import check_call
+from humanclaw import Backends, Body, Call, Decision, Episode, Plugins, Scene
+from humanclaw.interfaces import DistanceFn
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
-from humanclaw.recorder import outcome
-from humanclaw.scene import Scene
+from humanclaw.outcomes import REACHED
 from humanclaw.tasks import free_episode
 from humanclaw_gymnasium.actions import Action, Actions
 
 Picture = NDArray[np.uint8]
-ARRIVED: Final = 0.2
-"""Metres between the body and the target at which it has been reached (NavSR of the benchmark)."""
 
 
 class BodyEnv(gymnasium.Env[Picture, Action]):
@@ -60,19 +53,25 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         self.scenes = (scene,) if isinstance(scene, str) else tuple(scene)
         self.instruction, self.max_steps, self.shaping, self.render_mode = instruction, max_steps, shaping, render_mode
         self._plugins = plugins or Plugins.discover()
-        self._engines = Engines(profile=profile)
+        self._engines = Backends(profile=profile)
         self._body: Body | None = None
-        self._measured: tuple[Scene, tuple[int, ...]] | None = None
+        self._episode: Episode | None = None
+        self._measured: tuple[tuple[Scene, tuple[int, ...]], DistanceFn] | None = None
         self.actions = Actions(self._plugins.skills)
         self.action_space = self.actions.space
         self.observation_space = Box(0, 255, (size, size, 3), np.uint8)
 
     @property
+    def episode(self) -> Episode:
+        """The episode under way, for what the spaces leave out. Raises gymnasium.error.ResetNeeded before the first reset."""
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("an episode is begun by reset(); call it first.")
+        return self._episode
+
+    @property
     def body(self) -> Body:
-        """The body itself, for what the spaces leave out. Raises gymnasium.error.ResetNeeded before the first reset."""
-        if self._body is None:
-            raise gymnasium.error.ResetNeeded("the body is made by reset(); call it first.")
-        return self._body
+        """The body itself. Raises gymnasium.error.ResetNeeded before the first reset."""
+        return self.episode.body
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -81,88 +80,59 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         super().reset(seed=seed)
         chosen = options or {}
         scene = chosen.get("scene") or str(self.np_random.choice(self.scenes))
-        self._stand(scene, seed=int(self.np_random.integers(2**31)))
-        instruction = chosen.get("instruction") or self.instruction
-        self._spec = free_episode(instruction, self.body.scene, max_steps=self.max_steps)
-        self._measure()
-        self._steps, self._left, self._seated = 0, self._way_left(), frozenset[int]()
-        return self._see(), self._info(None, False)
-
-    def _stand(self, scene: str, seed: int) -> None:
+        seed = int(self.np_random.integers(2**31))
+        if self._episode:
+            self._episode.close()
         if self._body is None:
             self._body = Body(scene, seed=seed, plugins=self._plugins, engines=self._engines)
-        else:
-            same = self._body.scene.name == scene
-            self._body.reset(self._body.scene if same else scene, seed=seed)
+        elif self._body.scene.name != scene:
+            self._body.reset(scene, seed=seed)
+        instruction = chosen.get("instruction") or self.instruction
+        spec = free_episode(instruction, self._body.scene, seed=seed, max_steps=self.max_steps)
+        self._episode = Episode(self._body, spec, "gymnasium", distance=self._distances, attempts=1)
+        self._left = self._way_left()
+        return self._see(), self._info()
 
-    def _measure(self) -> None:
+    def _distances(self, scene: Scene, targets: Sequence[int], floor: float) -> DistanceFn:
         """Search the floor once for each scene and set of targets."""
-        wanted = (self.body.scene, self._spec.target_ids)
-        if self._measured != wanted and self._spec.target_ids:
-            self._way = geodesics(*wanted, self.body.start.floor)
-            self._measured = wanted
+        wanted = (scene, tuple(targets))
+        if self._measured is None or self._measured[0] != wanted:
+            self._measured = wanted, geodesics(scene, targets, floor)
+        return self._measured[1]
 
     def step(self, action: Action) -> tuple[Picture, float, bool, bool, dict[str, Any]]:
         """Carry out one call: about half a second. One that the skill refuses moves nothing; info says why."""
-        body, call = self.body, self.actions.decode(action)
-        self._steps += 1
-        seated, left = self._seated, self._left
-        error = self._attempt(call)
-        self._left = self._way_left()
-        terminated = not error and body.skills[call.skill].role == "stop"
-        success = terminated and self._succeeded(seated)
-        shorter = 0.0 if left is None or self._left is None else left - self._left
-        reward = self.shaping * shorter + float(success)
-        return self._see(), reward, terminated, self._steps >= self.max_steps, self._info(call, success, error)
-
-    def _attempt(self, call: Call) -> str:
-        """Carry a call out, and remember what the pelvis then rests on. Returns why it was refused, if it was."""
-        try:
-            deed = self.body.execute(check_call(call, self.body.skills))
-        except CallError as fault:
-            return str(fault)
-        self._seated = frozenset(outcome(self.body.scene, self._spec.target_ids, deed)["pelvis_contacts"])
-        return ""
-
-    def _succeeded(self, seated: frozenset[int]) -> bool:
-        """As the benchmark has it. seated: what the pelvis rested on before the stop."""
-        distance = self._target_distance()
-        near = distance is not None and distance <= ARRIVED
-        return near and (not self._spec.interact or bool(seated & set(self._spec.target_ids)))
+        episode, call = self.episode, self.actions.decode(action)
+        episode.submit(Decision((call,)))
+        before, self._left = self._left, self._way_left()
+        shorter = 0.0 if before is None or self._left is None else before - self._left
+        stopped = episode.outcome == "stopped"
+        reward = self.shaping * shorter + float(episode.success)
+        return self._see(), reward, stopped, episode.done and not stopped, self._info(call)
 
     def _way_left(self) -> float | None:
         """Metres along the floor to the nearest target; None if the instruction names none, or no way leads to it.
 
         0 for a body that has arrived: on a couch it is off the floor that leads there.
         """
-        distance = self._target_distance()
-        if distance is None or distance <= ARRIVED:
-            return None if distance is None else 0.0
-        left = self._way(self.body.state().body.root[-1])
-        return left if np.isfinite(left) else None
+        straight = self.episode.target_distance()
+        return 0.0 if straight is not None and straight <= REACHED else self.episode.distance_to_goal()
 
-    def _target_distance(self) -> float | None:
-        """Metres from the nearest joint to the bounding box of the nearest target, straight; None if there is none."""
-        if not self._spec.target_ids:
-            return None
-        return distance_to_nearest(
-            self.body.state().body[-1:].joints(), map(self.body.scene.aabb, self._spec.target_ids)
-        )
-
-    def _info(self, call: Call | None, success: bool, error: str = "") -> dict[str, Any]:
+    def _info(self, call: Call | None = None) -> dict[str, Any]:
+        episode = self.episode
         return {
-            "instruction": self._spec.instruction,
-            "scene": self.body.scene.name,
-            "step": self._steps,
+            "instruction": episode.spec.instruction,
+            "scene": episode.body.scene.name,
+            "step": len(episode.steps),
             "call": str(call or ""),
-            "error": error,
+            "error": episode.observe().feedback.refusal,
             "way_left": self._left,
-            "target_distance": self._target_distance(),
-            "success": success,
+            "target_distance": episode.target_distance(),
+            "success": episode.success,
         }
 
     def _see(self) -> Picture:
-        self._picture = self.body.view().rgb
+        self._picture = self.episode.observe().rgb
         size = self.observation_space.shape[0] if self.observation_space.shape else len(self._picture)
         if size == len(self._picture):
             return self._picture
@@ -173,6 +143,9 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         return self._picture if self.render_mode and self._body else None
 
     def close(self) -> None:
+        if self._episode:
+            self._episode.close()
+            self._episode = None
         if self._body:
             self._body.close()
             self._body = None

@@ -11,9 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import humanclaw_gymnasium
-from humanclaw import Keyframes, Plugins, skill
-from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Call
+from humanclaw import Call, HumanclawError, Keyframes, Plugins, skill
 from humanclaw_gymnasium import Actions, BodyEnv
 
 

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import DecisionMakerFactory, Register
-    from humanclaw.interfaces import DecisionMaker
+    from humanclaw import Agent
+    from humanclaw.hookspecs import AgentFactory, Register
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_decision_makers(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("human", _human, "a person at the keyboard, with the view in the browser")
 
 
-def _human(options: Mapping[str, Any]) -> DecisionMaker:
+def _human(options: Mapping[str, Any]) -> Agent:
     from humanclaw_human.person import Person, Settings
 
     return Person(Settings.of(options))

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from humanclaw.contract import Skill, bounds
-from humanclaw.errors import CallError
-from humanclaw.interfaces import Call
+from humanclaw import Call, CallError, Skill
+from humanclaw.tools import bounds
 
 
 @dataclass(frozen=True)

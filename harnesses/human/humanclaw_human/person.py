@@ -1,4 +1,4 @@
-"""The decision maker: shows the view, reads a line, and asks again until the line is a call."""
+"""The agent: shows the view, reads a line, and asks again until the line is a call."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import Decision, EpisodeContext, Observation, Past
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
 from humanclaw_human.commands import manual, parse
 from humanclaw_human.window import Window
 
@@ -58,11 +57,11 @@ class Person:
             f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: {self._window.address}"
         )
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         assert self._window is not None
-        self._window.show(observation.rgb, observation.step, observation.instruction, observation.feedback)
+        self._window.show(observation.rgb, observation.step, observation.instruction, str(observation.feedback))
         if observation.feedback:
-            click.echo(observation.feedback)
+            click.echo(str(observation.feedback))
         while True:
             line = self._ask(f"step {observation.step} > ")
             if line.strip().lower() in ("help", "?"):

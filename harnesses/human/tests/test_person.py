@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import EpisodeContext, Observation
-from humanclaw.plugins import Plugins
+from humanclaw import CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw_human.commands import manual, parse
 from humanclaw_human.person import Person, Settings
 from humanclaw_human.window import Window

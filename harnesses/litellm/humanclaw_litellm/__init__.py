@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
-    from humanclaw.interfaces import DecisionMaker, Verifier
+    from humanclaw import Agent, Verifier
+    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
     from humanclaw_litellm.asking import Remembered
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_decision_makers(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register(
         "litellm", functools.partial(_decision_maker, {}), "a vision-language model of any provider that litellm knows"
     )
@@ -32,7 +32,7 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     )
 
 
-def _decision_maker(remembered: Remembered, options: Mapping[str, Any]) -> DecisionMaker:
+def _decision_maker(remembered: Remembered, options: Mapping[str, Any]) -> Agent:
     from humanclaw_litellm.decision import ModelDecisionMaker
     from humanclaw_litellm.settings import Settings
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
-from humanclaw.interfaces import Usage
+from humanclaw.records import Usage
 from humanclaw_litellm.library import load
 from humanclaw_litellm.settings import Settings
 

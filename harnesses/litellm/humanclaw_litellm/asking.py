@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, get_args
 
-from humanclaw.errors import ProviderError
-from humanclaw.limits import Meter
+from humanclaw import Meter, ProviderError
 from humanclaw_litellm.client import Client, Completion, RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 

@@ -17,9 +17,8 @@ from typing import Any, Final
 
 import tenacity
 
-from humanclaw.errors import LimitError, ProviderError
-from humanclaw.interfaces import Usage
-from humanclaw.limits import Meter
+from humanclaw import LimitError, Meter, ProviderError
+from humanclaw.records import Usage
 from humanclaw.tools import json_objects
 from humanclaw_litellm.accounting import price_of, usage_of
 from humanclaw_litellm.library import load, missing_keys

@@ -1,13 +1,11 @@
-"""The decision maker: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
+"""The agent: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from humanclaw.contract import Skill
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past
+from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
 from humanclaw.tools import Envelope, answer_schema, openai_tools, read_call, read_text
 from humanclaw_litellm.asking import Asker, Form, Remembered, Reply
 from humanclaw_litellm.client import Completion
@@ -50,10 +48,10 @@ class ModelDecisionMaker:
         form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
         self._episode, self._note = _Episode(context, skills, form), ""
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the key."""
         if self._episode is None:
-            raise HumanclawError("a decision maker must begin an episode before it decides.", "Call begin first.")
+            raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         episode = self._episode
         content = step_content(episode.context, observation, history, self._note, self._settings)
 

@@ -16,12 +16,11 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.contract import Check, Skill, bounds
-from humanclaw.interfaces import Call, EpisodeContext, Observation, Past, ego_camera
-from humanclaw.pictures import jpeg
-from humanclaw.pose import Motion
-from humanclaw.tools import parameter_schema
+from humanclaw.interfaces import ego_camera
+from humanclaw.storage import jpeg
+from humanclaw.tools import bounds, parameter_schema
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
@@ -72,7 +71,7 @@ def system_message(words: str, settings: Settings) -> Json:
 
 
 def step_content(
-    context: EpisodeContext, observation: Observation, history: Sequence[Past], note: str, settings: Settings
+    context: EpisodeContext, observation: Observation, history: Sequence[HistoryEntry], note: str, settings: Settings
 ) -> list[Json]:
     """The user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
@@ -104,18 +103,20 @@ def first_told(steps: int, settings: Settings) -> int:
     return max(0, steps - settings.history) // stride * stride
 
 
-def _past(history: Sequence[Past], index: int, mid_level: bool) -> str:
+def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
     """One step. A mid-level goal that is the same as in the step before is not written out again."""
     past = history[index]
     goal = past.decision.mid_level_goal if mid_level else ""
     kept = bool(goal) and index > 0 and history[index - 1].decision.mid_level_goal == goal
-    called = " and ".join(map(str, past.decision.calls)) or "nothing usable"
+    calls = past.decision.calls
+    as_called = calls == (past.feedback.replaced or past.executed,)
+    called = "" if as_called else " and ".join(map(str, calls)) or "nothing usable"
     return _fill(
         "past.jinja",
         step=past.step + 1,
         decision=past.decision,
         goal="kept" if kept else goal,
-        called="" if called in past.feedback else called,
+        called=called,
         feedback=past.feedback,
     )
 

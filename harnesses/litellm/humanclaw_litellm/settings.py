@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from humanclaw.contract import Check, Skill
-from humanclaw.errors import CallError, HumanclawError, ProviderError
-from humanclaw.interfaces import Answer, Call, EpisodeContext, Observation, Usage, Verdict
+from humanclaw import Call, CallError, Check, EpisodeContext, HumanclawError, Observation, ProviderError, Skill, Verdict
+from humanclaw.records import Answer, Usage
 from humanclaw.tools import call_schema, json_objects, read_answer
 from humanclaw_litellm.asking import Asker, Form, Remembered
 from humanclaw_litellm.client import Completion

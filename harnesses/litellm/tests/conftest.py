@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import humanclaw_litellm
-from humanclaw import Plugins
-from humanclaw.episode import EpisodeSpec
-from humanclaw.interfaces import EpisodeContext, Observation
-from humanclaw.testing.openai_server import OpenAIServer
+from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
+from humanclaw.records import Feedback
+from humanclaw.testing import OpenAIServer
 
 sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."
@@ -61,7 +60,7 @@ def begin(context):
     host = Plugins()
     host.add(humanclaw_litellm, "litellm")
 
-    def make(server: OpenAIServer, kind: str = "decision_makers", about: EpisodeContext = context, **options):
+    def make(server: OpenAIServer, kind: str = "agents", about: EpisodeContext = context, **options):
         given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 10}
         part = host.make(kind, "litellm", given | options)
         part.begin(about)
@@ -75,8 +74,9 @@ def view():
     """view(step): what the body sees: a picture of smooth colours, another one each step."""
     ramp = np.linspace(0, 200, 512).astype(np.uint8)
 
-    def observe(step: int = 0, feedback: str = "") -> Observation:
+    def observe(step: int = 0, feedback: Feedback | str = "") -> Observation:
         rgb = np.stack(np.broadcast_arrays(ramp[:, None], ramp[None, :], np.uint8(20 * step)), axis=-1)
-        return Observation(step, GOAL, np.ascontiguousarray(rgb), feedback)
+        told = feedback if isinstance(feedback, Feedback) else Feedback(refusal=feedback)
+        return Observation(step, GOAL, np.ascontiguousarray(rgb), told)
 
     return observe

@@ -1,4 +1,4 @@
-"""The decision maker, against a scripted model behind a real HTTP server."""
+"""The agent, against a scripted model behind a real HTTP server."""
 
 import contextlib
 import json
@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import humanclaw_litellm
-from humanclaw import Keyframes, Plugins, skill
-from humanclaw.errors import CallError, ProviderError
-from humanclaw.interfaces import Call, EpisodeContext, Past
-from humanclaw.loop import check
-from humanclaw.testing.openai_server import OpenAIServer, call, calls, message, refusing, text
+from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
+from humanclaw.records import Feedback
+from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
 from humanclaw.tools import ENVELOPE
 
 SAID = {
@@ -30,8 +28,8 @@ def answer(name="walk", **params):
     return json.dumps({**SAID, "skill": name, "parameters": params})
 
 
-def after(decision, observation, feedback="Executed it."):
-    return Past(observation.step, decision, decision.calls[0], feedback, observation.rgb)
+def after(decision, observation, words="It went as it went."):
+    return HistoryEntry(observation.step, decision, Feedback(refusal=words), observation.rgb)
 
 
 # -- what the model is told and shown ----------------------------------------------------------------------------------
@@ -227,7 +225,7 @@ def test_the_next_decision_maker_for_this_model_knows_how_to_ask(view, context):
     host.add(humanclaw_litellm, "litellm")
     with OpenAIServer(refusing("tools", [text(answer(**WALK))] * 2)) as server:
         for model in ("openai/one", "openai/one", "openai/other"):
-            maker = host.make("decision_makers", "litellm", {"model": model, "api_base": server.url, "num_retries": 0})
+            maker = host.make("agents", "litellm", {"model": model, "api_base": server.url, "num_retries": 0})
             maker.begin(context)
             with contextlib.suppress(ProviderError):  # The script holds two answers.
                 maker.decide(view(), ())

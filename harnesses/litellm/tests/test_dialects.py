@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import pytest
 
-from humanclaw import Keyframes, skill
-from humanclaw.errors import CallError, ProviderError
-from humanclaw.interfaces import Call, EpisodeContext
-from humanclaw.loop import check
-from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
-from humanclaw.testing.openai_server import (
+from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
+from humanclaw.testing import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
     OpenAIServer,
+    VLLMServer,
     call,
     calls,
+    check,
     delayed,
     dropped,
     message,
@@ -55,7 +56,7 @@ def dialect(request):
 
 @pytest.fixture
 def talk(begin, view, dialect):
-    """talk(reply, ...): the last of as many decisions, the server, and the decision maker."""
+    """talk(reply, ...): the last of as many decisions, the server, and the agent."""
 
     def run(script, decisions=1, **options):
         spoken = DIALECTS[dialect]

@@ -11,8 +11,8 @@ import traceback
 
 import pytest
 
-from humanclaw.errors import HumanclawError, ProviderError
-from humanclaw.testing.openai_server import (
+from humanclaw import HumanclawError, ProviderError
+from humanclaw.testing import (
     OpenAIServer,
     Reply,
     call,
@@ -143,7 +143,7 @@ def test_a_local_server_needs_no_key(begin, view):
 
 
 def test_a_missing_key_is_told_before_the_first_request(plugins, context):
-    maker = plugins.make("decision_makers", "litellm", {"model": "openai/gpt-4o-mini"})
+    maker = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini"})
     with pytest.raises(ModelError, match=r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"):
         maker.begin(context)
 
@@ -153,7 +153,7 @@ def test_an_empty_key_is_a_missing_key(plugins, context, monkeypatch, model):
     names = {"openai": "OPENAI_API_KEY", "anthropic": "ANTHROPIC_API_KEY", "gemini": "GOOGLE_API_KEY"}
     variable = names[model.split("/")[0]]
     monkeypatch.setenv(variable, "  ")
-    maker = plugins.make("decision_makers", "litellm", {"model": model})
+    maker = plugins.make("agents", "litellm", {"model": model})
     with pytest.raises(ModelError, match=f"{variable} is not set"):
         maker.begin(context)
     assert os.environ[variable] == "  "
@@ -161,13 +161,13 @@ def test_an_empty_key_is_a_missing_key(plugins, context, monkeypatch, model):
 
 def test_an_empty_variable_that_is_named_is_a_missing_key(plugins, context, monkeypatch):
     monkeypatch.setenv("MY_SERVER", "")
-    maker = plugins.make("decision_makers", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
+    maker = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
     with pytest.raises(ModelError, match="MY_SERVER, which is not set"):
         maker.begin(context)
 
 
 def test_a_model_of_no_known_provider_is_told_before_the_first_request(plugins, context):
-    maker = plugins.make("decision_makers", "litellm", {"model": "nonsense"})
+    maker = plugins.make("agents", "litellm", {"model": "nonsense"})
     with pytest.raises(ModelError, match=r"no provider is known for model 'nonsense'\. Write provider/name"):
         maker.begin(context)
 
@@ -288,8 +288,8 @@ import sys, humanclaw_litellm
 places = set()
 sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
 assert "litellm" not in sys.modules
-from humanclaw.testing.openai_server import OpenAIServer, status
-from humanclaw.limits import Meter
+from humanclaw.testing import OpenAIServer, status
+from humanclaw import Meter
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import Settings
 with OpenAIServer([status(500)]) as server:

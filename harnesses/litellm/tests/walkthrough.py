@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from humanclaw.interfaces import Call
+from humanclaw import Call
 
 STEPS = 100
 _SEEN = (

@@ -26,8 +26,8 @@ from typing import Any
 import click
 import platformdirs
 
-from humanclaw.records import load_run
-from humanclaw.testing.openai_server import OpenAIServer, Reply, Request, call, text
+from humanclaw import load_run
+from humanclaw.testing import OpenAIServer, Reply, Request, call, text
 
 HERE = Path(__file__).parent
 CLIENTS = {

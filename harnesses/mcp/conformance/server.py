@@ -19,7 +19,7 @@ import mcp_types as types
 from mcp.shared.message import ServerMessageMetadata
 from PIL import Image
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.serve import serve_http

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 
 import anyio
 import anyio.to_thread
 
-from humanclaw.errors import HumanclawError
-from humanclaw.plugins import Plugins
+from humanclaw import HumanclawError, Plugins
 from humanclaw_mcp.session import Session
 from humanclaw_mcp.settings import Settings
 
 
 class Bodies:
-    """One body a session, up to a limit. Used from one event loop; the bodies themselves live on threads."""
+    """One body a session, up to a limit. Used from one event loop; the bodies themselves move on worker threads."""
 
-    def __init__(self, settings: Settings, discover: Callable[[], Plugins] = Plugins.discover) -> None:
-        """discover: finds the plugins; asked once for the tool list, and again for each session."""
+    def __init__(self, settings: Settings, plugins: Plugins | None = None) -> None:
+        """plugins: those of all sessions; by default what is installed."""
         self.settings = settings
-        self.plugins = discover()
-        self._discover = discover
+        self.plugins = plugins or Plugins.discover()
         self._stage = threading.Lock()
         self._sessions: dict[str, Session] = {}
         self._put_away: set[str] = set()
@@ -48,7 +45,7 @@ class Bodies:
                     f"all {self.settings.bodies} bodies of this server are in use.",
                     "Try again later, end another session, or start the server with a larger --bodies.",
                 )
-            self._sessions[key] = Session(self._discover(), self.settings, self._stage, client)
+            self._sessions[key] = Session(self.plugins, self.settings, self._stage, client)
         return self._sessions[key]
 
     async def release(self, key: str) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 from pathlib import Path
 from typing import Any
 
 import click
 
-from humanclaw.cli.options import engine_options, plugin_files
-from humanclaw.senses import SENSES
+from humanclaw import SENSES
+from humanclaw.cli import engine_options, plugin_files
 
 
 @click.command("mcp")
@@ -38,7 +37,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
     """Hand the skills to an agent over the Model Context Protocol."""
     import anyio
 
-    from humanclaw.plugins import Plugins
+    from humanclaw import Plugins
     from humanclaw_mcp.bodies import Bodies
     from humanclaw_mcp.handlers import Handlers
     from humanclaw_mcp.serve import serve_http, serve_stdio
@@ -47,7 +46,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
     # Session names are keys to a body, and the protocol library logs them below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
-    handlers = Handlers(Bodies(settings, functools.partial(Plugins.discover, files)))
+    handlers = Handlers(Bodies(settings, Plugins.discover(files)))
     try:
         if http:
             anyio.run(serve_http, handlers, port, lambda url: click.echo(f"Listening on {url}", err=True))

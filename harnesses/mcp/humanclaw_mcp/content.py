@@ -27,16 +27,14 @@ from mcp_types import (
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from humanclaw import pictures
+from humanclaw import PluginError, Skill, StepRecord
 from humanclaw.body import JOINTS
-from humanclaw.contract import Skill, bounds
-from humanclaw.errors import PluginError
 from humanclaw.outcomes import FLOOR_THRESHOLD
-from humanclaw.pose import Frame
-from humanclaw.records import StepRecord
+from humanclaw.pose import Pose2D
+from humanclaw.storage import jpeg
 from humanclaw.tasks import ALIASES, SEATS
-from humanclaw.tools import parameter_schema, publish
-from humanclaw_mcp.session import Moment
+from humanclaw.tools import bounds, parameter_schema, publish
+from humanclaw_mcp.session import Snapshot
 from humanclaw_mcp.settings import Settings
 
 Json = dict[str, Any]
@@ -140,16 +138,16 @@ def _title(name: str) -> str:
 
 
 # -- results -----------------------------------------------------------------------------------------------------------
-def result(moment: Moment, executed: bool = True) -> CallToolResult:
+def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
     """Text, then the view, then the same as values. A refused call has no view: nothing has changed.
 
     executed: whether the order was a call at all, which `look` and `reset` are not.
     """
-    content: list[Any] = [TextContent(text=_words(moment))]
-    if not moment.refused:
-        content.append(ImageContent(data=jpeg(moment.rgb), mime_type="image/jpeg"))
-    values = _outcome(moment, executed and not moment.refused).model_dump(mode="json")
-    return CallToolResult(content=content, structured_content=values, is_error=moment.refused)
+    content: list[Any] = [TextContent(text=_words(snapshot))]
+    if not snapshot.refused:
+        content.append(ImageContent(data=base64_jpeg(snapshot.rgb), mime_type="image/jpeg"))
+    values = _outcome(snapshot, executed and not snapshot.refused).model_dump(mode="json")
+    return CallToolResult(content=content, structured_content=values, is_error=snapshot.refused)
 
 
 def failure(text: str) -> CallToolResult:
@@ -157,41 +155,41 @@ def failure(text: str) -> CallToolResult:
     return CallToolResult(content=[TextContent(text=text)], is_error=True)
 
 
-def _words(moment: Moment) -> str:
-    where = f"Step {len(moment.steps)} of {moment.max_steps}."
-    if moment.refused:
-        return f"{moment.feedback} {where}"
-    if moment.outcome != "running":
-        return f"{moment.feedback} {where} The episode has ended: {moment.outcome.replace('_', ' ')}."
-    return f"{moment.feedback} {where} The picture is what you see now.".strip()
+def _words(snapshot: Snapshot) -> str:
+    where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
+    if snapshot.refused:
+        return f"{snapshot.feedback} {where}"
+    if snapshot.outcome != "running":
+        return f"{snapshot.feedback} {where} The episode has ended: {snapshot.outcome.replace('_', ' ')}."
+    return f"{snapshot.feedback} {where} The picture is what you see now.".strip()
 
 
-def note(moment: Moment) -> tuple[LoggingLevel, str]:
-    """What a log says of a moment, and how severe it is."""
-    where = f"Step {len(moment.steps)} of {moment.max_steps}."
-    if moment.refused:
-        return "warning", f"{moment.feedback} {where}"
-    if moment.outcome != "running":
-        return "notice", f"The episode has ended: {moment.outcome.replace('_', ' ')}. {where}"
-    return ("info", f"{moment.feedback} {where}") if moment.feedback else ("debug", f"Looked. {where}")
+def note(snapshot: Snapshot) -> tuple[LoggingLevel, str]:
+    """What a log says of a snapshot, and how severe it is."""
+    where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
+    if snapshot.refused:
+        return "warning", f"{snapshot.feedback} {where}"
+    if snapshot.outcome != "running":
+        return "notice", f"The episode has ended: {snapshot.outcome.replace('_', ' ')}. {where}"
+    return ("info", f"{snapshot.feedback} {where}") if snapshot.feedback else ("debug", f"Looked. {where}")
 
 
-def _outcome(moment: Moment, executed: bool) -> Outcome:
-    call = moment.steps[-1].call if moment.steps and executed else None
+def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:
+    call = snapshot.steps[-1].call if snapshot.steps and executed else None
     return Outcome(
         executed=executed,
         skill=call.skill if call else "",
-        parameters=call.params if call else {},
-        feedback=moment.feedback,
-        step=len(moment.steps),
-        max_steps=moment.max_steps,
-        outcome=moment.outcome,
+        parameters=dict(call.params) if call else {},
+        feedback=snapshot.feedback,
+        step=len(snapshot.steps),
+        max_steps=snapshot.max_steps,
+        outcome=snapshot.outcome,
     )
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> str:
+def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
     """A picture as base64 of a JPEG."""
-    return base64.b64encode(pictures.jpeg(rgb)).decode()
+    return base64.b64encode(jpeg(rgb)).decode()
 
 
 # -- resources -----------------------------------------------------------------------------------------------------------
@@ -239,12 +237,12 @@ def skill_sheet(skill: Skill) -> TextResourceContents:
     return TextResourceContents(uri=SKILL + skill.name, mime_type="application/json", text=text)
 
 
-def view(moment: Moment) -> BlobResourceContents:
-    return BlobResourceContents(uri=VIEW, mime_type="image/jpeg", blob=jpeg(moment.rgb))
+def view(snapshot: Snapshot) -> BlobResourceContents:
+    return BlobResourceContents(uri=VIEW, mime_type="image/jpeg", blob=base64_jpeg(snapshot.rgb))
 
 
-def state(moment: Moment) -> TextResourceContents:
-    text = body_state(moment).model_dump_json(indent=1)
+def state(snapshot: Snapshot) -> TextResourceContents:
+    text = body_state(snapshot).model_dump_json(indent=1)
     return TextResourceContents(uri=STATE, mime_type="application/json", text=text)
 
 
@@ -277,17 +275,17 @@ class BodyState(BaseModel):
     """Whether the pelvis rests on something."""
 
 
-def body_state(moment: Moment) -> BodyState:
-    start, body = moment.start, moment.world.body[-1:]
-    began = Frame(start.x, start.z, start.yaw, start.floor)
+def body_state(snapshot: Snapshot) -> BodyState:
+    start, body = snapshot.start, snapshot.world.body[-1:]
+    began = Pose2D(start.x, start.z, start.yaw, start.floor)
     left, height, forward = began.point_to_local(body.root[-1])
-    local = Frame.of(body, floor=start.floor).point_to_local(body.joints()[-1])
+    local = Pose2D.of(body, floor=start.floor).point_to_local(body.joints()[-1])
     turned = (np.degrees(float(body.yaw()[-1]) - start.yaw) + 180.0) % 360.0 - 180.0
-    last = moment.steps[-1] if moment.steps else None
+    last = snapshot.steps[-1] if snapshot.steps else None
     return BodyState(
-        step=len(moment.steps),
-        max_steps=moment.max_steps,
-        outcome=moment.outcome,
+        step=len(snapshot.steps),
+        max_steps=snapshot.max_steps,
+        outcome=snapshot.outcome,
         forward=round(float(forward), 3),
         left=round(float(left), 3),
         heading=round(float(turned), 1),
@@ -309,14 +307,14 @@ def _touching(step: StepRecord, floor: float) -> tuple[str, ...]:
 
 
 def _entry(step: StepRecord) -> Json:
-    last = step.attempts[-1]
+    last = step.decision
     said = {key: getattr(last, key) for key in ("visible_state", "progress", "mid_level_goal", "reasoning")}
     return {
         "step": step.step + 1,
         "status": step.status,
         "skill": step.call.skill if step.call else "",
         "parameters": step.call.params if step.call else {},
-        "feedback": step.feedback,
+        "feedback": str(step.feedback),
         "refused": [attempt.error for attempt in step.attempts if attempt.error],
         **{key: text for key, text in said.items() if text},
         "seconds": round(step.seconds.get("generate", 0.0) + step.seconds.get("simulate", 0.0), 3),

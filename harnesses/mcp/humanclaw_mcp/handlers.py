@@ -11,12 +11,11 @@ import mcp_types as types
 from mcp.server.subscriptions import InMemorySubscriptionBus
 from mcp.shared.exceptions import MCPError
 
-from humanclaw.errors import CallError, HumanclawError
-from humanclaw.interfaces import Decision
+from humanclaw import CallError, Decision, HumanclawError
 from humanclaw.tools import read_call
 from humanclaw_mcp import content, telling
 from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.session import Moment, NewEpisode, Session
+from humanclaw_mcp.session import Session, Snapshot, Task
 from humanclaw_mcp.settings import SESSIONS
 from humanclaw_mcp.telling import Context, Wishes
 
@@ -78,9 +77,9 @@ class Handlers:
             session = self._session(ctx)
             return content.result(await self._act(ctx, session, session.look), executed=False)
         if name == content.RESET:
-            episode = self._new_episode(key_of(ctx), arguments)
+            task = self._new_task(key_of(ctx), arguments)
             session = self._session(ctx)
-            return content.result(await self._act(ctx, session, lambda: session.restart(episode)), executed=False)
+            return content.result(await self._act(ctx, session, lambda: session.restart(task)), executed=False)
         said, call = read_call(name, arguments)
         decision = Decision((call,), **vars(said))
         session = self._session(ctx)
@@ -90,23 +89,23 @@ class Handlers:
         who = ctx.session.client_params
         return self.bodies.of(key_of(ctx), who.client_info.name[:60] if who else "")
 
-    def _new_episode(self, key: str, arguments: dict[str, Any]) -> NewEpisode:
+    def _new_task(self, key: str, arguments: dict[str, Any]) -> Task:
         settings = self.bodies.settings
         _hold_to(content.RESET, arguments, content.reset_schema(settings))
         session = self.bodies.find(key)
-        before = session.episode if session else NewEpisode(settings.instruction, settings.scenes[0], settings.seed)
-        return NewEpisode(**(vars(before) | arguments))
+        before = session.task if session else Task(settings.instruction, settings.scenes[0], settings.seed)
+        return Task(**(vars(before) | arguments))
 
-    async def _act(self, ctx: Context, session: Session, order: Callable[[], Moment]) -> Moment:
+    async def _act(self, ctx: Context, session: Session, order: Callable[[], Snapshot]) -> Snapshot:
         """Give an order, and tell those who want to know what became of it."""
         before = (session.title, len(session.steps))
-        moment = await self._apart(ctx, session, order)
-        if (session.title, len(moment.steps)) != before:
+        snapshot = await self._apart(ctx, session, order)
+        if (session.title, len(snapshot.steps)) != before:
             await telling.changed(ctx, self.wishes(ctx), self.bus, content.BODY_RESOURCES)
-        await self.log(ctx, *content.note(moment))
-        return moment
+        await self.log(ctx, *content.note(snapshot))
+        return snapshot
 
-    async def _apart(self, ctx: Context, session: Session, order: Callable[[], Moment]) -> Moment:
+    async def _apart(self, ctx: Context, session: Session, order: Callable[[], Snapshot]) -> Snapshot:
         return await telling.apart(ctx, order, lambda: session.doing, self.bodies.settings.tell_every)
 
     # -- resources -----------------------------------------------------------------------------------------------------
@@ -123,8 +122,8 @@ class Handlers:
             return content.log(session.steps if session else ())
         if uri in (content.STATE, content.VIEW):
             session = self._session(ctx)
-            moment = await self._apart(ctx, session, session.look)
-            return content.state(moment) if uri == content.STATE else content.view(moment)
+            snapshot = await self._apart(ctx, session, session.look)
+            return content.state(snapshot) if uri == content.STATE else content.view(snapshot)
         skill = self.skills.get(uri.removeprefix(content.SKILL))
         if not uri.startswith(content.SKILL) or skill is None:
             raise self._no_resource(uri)

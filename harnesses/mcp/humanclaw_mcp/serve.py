@@ -15,7 +15,7 @@ from starlette.applications import Starlette
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.events import SessionManager
 from humanclaw_mcp.handlers import SESSION_HEADER, Handlers

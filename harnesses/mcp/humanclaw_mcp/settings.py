@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from humanclaw.embodiment import Engines
-from humanclaw.errors import HumanclawError
+from humanclaw import Backends, HumanclawError
 
 SESSIONS: Final = 256
 """Open sessions at most. A session costs little; bodies have a limit of their own."""
@@ -26,7 +25,7 @@ class Settings:
     profile: Literal["default", "paper"] = "default"
     simulator: str = ""
     """By name; empty: the one that bodies run in by default."""
-    generator: str = Engines.generator
+    generator: str = Backends.generator
     senses: tuple[str, ...] = ()
     """What a call's answer tells besides the view (humanclaw.senses)."""
     envelope: bool = False

@@ -12,8 +12,7 @@ from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from humanclaw.errors import CallError
-from humanclaw.records import load_run
+from humanclaw import CallError, load_run
 from humanclaw_mcp.content import LOG, STATE
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server

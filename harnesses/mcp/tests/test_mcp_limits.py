@@ -6,9 +6,7 @@ import anyio
 import pytest
 from mcp import Client
 
-from humanclaw import Keyframes, Plugins, skill
-from humanclaw.errors import HumanclawError, PluginError
-from humanclaw.hookspecs import hookimpl
+from humanclaw import HumanclawError, Keyframes, PluginError, Plugins, hookimpl, skill
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server
@@ -64,13 +62,10 @@ def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
         def humanclaw_skills(self, register):
             register(look)
 
-    def discover():
-        plugins = Plugins()
-        plugins.add(Plugin(), "looker")
-        return plugins
-
+    plugins = Plugins()
+    plugins.add(Plugin(), "looker")
     with pytest.raises(PluginError, match="'look' has the name of a tool"):
-        make_server(Handlers(Bodies(Settings(), discover)))
+        make_server(Handlers(Bodies(Settings(), plugins)))
 
 
 async def test_with_the_envelope_a_call_says_what_is_seen_first():

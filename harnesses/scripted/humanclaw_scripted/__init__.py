@@ -10,15 +10,15 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from humanclaw.hookspecs import DecisionMakerFactory, Register, VerifierFactory
-    from humanclaw.interfaces import DecisionMaker, Verifier
+    from humanclaw import Agent, Verifier
+    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
     from humanclaw_scripted.faults import Fault
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_decision_makers(register: Register[DecisionMakerFactory]) -> None:
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")
@@ -38,25 +38,25 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     register("oracle", _oracle_verifier, "privileged: lets nobody stop out of reach of the target")
 
 
-def _oracle(options: Mapping[str, Any]) -> DecisionMaker:
+def _oracle(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import OracleAgent
 
     return OracleAgent()
 
 
-def _random(options: Mapping[str, Any]) -> DecisionMaker:
+def _random(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import RandomAgent
 
     return RandomAgent()
 
 
-def _still(options: Mapping[str, Any]) -> DecisionMaker:
+def _still(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import StillAgent
 
     return StillAgent()
 
 
-def _faulty(options: Mapping[str, Any]) -> DecisionMaker:
+def _faulty(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted import faulty
 
     return faulty.FaultyAgent(faulty.options(options))

@@ -12,11 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Scene, Skill
 from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
-from humanclaw.contract import Skill
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, WorldState, ego_camera
+from humanclaw.interfaces import WorldState, ego_camera
+from humanclaw.measures import Parameter, Role, from_si, suited
 from humanclaw.navigation import (
     MultiFloorMap,
     OccupancyGrid,
@@ -29,11 +28,18 @@ from humanclaw.navigation import (
     stair_runs,
     viewpoints,
 )
-from humanclaw.pose import Array, Frame, matrix_from_vector, wrap_angle
-from humanclaw.scene import Scene
+from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
+from humanclaw.scene import distance_to_nearest
 
-NEEDED: Final = ("walk", "turn_in_place", "side_step", "step_back")
-ON_STAIRS: Final = ("climb_upstairs", "walk_downstairs")
+WALK: Final = ("hips.left", "hips.forward", "heading.left")
+TURN: Final = ("heading.left",)
+SIDE: Final = ("hips.left",)
+BACK: Final = ("hips.back",)
+UP: Final = ("hips.rise", "hips.forward")
+DOWN: Final = ("hips.drop", "hips.forward")
+SIT: Final = ("hips.height",)
+"""What it asks skills for: measures that their parameters command, whatever the skills are called."""
+_WAY: Final = ("hips.left", "hips.forward", "hips.back")
 REACHED: Final = (0.11, 0.19)
 """Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
 inside the benchmark's 0.2: limbs that come to rest end up to 0.085 m farther away than COASTING foretells (621 stops)."""
@@ -71,7 +77,7 @@ class StillAgent:
     def begin(self, context: EpisodeContext) -> None:
         self._stop = ending(context.skills)
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
 
 
@@ -85,7 +91,7 @@ class RandomAgent:
         self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
         self._seed = context.seed
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
         rng = np.random.default_rng([self._seed, observation.step])
         name = str(rng.choice(sorted(self._skills)))
@@ -115,15 +121,33 @@ def ending(skills: Mapping[str, Skill]) -> str:
     return found[0]
 
 
-def _require(skills: Mapping[str, Skill], names: Sequence[str]) -> None:
-    for name in names:
-        if name not in skills:
-            raise HumanclawError(f"the oracle needs the skill {name}.", "Install the first-party skills.")
-        if not skills[name].trained:
-            raise HumanclawError(
-                f"the oracle needs the skill {name}, whose adapter is not trained.",
-                f"Train it with `humanclaw train adapter {name}`.",
-            )
+def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
+    """The skill that commands these measures and least besides: of role sit for SIT, else of locomotion.
+
+    Raises HumanclawError if there is none, or if its adapter is not trained.
+    """
+    role: Role = "sit" if measures == SIT else "locomotion"
+    found = suited((skill.declaration for skill in skills.values()), *measures, role=role)
+    if found is None:
+        wanted = f"a skill of role {role} that commands {', '.join(measures)}"
+        raise HumanclawError(f"the oracle needs {wanted}.", "Install the first-party skills.")
+    if not skills[found.skill].trained:
+        raise HumanclawError(
+            f"the oracle needs the skill {found.skill}, whose adapter is not trained.",
+            f"Train it with `humanclaw train adapter {found.skill}`.",
+        )
+    return skills[found.skill]
+
+
+def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float]) -> Call:
+    """A call for so much of these measures, SI, rounded to the unit of each parameter and held within its bounds."""
+    skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
+    return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
+
+
+def _within(parameter: Parameter, amount: float) -> int:
+    low, high = (round(from_si(parameter.key, bound)) for bound in (parameter.low, parameter.high))
+    return int(np.clip(round(from_si(parameter.key, amount)), low, high))
 
 
 # -- the oracle --------------------------------------------------------------------------------------------------------
@@ -144,7 +168,7 @@ class Pose:
 
     def local(self, point: Array) -> tuple[float, float]:
         """A (2,) point as (left, forward) of the body, metres."""
-        here = Frame(float(self.root[0]), float(self.root[2]), self.yaw)
+        here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
         left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
         return float(left), float(forward)
 
@@ -196,10 +220,11 @@ class OracleAgent:
             raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
         self._stop = ending(context.skills)
-        _require(context.skills, (*NEEDED, "sit_in_place") if context.spec.interact else NEEDED)
+        for needed in (WALK, TURN, SIDE, BACK, *([SIT] if context.spec.interact else [])):
+            skill_for(context.skills, needed)
         self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
         pose = Pose.of(state)
         self._notice(pose, history)
@@ -247,7 +272,8 @@ class OracleAgent:
         memory.way = parts(routes.route(memory.stand.place))
         memory.arrived = memory.sideways = False
         if any(isinstance(part, StairRun) for part in memory.way):
-            _require(self._context.skills, ON_STAIRS)
+            for needed in (UP, DOWN):
+                skill_for(self._context.skills, needed)
         return bool(memory.way)
 
     # on stairs
@@ -278,8 +304,7 @@ class OracleAgent:
             ), f"I walk up to the first step of the stairs that lead {word}."
         tread = (run.edges[k + 1] - run.edges[k]) / 2 if k + 1 < len(run.edges) else ONTO_FLOOR
         height = abs(float(run.levels[k + 1] - run.levels[k]))
-        skill = ON_STAIRS[0] if word == "up" else ON_STAIRS[1]
-        call = self._call(skill, h_cm=100 * height, d_cm=100 * (gap + float(tread)))
+        call = self._call(UP if word == "up" else DOWN, height, gap + float(tread))
         return call, f"I take step {k + 1} of {len(run.edges)} {word} the stairs."
 
     # on the way
@@ -335,7 +360,7 @@ class OracleAgent:
             return self._side(left), f"I line up with the {self._noun} behind me."
         if gap > AT_SEAT + 0.05 and not (self._memory.blocked and gap < 0.25):
             return self._back(gap - AT_SEAT), f"My back faces the {self._noun}: I close the gap of {_cm(gap)} cm."
-        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my segments: I sit down."
+        return self._sit(stand.seat_height), f"The edge of the {self._noun} is right behind my legs: I sit down."
 
     def _after_sitting(self, state: WorldState) -> tuple[Call, str]:
         memory = self._memory
@@ -388,16 +413,15 @@ class OracleAgent:
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
     # when it does not go on
-    def _notice(self, pose: Pose, history: Sequence[Past]) -> None:
+    def _notice(self, pose: Pose, history: Sequence[HistoryEntry]) -> None:
         """Compare the last step with what it was to do."""
         memory = self._memory
         last = history[-1].executed if history else None
-        skills = [past.executed.skill if past.executed else "" for past in reversed(history)]
-        memory.sits = next((k for k, skill in enumerate(skills) if skill != "sit_in_place"), len(skills))
+        sat = [self._sits(past.executed) for past in reversed(history)]
+        memory.sits = next((k for k, is_sit in enumerate(sat) if not is_sit), len(sat))
         if last is None or memory.before is None:
             return
-        params = last.params
-        wanted = float(np.hypot(params.get("x_cm", 0), params.get("z_cm", params.get("d_cm", 0)))) / 100
+        wanted = self._way(last)
         if wanted >= 0.08:
             moved = float(np.linalg.norm(pose.point - memory.before.point))
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
@@ -426,29 +450,34 @@ class OracleAgent:
         )
         return (self._back(0.3) if best == "back" else self._side(0.3 if best == "left" else -0.3)), reason
 
+    def _sits(self, call: Call | None) -> bool:
+        return call is not None and self._context.skills[call.skill].role == "sit"
+
+    def _way(self, call: Call) -> float:
+        """How far over the floor a call is to take the body, metres."""
+        parameters = self._context.skills[call.skill].parameters
+        asked = [call.params.get(one.key, 0) for one in parameters if one.measure in _WAY]
+        return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
+
     # calls
-    def _call(self, skill: str, **params: float) -> Call:
-        """Parameters in centimetres and degrees, rounded and held within the skill's own bounds."""
-        parts = _properties(self._context.skills[skill])
-        low = {key: part.get("minimum", -1000) for key, part in parts.items()}
-        high = {key: part.get("maximum", 1000) for key, part in parts.items()}
-        return Call(skill, {key: int(np.clip(round(params[key]), low[key], high[key])) for key in parts})
+    def _call(self, measures: Sequence[str], *amounts: float) -> Call:
+        return asking(self._context.skills, measures, amounts)
 
     def _walk(self, left: float, forward: float, turn: float) -> Call:
-        return self._call("walk", x_cm=100 * left, z_cm=100 * forward, yaw_deg=np.degrees(turn))
+        return self._call(WALK, left, forward, turn)
 
     def _turn(self, angle: float) -> Call:
-        return self._call("turn_in_place", yaw_deg=np.degrees(angle))
+        return self._call(TURN, angle)
 
     def _side(self, left: float) -> Call:
-        return self._call("side_step", x_cm=100 * left)
+        return self._call(SIDE, left)
 
     def _back(self, distance: float) -> Call:
-        return self._call("step_back", z_cm=100 * min(distance, 0.4))
+        return self._call(BACK, min(distance, 0.4))
 
     def _sit(self, seat_height: float) -> Call:
         tries = self._memory.sits
-        return self._call("sit_in_place", h_cm=100 * min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
+        return self._call(SIT, min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
     def _plan(self, pose: Pose) -> OccupancyGrid:
         """The plan of the floor or the stairs that the body is on."""

@@ -5,18 +5,18 @@ A fault alters the oracle's decisions and nothing else, so that whatever goes wr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_nearest
-from humanclaw.interfaces import Call, Decision, EpisodeContext, WorldState
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError
+from humanclaw.interfaces import WorldState
 from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array, Frame
+from humanclaw.pose import Array, Pose2D
+from humanclaw.scene import distance_to_nearest
+from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
 
 LOOK_AROUND: Final = 45
 """Degrees that a searching body turns each step."""
@@ -66,7 +66,7 @@ class Senses:
     def bearing_of(self, point: Array) -> float:
         """Of a (3,) point, radians, left positive."""
         body = self._state().body
-        frame = Frame(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
+        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
         left, _, forward = frame.point_to_local(point)
         return float(np.arctan2(left, forward))
 
@@ -96,9 +96,25 @@ class Moment:
     def stopping(self) -> bool:
         return self.decision.calls[0].skill == self.stop
 
-    def but(self, skill: str, why: str, **params: int) -> Decision:
+    def but(self, call: Call, why: str) -> Decision:
         """The same perception, another call."""
-        return replace(self.decision, calls=(Call(skill, params),), reasoning=why)
+        return replace(self.decision, calls=(call,), reasoning=why)
+
+    def asks(self, measures: Sequence[str], *amounts: float) -> Call:
+        """A call of the skill that commands these measures, SI."""
+        return asking(self.senses.context.skills, measures, amounts)
+
+    def stops(self, why: str) -> Decision:
+        """The same perception, and an active stop."""
+        return self.but(Call(self.stop), why)
+
+    def turns(self, degrees: float, why: str) -> Decision:
+        """The same perception, and a turn on the spot; left is positive."""
+        return self.but(self.asks(TURN, np.radians(degrees)), why)
+
+    def walks(self, cm: float, why: str, degrees: float = 0.0) -> Decision:
+        """The same perception, and a step ahead."""
+        return self.but(self.asks(WALK, 0.0, cm / 100, np.radians(degrees)), why)
 
     @property
     def has_seen(self) -> bool:
@@ -113,7 +129,7 @@ class Moment:
     def to_and_fro(self, degrees: int, why: str) -> Decision:
         """A turn to the right, the next time to the left, and so on."""
         side = 1 if self.count("turned") % 2 else -1
-        return self.but("turn_in_place", why, yaw_deg=degrees * side)
+        return self.turns(degrees * side, why)
 
     def count(self, what: str) -> int:
         """How often this was asked before."""
@@ -144,12 +160,12 @@ class Fault:
 
     @property
     def agent(self) -> str:
-        """The decision maker that can have it."""
+        """The agent that can have it."""
         return "faulty"
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the decision maker, for it to have the fault."""
+        """Of the agent, for it to have the fault."""
         return {"fault": self.name}
 
     def fits(self, spec: EpisodeSpec) -> bool:
@@ -165,13 +181,13 @@ def _blind(at: Moment) -> Decision:
     blind = replace(at.decision, visible_state="I am in a room.")
     if not at.has_seen:
         return blind
-    around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+    around = at.asks(TURN, np.radians(LOOK_AROUND))
     return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
 
 
 def _misjudges(at: Moment) -> Decision:
     if at.seen and 3 * REACHED < at.senses.away() < 3.0:
-        return at.but(at.stop, "It looks close enough to touch, so I stop.")
+        return at.stops("It looks close enough to touch, so I stop.")
     return at.decision
 
 
@@ -186,8 +202,8 @@ def _straight_on(at: Moment) -> Decision:
         return at.decision
     angle = at.senses.bearing()
     if abs(angle) > np.radians(28):
-        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
-    return at.but("walk", "It lies straight ahead: I walk on.", x_cm=0, z_cm=50, yaw_deg=_degrees(angle, 20))
+        return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
+    return at.walks(50, "It lies straight ahead: I walk on.", _degrees(angle, 20))
 
 
 def _wavers(at: Moment) -> Decision:
@@ -196,7 +212,7 @@ def _wavers(at: Moment) -> Decision:
     angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
     if abs(angle) < np.radians(28):
         return wavering
-    return at.but("turn_in_place", wavering.reasoning, yaw_deg=_degrees(angle, 75))
+    return at.turns(_degrees(angle, 75), wavering.reasoning)
 
 
 def _turns_away(at: Moment) -> Decision:
@@ -205,7 +221,7 @@ def _turns_away(at: Moment) -> Decision:
         return at.decision
     turns = at.count("gone")
     away = replace(at.decision, visible_state="I am in a room.")
-    call = Call("turn_in_place", {"yaw_deg": 60}) if turns < 3 else Call("walk", {"x_cm": 0, "z_cm": 30, "yaw_deg": 0})
+    call = at.asks(TURN, np.radians(60)) if turns < 3 else at.asks(WALK, 0.0, 0.3, 0.0)
     return replace(away, calls=(call,), reasoning="There may be a better one elsewhere.")
 
 
@@ -224,15 +240,15 @@ def _never_sits(at: Moment) -> Decision:
 def _sits_on_air(at: Moment) -> Decision:
     """Faces the seat and sits where it stands."""
     if at.stopping and not at.count("sat"):
-        return at.but("sit_in_place", "I am at the seat: I sit down.", h_cm=50)
+        return at.but(at.asks(SIT, 0.5), "I am at the seat: I sit down.")
     return at.decision
 
 
 def _rises(at: Moment) -> Decision:
     if at.stopping and not at.count("risen"):
-        return at.but("walk", "I straighten up.", x_cm=0, z_cm=5, yaw_deg=0)
+        return at.walks(5, "I straighten up.")
     if "risen" in at.notes:
-        return at.but(at.stop, "The task is complete.")
+        return at.stops("The task is complete.")
     return at.decision
 
 
@@ -269,8 +285,8 @@ def _overlooks_jam(at: Moment) -> Decision:
         return at.decision
     angle = at.senses.bearing()
     if abs(angle) > np.radians(35):
-        return at.but("turn_in_place", "It lies over there: I turn to it.", yaw_deg=_degrees(angle, 75))
-    return at.but("side_step", "I see it: I go round what stands before it.", x_cm=30)
+        return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
+    return at.but(at.asks(SIDE, 0.3), "I see it: I go round what stands before it.")
 
 
 def _gives_up(at: Moment) -> Decision:
@@ -289,11 +305,11 @@ def _back_along(at: Moment, trail: list[Array]) -> Decision:
     while trail and np.hypot(*(trail[-1] - at.senses.here())[[0, 2]]) < 0.35:
         trail.pop()
     if not trail:
-        return at.but(at.stop, "I cannot find it.")
+        return at.stops("I cannot find it.")
     angle = at.senses.bearing_of(trail[-1])
     if abs(angle) > np.radians(28):
-        return at.but("turn_in_place", "This leads nowhere: I go back.", yaw_deg=_degrees(angle, 75))
-    return at.but("walk", "I go back.", x_cm=0, z_cm=45, yaw_deg=_degrees(angle, 20))
+        return at.turns(_degrees(angle, 75), "This leads nowhere: I go back.")
+    return at.walks(45, "I go back.", _degrees(angle, 20))
 
 
 def _backs_up(at: Moment) -> Decision:
@@ -302,11 +318,11 @@ def _backs_up(at: Moment) -> Decision:
         return at.decision
     angle, here = at.senses.bearing(), at.senses.here()
     if at.senses.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
-        return at.but(at.stop, "There is nothing here.")
+        return at.stops("There is nothing here.")
     if abs(angle) < np.radians(150):
-        return at.but("turn_in_place", "I look at the other side.", yaw_deg=-45 if angle > 0 else 45)
+        return at.turns(-45 if angle > 0 else 45, "I look at the other side.")
     at.trail.append(here)
-    return at.but("step_back", "I make room for myself.", z_cm=25)
+    return at.but(at.asks(BACK, 0.25), "I make room for myself.")
 
 
 _MID_LEVEL, _BODY = "mid-level reasoning", "body awareness"

@@ -17,19 +17,25 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw.contract import Skill
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Answer as CheckAnswer
-from humanclaw.interfaces import Call, Decision, EpisodeContext, Observation, Past, Verdict
+from humanclaw import (
+    Call,
+    Decision,
+    EpisodeContext,
+    EpisodeSpec,
+    HistoryEntry,
+    HumanclawError,
+    Observation,
+    Skill,
+    Verdict,
+)
 from humanclaw.outcomes import REACHED, acknowledges
 from humanclaw.pose import Array
+from humanclaw.records import Answer as CheckAnswer
+from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
-from humanclaw_scripted.agents import OracleAgent, ending
+from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
 from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
 
-SITTING: Final = ("sit_in_place", "step_back")
-"""Skills of the sitting routine, in which the body has its back to the seat."""
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
 
@@ -116,7 +122,7 @@ class FaultyAgent:
         fault = FAULTS.get(self.options.fault)
         return None if fault is None or not fault.fits(spec) or fault.capability == self.options.repair else fault
 
-    def decide(self, observation: Observation, history: Sequence[Past]) -> Decision:
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if self._errand:
             errand = self._errand.decide(observation, history)
             if errand.calls[0].skill != self._stop:
@@ -152,7 +158,7 @@ class Mind:
     senses: Senses
     stop: str
 
-    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[Past]) -> Decision:
+    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
         """last_seen: the step at which the target was last in view, this one included; None if it never was."""
         rng = np.random.default_rng([self.senses.context.seed, step, 78])
         draws = rng.random(3)
@@ -162,13 +168,13 @@ class Mind:
         if last_seen == step and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
             return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
         if last_seen is not None and step - last_seen > self.options.history:
-            around = Call("turn_in_place", {"yaw_deg": LOOK_AROUND})
+            around = asking(self.senses.context.skills, TURN, (np.radians(LOOK_AROUND),))
             return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
         if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
             return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
         return decision
 
-    def _mistaken_for(self, draws: Any, history: Sequence[Past]) -> Call | None:
+    def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
         """The call of an older view that was taken for the current one."""
         others = min(self.options.images - 1, len(history))
         competing = self.options.confusion * others
@@ -177,11 +183,12 @@ class Mind:
         return history[-1 - int(draws[1] * others)].executed
 
     def _in_routine(self, call: Call) -> bool:
-        return (
-            self.senses.context.spec.interact
-            and self.senses.away() < AT_HAND
-            and (call.skill in SITTING or (call.skill == "turn_in_place" and self.senses.reach() < 2 * REACHED))
-        )
+        """Whether a call belongs to sitting down: the back to the seat, a step back to it, the sit."""
+        skill = self.senses.context.skills[call.skill].declaration
+        measures = tuple(one.measure for one in skill.parameters)
+        sits = skill.role == "sit" or measures == BACK
+        near = self.senses.context.spec.interact and self.senses.away() < AT_HAND
+        return near and (sits or (measures == TURN and self.senses.reach() < 2 * REACHED))
 
 
 # -- a verifier --------------------------------------------------------------------------------------------------------
@@ -201,13 +208,13 @@ class OracleVerifier:
     def begin(self, context: EpisodeContext) -> None:
         self._senses = Senses(context)
         self._oracle = oracle(context, context.spec)
-        self._history: list[Past] = []
+        self._history: list[HistoryEntry] = []
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
         lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
         accepted = skill.role != "stop" or self._senses.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
-        self._history.append(Past(observation.step, advice, done, "", observation.rgb))
+        self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")
         return Verdict(accepted, None if accepted else done, (answer,))

@@ -7,11 +7,10 @@ import pytest
 from rooms import asset, block, thing, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw.episode import Difficulty, EpisodeSpec
-from humanclaw.errors import HumanclawError
-from humanclaw.geometry import distance_to_box
-from humanclaw.interfaces import Call, EpisodeContext, Observation
+from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
 from humanclaw.outcomes import acknowledges
+from humanclaw.records import Difficulty
+from humanclaw.scene import distance_to_box
 from humanclaw_scripted.faults import FAULTS
 from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier, options
 

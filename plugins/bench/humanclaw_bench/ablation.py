@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from humanclaw.embodiment import Engines
+from humanclaw import Backends
 from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, estimate, paired
 from humanclaw_bench.statistics import Difference, compare_rates, holm
 from humanclaw_bench.worker import Job
@@ -29,7 +29,7 @@ class Setting:
     verifier: str = VERIFIER
     falls: tuple[Metric, ...] = ()
 
-    def job(self, engines: Engines) -> Job:
+    def job(self, engines: Backends) -> Job:
         """What to run for this row."""
         return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, engines)
 

@@ -7,17 +7,18 @@ view that a decision was made from, together with what the agent said of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw.geometry import distance_to_nearest
+from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
+from humanclaw.measures import to_si
 from humanclaw.outcomes import REACHED, in_view
 from humanclaw.pose import Array
-from humanclaw.records import EpisodeRecord, RecordedEpisode, StepRecord
+from humanclaw.scene import distance_to_nearest
 from humanclaw_bench.metrics import Scores, claims, is_sit, sat_down, score
 
 Stage = Literal["find", "nav", "interact"]
@@ -33,13 +34,13 @@ GIVEN_UP: Final = (0.5, 0.6)
 """Shares of the first distance: came nearer than the one, and ended farther away than the other."""
 TOO_LATE: Final = 0.7
 """Share of the steps after which a first sight leaves too few to get there."""
-_MOVES: Final = ("x_cm", "z_cm", "d_cm")
-_TURNS: Final = ("yaw_deg",)
+_MOVES: Final = ("hips.left", "hips.forward", "hips.back")
+_TURNS: Final = ("heading.left",)
 
 
 # -- what the rules ask ------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Facts:
+class EpisodeFeatures:
     """What the rules need to know of an episode."""
 
     seen: bool
@@ -61,7 +62,7 @@ class Facts:
     """The pelvis touched anything at any time."""
 
     @classmethod
-    def of(cls, recorded: RecordedEpisode) -> Facts:
+    def of(cls, recorded: RecordedEpisode) -> EpisodeFeatures:
         record, steps = recorded.record, recorded.steps
         first = next((step.step for step in steps if in_view(step)), None)
         return cls(
@@ -70,11 +71,11 @@ class Facts:
             way=_way(record, steps),
             arrived=any(s.target_distance is not None and s.target_distance <= REACHED for s in steps),
             stopped=record.outcome == "stopped",
-            jammed=_jammed(steps),
-            confined=_confined(steps),
+            jammed=_jammed(recorded),
+            confined=_confined(recorded),
             seen_last=bool(steps) and in_view(steps[-1]),
             claimed_last=bool(steps) and claims(steps[-1], record.spec.target_category),
-            sits=any(map(is_sit, steps)),
+            sits=any(is_sit(recorded, step) for step in steps),
             sat=sat_down(recorded),
             touched=any(s.pelvis_contacts or any(c.joint == "pelvis" for c in s.contacts) for s in steps),
         )
@@ -95,31 +96,44 @@ def _straight(record: EpisodeRecord, point: Sequence[float]) -> float:
     return distance_to_nearest(np.array(point)[[0, 2]], boxes)
 
 
-def _asks(step: StepRecord, names: Sequence[str]) -> float:
-    """How much of these parameters the executed call asks for, in their unit; 0 for a step without a call."""
-    params: Mapping[str, Any] = step.call.params if step.call else {}
-    values = [params.get(name, 0) for name in names]
-    return float(np.linalg.norm([value for value in values if isinstance(value, int | float)]))
+def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> float | None:
+    """How much of these measures a locomotion call asks for, SI; None for any other step.
+
+    A skill that declares no parameter for any way or turn asks for what a jam would deny all the same: infinity.
+    """
+    info = record.skills.get(step.call.skill) if step.call else None
+    if step.call is None or info is None or info.role != "locomotion":
+        return None
+    if not set(info.commands.values()) & {*_MOVES, *_TURNS}:
+        return float("inf")
+    keys = [key for key, measure in info.commands.items() if measure in measures]
+    return float(np.linalg.norm([to_si(key, step.call.params.get(key, 0)) for key in keys]))
 
 
-def _walks(step: StepRecord) -> bool:
+def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
     """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a jam."""
-    return _asks(step, _MOVES) >= 100 * JAMMED_MOVE
+    asked = _asks(record, step, _MOVES)
+    return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
 
-def _acts(step: StepRecord) -> bool:
-    return _asks(step, (*_MOVES, *_TURNS)) > 0
+def _acts(record: EpisodeRecord, step: StepRecord) -> bool:
+    return bool(_asks(record, step, (*_MOVES, *_TURNS)))
 
 
-def _jammed(steps: Sequence[StepRecord]) -> bool:
+def _jammed(recorded: RecordedEpisode) -> bool:
     """Eight locomotion commands in a row, each of which moved the body by less than 0.1 m."""
-    stuck = [_walks(s) and float(np.linalg.norm(np.subtract(s.end, s.start))) < JAMMED_MOVE for s in steps]
+    stuck = [_walks(recorded.record, s) and _moved(s) < JAMMED_MOVE for s in recorded.steps]
     return max((len(list(run)) for is_stuck, run in groupby(stuck) if is_stuck), default=0) >= JAMMED_STEPS
 
 
-def _confined(steps: Sequence[StepRecord]) -> bool:
+def _moved(step: StepRecord) -> float:
+    return float(np.linalg.norm(np.subtract(step.end, step.start)))
+
+
+def _confined(recorded: RecordedEpisode) -> bool:
     """25 movement or turning commands in a row within a box of 2 m."""
-    acts = [_acts(step) for step in steps]
+    steps = recorded.steps
+    acts = [_acts(recorded.record, step) for step in steps]
     starts = range(len(steps) - CONFINED_STEPS + 1)
     windows = (slice(start, start + CONFINED_STEPS) for start in starts)
     return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
@@ -139,7 +153,7 @@ class Cause:
     stage: Stage
     name: str
     capability: str
-    rule: Callable[[Facts], bool]
+    rule: Callable[[EpisodeFeatures], bool]
     meaning: str
 
     @property
@@ -147,9 +161,9 @@ class Cause:
         return f"{self.stage}: {self.name}"
 
 
-def _gave_up(facts: Facts) -> bool:
+def _gave_up(features: EpisodeFeatures) -> bool:
     nearer, farther = GIVEN_UP
-    return min(facts.way) < nearer * facts.way[0] and facts.way[-1] > farther * facts.way[0]
+    return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0]
 
 
 CAUSES: Final = (
@@ -204,8 +218,8 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
-    facts = Facts.of(recorded)
-    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(facts))
+    features = EpisodeFeatures.of(recorded)
+    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(features))
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------

@@ -13,12 +13,8 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 from tqdm import tqdm
 
-from humanclaw.cli.options import Deciders, decider_options, plugin_files
-from humanclaw.embodiment import Engines
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import PluginError, RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
+from humanclaw import Backends, EpisodeSpec, PluginError, Plugins, RecordError, load_run
+from humanclaw.cli import Deciders, decider_options, plugin_files
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare
@@ -57,7 +53,7 @@ def bench() -> None:
 )
 @plugin_files
 def run_command(
-    name: str, deciders: Deciders, engines: Engines, workers: int, executor: str, address: str | None, out: Path | None,
+    name: str, deciders: Deciders, engines: Backends, workers: int, executor: str, address: str | None, out: Path | None,
     resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
@@ -75,12 +71,12 @@ def run_command(
         raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(console(), out) as progress:
-        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
-        progress.end(tally)
-    if tally.done:
+        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(status)
+    if status.done:
         _print(terminal(main_table(_results([out]), paper=False), console().width))
-    if tally.failed or tally.stopped:
-        raise SystemExit(130 if tally.stopped else 1)
+    if status.failed or status.stopped:
+        raise SystemExit(130 if status.stopped else 1)
 
 
 @bench.command()
@@ -123,12 +119,12 @@ def table(
     runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, files: tuple[Path, ...]
 ) -> None:
     """Print the paper's tables for one or more runs, a row for each agent."""
-    sheets = all_tables(_results(runs, files), paper=paper, seed=seed)
-    for name in only or [name for name in NAMES if sheets[name].rows and sheets[name].columns]:
+    tables = all_tables(_results(runs, files), paper=paper, seed=seed)
+    for name in only or [name for name in NAMES if tables[name].rows and tables[name].columns]:
         if form == "terminal":
-            _print(terminal(sheets[name], console().width))
+            _print(terminal(tables[name], console().width))
         else:
-            click.echo(WRITERS[form](sheets[name]))
+            click.echo(WRITERS[form](tables[name]))
 
 
 @bench.command("compare")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from humanclaw.episode import Difficulty
+from humanclaw.records import Difficulty
 
 Tier = Literal["easy", "medium", "hard"]
 TIERS: Final[tuple[Tier, ...]] = ("easy", "medium", "hard")

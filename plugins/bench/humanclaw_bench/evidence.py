@@ -8,10 +8,7 @@ from pathlib import Path
 
 import click
 
-from humanclaw.embodiment import Engines
-from humanclaw.episode import EpisodeSpec
-from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
+from humanclaw import Backends, EpisodeSpec, Plugins, load_run
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.cli import console
@@ -36,7 +33,7 @@ def ablate(name: str, workers: int, out: Path) -> None:
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name)
-        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Engines()), out / setting.name, workers)]
+        scores[setting.name] = [one for one, _ in _played(specs, setting.job(Backends()), out / setting.name, workers)]
     click.echo(ablation.markdown(scores))
 
 
@@ -102,8 +99,8 @@ def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> 
     plugins = Plugins.discover()
     with RunProgress(console(), out) as progress:
         player = plugins.make("executors", "local", workers, "")
-        tally = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
-        progress.end(tally)
-    if tally.stopped:
+        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        progress.end(status)
+    if status.stopped:
         raise SystemExit(130)
     return scored(load_run(out), name=out.name)

@@ -18,8 +18,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError
+from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw_bench.worker import FAILED, Job, Report, Worker
 
 ONE_THREAD: Final = dict.fromkeys(
@@ -32,7 +31,7 @@ DEATHS_IN_A_ROW: Final = 3
 """So many workers dead without an episode played between them do not die of their episodes."""
 
 
-class Backlog:
+class EpisodeQueue:
     """The episodes that nobody has taken yet, by house, so that a worker need not build a house twice."""
 
     def __init__(self, specs: Iterable[EpisodeSpec]) -> None:
@@ -65,8 +64,8 @@ class Executor(Protocol):
     A humanclaw_bench.worker.Worker does the playing, so that records are the same wherever it runs.
     """
 
-    def reports(self, job: Job, backlog: Backlog, out: Path) -> Generator[Report, None, None]:
-        """Play what is in the backlog and report each episode once, in the order in which they end.
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
+        """Play what is in the queue and report each episode once, in the order in which they end.
 
         The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, everything
         that still runs is ended at once.
@@ -77,7 +76,7 @@ class Executor(Protocol):
 
 
 @dataclass
-class _Hand:
+class _WorkerProcess:
     """A worker process, seen from outside."""
 
     name: str
@@ -107,32 +106,32 @@ class LocalExecutor:
     def stop(self) -> None:
         self._stopping.value = 1
 
-    def reports(self, job: Job, backlog: Backlog, out: Path) -> Generator[Report, None, None]:
-        hands = [self._hire(job, out, f"worker-{number}") for number in range(min(self._workers, len(backlog)))]
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
+        processes = [self._spawn(job, out, f"worker-{number}") for number in range(min(self._workers, len(queue)))]
         deaths = 0
         try:
-            while waiting := {hand.channel: hand for hand in hands if hand.expected}:
-                for hand in [waiting[channel] for channel in wait(list(waiting)) if isinstance(channel, Connection)]:
+            while waiting := {worker.channel: worker for worker in processes if worker.expected}:
+                for worker in [waiting[channel] for channel in wait(list(waiting)) if isinstance(channel, Connection)]:
                     try:
-                        report = hand.channel.recv()
+                        report = worker.channel.recv()
                         deaths = deaths if report is None else 0
-                        hand.ready, hand.task = True, None
+                        worker.ready, worker.task = True, None
                     except (EOFError, ConnectionError):
                         deaths += 1
-                        report = _obituary(hand, deaths)
-                        hands.remove(hand)
-                        if len(backlog) and not self._stopping.value:
-                            hands.append(self._hire(job, out, hand.name))
+                        report = _crash_report(worker, deaths)
+                        processes.remove(worker)
+                        if len(queue) and not self._stopping.value:
+                            processes.append(self._spawn(job, out, worker.name))
                     if report:
                         yield report
-                    self._assign(hand, backlog)
-            _dismiss(hands)
+                    self._assign(worker, queue)
+            _dismiss(processes)
         finally:
-            for hand in hands:
-                hand.process.kill()
-                hand.process.join()
+            for worker in processes:
+                worker.process.kill()
+                worker.process.join()
 
-    def _hire(self, job: Job, out: Path, name: str) -> _Hand:
+    def _spawn(self, job: Job, out: Path, name: str) -> _WorkerProcess:
         mine, theirs = self._context.Pipe()
         log = out / "logs" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
@@ -140,25 +139,25 @@ class LocalExecutor:
         with _for_children(ONE_THREAD):
             process.start()
         theirs.close()
-        return _Hand(name, process, mine, log)
+        return _WorkerProcess(name, process, mine, log)
 
-    def _assign(self, hand: _Hand, backlog: Backlog) -> None:
-        alive = hand.ready and hand.process.is_alive()
-        hand.task = backlog.take(hand.house) if alive and not self._stopping.value else None
-        if hand.task:
-            hand.house, hand.began = hand.task.scene, time.perf_counter()
-            hand.channel.send(hand.task)
+    def _assign(self, worker: _WorkerProcess, queue: EpisodeQueue) -> None:
+        alive = worker.ready and worker.process.is_alive()
+        worker.task = queue.take(worker.house) if alive and not self._stopping.value else None
+        if worker.task:
+            worker.house, worker.began = worker.task.scene, time.perf_counter()
+            worker.channel.send(worker.task)
 
 
-def _obituary(hand: _Hand, deaths: int) -> Report | None:
+def _crash_report(worker: _WorkerProcess, deaths: int) -> Report | None:
     """Of what a worker died, and in which episode if in any. Raises HumanclawError if one after another does."""
-    hand.process.join()
-    fate = f"{hand.name} died with {_reason(hand.process.exitcode)}; see {hand.log}"
+    worker.process.join()
+    fate = f"{worker.name} died with {_reason(worker.process.exitcode)}; see {worker.log}"
     if deaths >= DEATHS_IN_A_ROW:
         raise HumanclawError(f"{deaths} workers died one after another. The last: {fate}.", "Mend what it says there.")
-    if hand.task is None:
+    if worker.task is None:
         return None
-    return Report(hand.task.id, FAILED, seconds=time.perf_counter() - hand.began, error=fate, worker=hand.name)
+    return Report(worker.task.id, FAILED, seconds=time.perf_counter() - worker.began, error=fate, worker=worker.name)
 
 
 def _reason(code: int | None) -> str:
@@ -168,12 +167,12 @@ def _reason(code: int | None) -> str:
     return f"{name} (out of memory?)" if name == "SIGKILL" else name
 
 
-def _dismiss(hands: Iterable[_Hand]) -> None:
-    for hand in hands:
-        if hand.process.is_alive():
-            hand.channel.send(None)
-    for hand in hands:
-        hand.process.join(timeout=10)
+def _dismiss(processes: Iterable[_WorkerProcess]) -> None:
+    for worker in processes:
+        if worker.process.is_alive():
+            worker.channel.send(None)
+    for worker in processes:
+        worker.process.join(timeout=10)
 
 
 @contextmanager

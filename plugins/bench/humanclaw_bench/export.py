@@ -18,11 +18,9 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.files import write_atomically
-from humanclaw.plugins import Plugins
+from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.pose import HISTORY
-from humanclaw.records import RecordedEpisode, StepRecord, load_run
+from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
 from humanclaw_bench.metrics import FINISHED, Extra, Scores, score
 
@@ -223,12 +221,12 @@ def _messages(recorded: RecordedEpisode) -> list[Any]:
     model = importlib.import_module("inspect_ai.model")
     messages = [model.ChatMessageUser(content=recorded.record.spec.instruction)]
     for step in recorded.steps:
-        said, calls = step.attempts[-1], _calls(step)
+        said, calls = step.decision, _calls(step)
         view = {"view": str(recorded.folder / step.frame_file)}
         text = said.reasoning or said.raw
         messages.append(model.ChatMessageAssistant(content=text, tool_calls=calls, metadata=view))
-        results = [model.ChatMessageTool(content=step.feedback, tool_call_id=call.id) for call in calls]
-        messages += results or [model.ChatMessageUser(content=step.feedback)]
+        results = [model.ChatMessageTool(content=str(step.feedback), tool_call_id=call.id) for call in calls]
+        messages += results or [model.ChatMessageUser(content=str(step.feedback))]
     return messages
 
 
@@ -236,7 +234,7 @@ def _calls(step: StepRecord) -> list[Any]:
     call_type = importlib.import_module("inspect_ai.tool").ToolCall
     return [
         call_type(id=f"step-{step.step}-{number}", function=call.skill, arguments=dict(call.params))
-        for number, call in enumerate(step.attempts[-1].calls)
+        for number, call in enumerate(step.decision.calls)
     ]
 
 

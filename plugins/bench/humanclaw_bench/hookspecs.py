@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import pluggy
 
 if TYPE_CHECKING:
-    from humanclaw.episode import EpisodeSpec
+    from humanclaw import EpisodeSpec, RecordedEpisode
     from humanclaw.hookspecs import Register
-    from humanclaw.records import RecordedEpisode
     from humanclaw_bench.executors import Executor
 
 hookspec = pluggy.HookspecMarker("humanclaw")
@@ -36,11 +35,11 @@ class Fault(Protocol):
 
     @property
     def agent(self) -> str:
-        """The decision maker that has the fault. It also takes the option `repair`: a capability whose faults are put right."""
+        """The agent that has the fault. It also takes the option `repair`: a capability whose faults are put right."""
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the decision maker, for it to have the fault."""
+        """Of the agent, for it to have the fault."""
 
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it."""

@@ -15,11 +15,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord
 from humanclaw.body import BODY_GROUPS
-from humanclaw.errors import RecordError
-from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, touched_above_ground
-from humanclaw.pose import FUTURE, HISTORY, Array, Frame, Motion, root_jerk
-from humanclaw.records import Outcome, RecordedEpisode, StepRecord
+from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
+from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
+from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 
@@ -31,25 +31,25 @@ FINISHED: Final = ("stopped", "out_of_steps")
 # -- what the agent says ---------------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
     """Whether the answer that a step rests on acknowledges the target."""
-    return bool(step.attempts) and acknowledges(step.attempts[-1].visible_state, category)
+    return acknowledges(step.decision.visible_state, category)
 
 
 # -- where the body was ----------------------------------------------------------------------------------------------------
-def is_sit(step: StepRecord) -> bool:
-    """Whether a step executed a sitting skill: sit, or one whose name begins with sit_, as sit_in_place does."""
-    return step.call is not None and step.call.skill.split("_")[0] == "sit"
+def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Whether a step called a skill that sits down."""
+    return role_of(recorded, step) == "sit"
 
 
 def sat_down(recorded: RecordedEpisode) -> bool:
     """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
-    return any(is_sit(step) and on_target(recorded, step) for step in recorded.steps)
+    return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
 def stayed_seated(recorded: RecordedEpisode) -> bool:
     """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
     before = [step for step in recorded.steps if step.status == "executed"]
     stopped = recorded.record.outcome == "stopped"
-    return stopped and any(map(is_sit, before)) and on_target(recorded, before[-1])
+    return stopped and any(is_sit(recorded, step) for step in before) and on_target(recorded, before[-1])
 
 
 # -- what the body ran into ------------------------------------------------------------------------------------------------
@@ -136,9 +136,9 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
         yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
 
 
-def _hips(motion: Motion) -> Frame:
+def _hips(motion: Motion) -> Pose2D:
     """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
-    return Frame.of(motion, floor=float(motion.root[-1, 1]))
+    return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
@@ -202,8 +202,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     spec = record.spec
     moved, smoothness = _from_motion(recorded)
     since = disturbed(recorded, moved)
-    usages = [attempt.usage for step in steps for attempt in step.attempts]
-    usages += [step.verdict.usage for step in steps if step.verdict]
+    usages = [step.usage for step in steps]
     return Scores(
         episode=spec.id,
         agent=record.agent,

@@ -9,7 +9,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from humanclaw_bench.runner import Tally
+from humanclaw_bench.runner import RunStatus
 from humanclaw_bench.worker import Report
 
 
@@ -24,25 +24,27 @@ class RunProgress:
         )  # fmt: skip
         self._task = self._bar.add_task("starting", total=None)
 
-    def watch(self, tally: Tally, report: Report | None) -> None:
+    def watch(self, status: RunStatus, report: Report | None) -> None:
         """Told by run_split of each episode that ended."""
-        self._bar.update(self._task, completed=tally.done, total=tally.total, description=_rate(tally))
+        self._bar.update(self._task, completed=status.done, total=status.total, description=_rate(status))
         if report is None:
-            before = f", {tally.done} of them have ended before" if tally.done else ""
-            self._print(f"{self._out}: {tally.total} episodes{before}. Ctrl-C stops after the steps under way.")
+            before = f", {status.done} of them have ended before" if status.done else ""
+            self._print(f"{self._out}: {status.total} episodes{before}. Ctrl-C stops after the steps under way.")
             return
         why = f"  {report.error}" if report.error else ""
-        line = f"{tally.done:>5}/{tally.total}  {report.episode:<30} {report.outcome:<13} {report.steps:>3} steps "
-        left = "" if self._console.is_terminal else f"  {_rate(tally)}"
+        line = f"{status.done:>5}/{status.total}  {report.episode:<30} {report.outcome:<13} {report.steps:>3} steps "
+        left = "" if self._console.is_terminal else f"  {_rate(status)}"
         self._print(f"{line} {report.seconds:6.1f} s{left}{why}")
 
-    def end(self, tally: Tally) -> None:
+    def end(self, status: RunStatus) -> None:
         """Say how the run ended."""
         self._bar.stop()
-        state = "stopped" if tally.stopped else "ended"
-        failed = f", {tally.failed} broken by infrastructure" if tally.failed else ""
-        self._print(f"{state}: {tally.done} of {tally.total} episodes{failed}; {_clock(tally.seconds)}{_spent(tally)}.")
-        if tally.done < tally.total:
+        state = "stopped" if status.stopped else "ended"
+        failed = f", {status.failed} broken by infrastructure" if status.failed else ""
+        self._print(
+            f"{state}: {status.done} of {status.total} episodes{failed}; {_clock(status.seconds)}{_spent(status)}."
+        )
+        if status.done < status.total:
             self._print("The same command goes on from here.")
 
     def _print(self, text: str) -> None:
@@ -58,16 +60,16 @@ class RunProgress:
         self._bar.stop()
 
 
-def _rate(tally: Tally) -> str:
+def _rate(status: RunStatus) -> str:
     """Such as: 8.1 episodes/min, 0:11:02 left, $0.41 spent, about $3.90 to go."""
-    if not tally.played:
+    if not status.played:
         return "starting"
-    rate = f"{60 * tally.played / tally.seconds:.1f} episodes/min, {_clock(tally.seconds_left)} left"
-    return rate + (f"{_spent(tally)}, about ${tally.cost_left:.2f} to go" if tally.cost else "")
+    rate = f"{60 * status.played / status.seconds:.1f} episodes/min, {_clock(status.seconds_left)} left"
+    return rate + (f"{_spent(status)}, about ${status.cost_left:.2f} to go" if status.cost else "")
 
 
-def _spent(tally: Tally) -> str:
-    return f", ${tally.cost:.2f} spent" if tally.cost else ""
+def _spent(status: RunStatus) -> str:
+    return f", ${status.cost:.2f} spent" if status.cost else ""
 
 
 def _clock(seconds: float) -> str:

@@ -14,9 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError
-from humanclaw.plugins import Plugins
+from humanclaw import EpisodeSpec, HumanclawError, Plugins
 from humanclaw_bench.attribution import CAUSES, Cause
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.metrics import Scores

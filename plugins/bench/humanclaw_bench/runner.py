@@ -20,12 +20,11 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError, RecordError
-from humanclaw.files import write_atomically
-from humanclaw.plugins import Plugins, noun
-from humanclaw.records import EpisodeRecord, Outcome
-from humanclaw_bench.executors import Backlog, Executor
+from humanclaw import EpisodeRecord, EpisodeSpec, HumanclawError, Plugins, RecordError
+from humanclaw.hookspecs import noun
+from humanclaw.records import Outcome
+from humanclaw.storage import write_atomically
+from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.metrics import FINISHED
 from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
 
@@ -33,22 +32,22 @@ FORMAT: Final = 1
 
 
 @dataclass(frozen=True)
-class Tally:
+class RunStatus:
     """How far a run is."""
 
     total: int
     done: int
-    """Finished episodes, those of earlier sittings included."""
+    """Finished episodes, those of earlier sessions included."""
     failed: int = 0
-    """Broken by infrastructure in this sitting: to be run again."""
+    """Broken by infrastructure in this session: to be run again."""
     played: int = 0
-    """Episodes that ended in this sitting."""
+    """Episodes that ended in this session."""
     steps: int = 0
     """Of those."""
     seconds: float = 0.0
-    """Since this sitting began."""
+    """Since this session began."""
     cost: float = 0.0
-    """US dollars that this sitting has spent."""
+    """US dollars that this session has spent."""
     tokens: int = 0
     stopped: bool = False
 
@@ -58,16 +57,16 @@ class Tally:
 
     @property
     def seconds_left(self) -> float:
-        """At the rate of this sitting; NaN before its first episode."""
+        """At the rate of this session; NaN before its first episode."""
         return self.left * self.seconds / self.played if self.played else float("nan")
 
     @property
     def cost_left(self) -> float:
-        """US dollars, at the price of this sitting's episodes; NaN before the first."""
+        """US dollars, at the price of this session's episodes; NaN before the first."""
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
-Watcher = Callable[[Tally, Report | None], None]
+Watcher = Callable[[RunStatus, Report | None], None]
 """Told of every episode that ended, and once at the beginning."""
 
 
@@ -78,9 +77,9 @@ def run_split(
     out: Path,
     *,
     plugins: Plugins,
-    watch: Watcher = lambda tally, report: None,
-) -> Tally:
-    """Run what has not ended yet in out. The job's limits of a run hold for this sitting, all workers together.
+    watch: Watcher = lambda status, report: None,
+) -> RunStatus:
+    """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
 
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what stands in
     the way of every episode, KeyboardInterrupt on the second SIGINT.
@@ -89,19 +88,19 @@ def run_split(
     with _alone(out):
         _agree(out / "run.json", manifest(specs, job, plugins))
         todo = [spec for spec in specs if not has_ended(out / spec.id)]
-        began, tally = time.perf_counter(), Tally(len(specs), len(specs) - len(todo))
-        watch(tally, None)
-        with _stops(executor) as stopped, closing(executor.reports(job, Backlog(todo), out)) as reports:
+        began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
+        watch(status, None)
+        with _stops(executor) as stopped, closing(executor.reports(job, EpisodeQueue(todo), out)) as reports:
             for report in reports:
                 _keep(out, report)
-                tally = _counted(tally, report, time.perf_counter() - began)
-                watch(tally, report)
+                status = _counted(status, report, time.perf_counter() - began)
+                watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                if report.limit == "run" or _spent(tally, job.limits):
+                if report.limit == "run" or _spent(status, job.limits):
                     executor.stop()
                     stopped.set()
-    return _with(tally, stopped=stopped.is_set())
+    return _with(status, stopped=stopped.is_set())
 
 
 def has_ended(folder: Path) -> bool:
@@ -117,22 +116,22 @@ def _ended(outcome: Outcome, limit: str) -> bool:
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
-def _spent(tally: Tally, limits: Mapping[str, float]) -> bool:
-    used = {"run.usd": tally.cost, "run.tokens": tally.tokens, "run.seconds": tally.seconds}
+def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
+    used = {"run.usd": status.cost, "run.tokens": status.tokens, "run.seconds": status.seconds}
     return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
 
 
-def _counted(tally: Tally, report: Report, seconds: float) -> Tally:
+def _counted(status: RunStatus, report: Report, seconds: float) -> RunStatus:
     done, failed = _ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
-        tally, done=tally.done + done, failed=tally.failed + failed, played=tally.played + done,
-        steps=tally.steps + report.steps, seconds=seconds, cost=tally.cost + report.cost,
-        tokens=tally.tokens + report.tokens,
+        status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
+        steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
+        tokens=status.tokens + report.tokens,
     )  # fmt: skip
 
 
-def _with(tally: Tally, **changes: Any) -> Tally:
-    return Tally(**(asdict(tally) | changes))
+def _with(status: RunStatus, **changes: Any) -> RunStatus:
+    return RunStatus(**(asdict(status) | changes))
 
 
 def _keep(out: Path, report: Report) -> None:
@@ -148,8 +147,8 @@ def _keep(out: Path, report: Report) -> None:
 
 # -- what a run is made of ---------------------------------------------------------------------------------------------
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
-    """All that must be the same for two sittings to be one run. Raises HumanclawError if the job names what is not there."""
-    plugins.make("decision_makers", job.agent, job.options)
+    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not there."""
+    plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
     base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
@@ -175,7 +174,7 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
         f"{noun('simulators')} {engines.simulator}",
         f"{noun('renderers')} {engines.renderer}",
         f"{noun('motion_generators')} {engines.generator}",
-        f"{noun('decision_makers')} {job.agent}",
+        f"{noun('agents')} {job.agent}",
         f"{noun('verifiers')} {job.verifier}",
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),

@@ -20,11 +20,10 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
-from humanclaw.episode import EpisodeSpec, StartPose, name_of
-from humanclaw.errors import HumanclawError
+from humanclaw import EpisodeSpec, HumanclawError, Scene
 from humanclaw.navigation import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
-from humanclaw.pose import Array
-from humanclaw.scene import Scene
+from humanclaw.pose import Array, Pose2D
+from humanclaw.records import name_of
 from humanclaw.tasks import SEATS, instruction, read_episodes
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
@@ -108,7 +107,7 @@ def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, y
         instruction=instruction(category),
         scene=scene.name,
         scene_digest=scene.digest,
-        start=StartPose(x=x, z=z, yaw=yaw, floor=floor),
+        start=Pose2D(x=x, z=z, yaw=yaw, floor=floor),
         target_category=category,
         target_ids=tuple(thing.id for thing in scene.of_category(category)),
         interact=category in SEATS,

@@ -77,7 +77,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ResultTable:
     """A table of numbers, before it is written in some format."""
 
     title: str
@@ -134,30 +134,32 @@ def named(runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]]) -> tuple[Re
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
-def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Success, disturbance, smoothness and cost (paper, table of the full validation results)."""
-    return _sheet("Results", MAIN, results, PAPER_MAIN if paper else {}, seed)
+    return _result_table("Results", MAIN, results, PAPER_MAIN if paper else {}, seed)
 
 
-def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
-    return _sheet(
+    return _result_table(
         "Success by geometry alone and as acknowledged", VARIANTS, results, PAPER_VARIANTS if paper else {}, seed
     )
 
 
-def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> Sheet:
+def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Share of steps with a collision, by body group; groups overlap (paper, table of the collision breakdown)."""
-    return _sheet("Steps with a collision, by part of the body", BODY, results, PAPER_BODY if paper else {}, seed)
+    return _result_table(
+        "Steps with a collision, by part of the body", BODY, results, PAPER_BODY if paper else {}, seed
+    )
 
 
-def _sheet(
+def _result_table(
     title: str, metrics: Sequence[Metric], results: Sequence[Result], paper: Mapping[str, tuple[float, ...]], seed: int
-) -> Sheet:
+) -> ResultTable:
     columns = tuple(map(Column.of, metrics))
     rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
     rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items()]
-    return Sheet(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
+    return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
 
 
 def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estimate, ...]:
@@ -168,7 +170,7 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
     )
 
 
-def funnel_table(results: Sequence[Result]) -> Sheet:
+def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     rows = []
@@ -177,10 +179,10 @@ def funnel_table(results: Sequence[Result]) -> Sheet:
         shares = ((f.in_view, f.episodes), (f.found, f.episodes), (f.reached, f.episodes), (f.sat, f.reached_to_sit))
         rows.append(Row(result.name, tuple(wilson(part, whole) for part, whole in shares)))
     notes = ("The last column is of the reached episodes whose task is to sit.",)
-    return Sheet("Funnel", "agent", columns, tuple(rows), notes)
+    return ResultTable("Funnel", "agent", columns, tuple(rows), notes)
 
 
-def causes_table(results: Sequence[Result]) -> Sheet:
+def causes_table(results: Sequence[Result]) -> ResultTable:
     """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
     columns = tuple(Column(result.name, percent=True) for result in results)
     counts = [Counter(cause for cause in result.causes if cause) for result in results]
@@ -193,22 +195,22 @@ def causes_table(results: Sequence[Result]) -> Sheet:
         f"{result.name}: failures " + ", ".join(f"{stage} {total[stage]}" for stage in STAGES) + "."
         for result, total in zip(results, totals, strict=True)
     )
-    return Sheet("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
+    return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
-def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """The main columns by the tier of the episode (paper, section 4.1)."""
     return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
 
 
-def category_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """The main columns by the category of the target."""
     return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
 
 
 def _broken_down(
     title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
-) -> Sheet:
+) -> ResultTable:
     """A row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
     rows = tuple(
@@ -216,16 +218,16 @@ def _broken_down(
         for result, group, chosen in parts
         if chosen
     )
-    return Sheet(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
+    return ResultTable(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
 
 
-def extra_table(results: Sequence[Result], *, seed: int = 0) -> Sheet:
+def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """What plugins measure, averaged over episodes."""
     names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
-    return _sheet("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
+    return _result_table("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
 
 
-def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, Sheet]:
+def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:
     """Every table, by the name under which the command line offers it."""
     return {
         "main": main_table(results, paper=paper, seed=seed),
@@ -240,41 +242,41 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
 
 
 # -- writing a table ---------------------------------------------------------------------------------------------------
-def terminal(sheet: Sheet, width: int = 240) -> Group:
+def terminal(table: ResultTable, width: int = 240) -> Group:
     """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
-    parts = [_part(sheet, first, last) for first, last in _cuts(sheet, width)]
-    notes = (Text(note, style="dim") for note in sheet.all_notes)
-    return Group(Text(sheet.title, style="bold"), *parts, *notes, "")
+    parts = [_part(table, first, last) for first, last in _cuts(table, width)]
+    notes = (Text(note, style="dim") for note in table.all_notes)
+    return Group(Text(table.title, style="bold"), *parts, *notes, "")
 
 
-def _cuts(sheet: Sheet, width: int) -> Iterator[tuple[int, int]]:
+def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
     """Ranges of columns that fit side by side, at least one in each."""
-    names = max(len(text) for text in (sheet.corner, *(row.name for row in sheet.rows)))
+    names = max(len(text) for text in (table.corner, *(row.name for row in table.rows)))
     first, used = 0, names + 3
-    for index, column in enumerate(sheet.columns):
+    for index, column in enumerate(table.columns):
         texts = [
             column.head,
-            *(line for row in sheet.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
+            *(line for row in table.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
         ]
         wide = max(map(len, texts)) + 2
         if used + wide > width and index > first:
             yield first, index
             first, used = index, names + 3
         used += wide
-    yield first, len(sheet.columns)
+    yield first, len(table.columns)
 
 
-def _part(sheet: Sheet, first: int, last: int) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(sheet.corner, no_wrap=True)
-    for column in sheet.columns[first:last]:
-        table.add_column(column.head, justify="right", no_wrap=True)
-    for index, row in enumerate(sheet.rows):
-        if row.paper and not sheet.rows[index - 1].paper:
-            table.add_section()
-        cells = map(_stacked, sheet.columns[first:last], row.cells[first:last])
-        table.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
-    return table
+def _part(table: ResultTable, first: int, last: int) -> Table:
+    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    grid.add_column(table.corner, no_wrap=True)
+    for column in table.columns[first:last]:
+        grid.add_column(column.head, justify="right", no_wrap=True)
+    for index, row in enumerate(table.rows):
+        if row.paper and not table.rows[index - 1].paper:
+            grid.add_section()
+        cells = map(_stacked, table.columns[first:last], row.cells[first:last])
+        grid.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
+    return grid
 
 
 def _stacked(column: Column, cell: Estimate) -> Text:
@@ -286,26 +288,26 @@ def _inline(column: Column, cell: Estimate) -> str:
     return f"{column.number(cell.value)} {column.interval(cell)}".strip()
 
 
-def texts(sheet: Sheet) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+def texts(table: ResultTable) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Head and rows as text, intervals in the cells: what a report or Markdown shows."""
-    head = (sheet.corner, *(column.head for column in sheet.columns))
-    return head, tuple((row.name, *map(_inline, sheet.columns, row.cells)) for row in sheet.rows)
+    head = (table.corner, *(column.head for column in table.columns))
+    return head, tuple((row.name, *map(_inline, table.columns, row.cells)) for row in table.rows)
 
 
-def markdown(sheet: Sheet) -> str:
-    head, rows = texts(sheet)
-    lines = [head, ("---", *["---:"] * len(sheet.columns)), *rows]
+def markdown(table: ResultTable) -> str:
+    head, rows = texts(table)
+    lines = [head, ("---", *["---:"] * len(table.columns)), *rows]
     body = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-    return f"**{sheet.title}**\n\n{body}\n\n" + "\n\n".join(sheet.all_notes) + "\n"
+    return f"**{table.title}**\n\n{body}\n\n" + "\n\n".join(table.all_notes) + "\n"
 
 
-def comma_separated(sheet: Sheet) -> str:
+def comma_separated(table: ResultTable) -> str:
     """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     parts = ("", " low", " high", " n")
-    writer.writerow([sheet.corner, "source", *(c.title + part for c in sheet.columns for part in parts)])
-    for row in sheet.rows:
+    writer.writerow([table.corner, "source", *(c.title + part for c in table.columns for part in parts)])
+    for row in table.rows:
         numbers = [_plain(n) for cell in row.cells for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
         writer.writerow([row.name.removesuffix(f" {MARK}"), "paper" if row.paper else "run", *numbers])
     return out.getvalue()
@@ -322,16 +324,16 @@ _TEX: Final = str.maketrans(
 )  # fmt: skip
 
 
-def latex(sheet: Sheet) -> str:
+def latex(table: ResultTable) -> str:
     """A tabular for booktabs; the notes follow as comments."""
-    head, rows = sheet.columns, []
-    for index, row in enumerate(sheet.rows):
-        rule = "\\midrule\n" if row.paper and index and not sheet.rows[index - 1].paper else ""
+    head, rows = table.columns, []
+    for index, row in enumerate(table.rows):
+        rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
         rows.append(rule + " & ".join([row.name.translate(_TEX), *map(_tex, head, row.cells)]) + r" \\")
-    titles = " & ".join([sheet.corner, *(column.head.translate(_TEX) for column in head)])
-    lines = [f"% {sheet.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
+    titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
+    lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
     return (
-        "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in sheet.all_notes)]) + "\n"
+        "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.all_notes)]) + "\n"
     )
 
 
@@ -340,7 +342,7 @@ def _tex(column: Column, cell: Estimate) -> str:
     return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
 
 
-WRITERS: Final[Mapping[str, Callable[[Sheet], str]]] = {
+WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {
     "markdown": markdown, "csv": comma_separated, "latex": latex,
 }  # fmt: skip
 """What writes a table as text, by format."""
@@ -354,15 +356,15 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, raised "
         f"(Holm) for the three success rates and for the other metrics. Noise: p of {SIGNIFICANT} or more."
     )
-    table = Table(
+    grid = Table(
         title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
     )
     for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
-        table.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
+        grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
     for metric in metrics:
         if metric.name in differences:
-            table.add_row(*_compared(Column.of(metric), differences[metric.name]))
-    return table
+            grid.add_row(*_compared(Column.of(metric), differences[metric.name]))
+    return grid
 
 
 def _compared(column: Column, found: Difference) -> tuple[str, ...]:

@@ -9,21 +9,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from humanclaw.embodiment import Body, Engines
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError, ReplayError
-from humanclaw.files import write_atomically
-from humanclaw.hookspecs import hookimpl
-from humanclaw.interfaces import Usage
-from humanclaw.limits import Meter
-from humanclaw.loop import run_episode
+from humanclaw import (
+    Backends,
+    Body,
+    Episode,
+    EpisodeSpec,
+    HumanclawError,
+    Meter,
+    Plugins,
+    RecordedEpisode,
+    ReplayError,
+    StepRecord,
+)
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
-from humanclaw.recorder import usage_of
-from humanclaw.records import EpisodeRecord, Outcome, RecordedEpisode, StepRecord
+from humanclaw.records import Outcome, Usage
+from humanclaw.storage import write_atomically
 
 FAILED: Final = "infra_error"
-BROKEN_OFF: Final = "broken off"
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,9 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     verifier: str = ""
     """Empty for none."""
-    engines: Engines = field(default_factory=Engines)
+    engines: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
-    """As humanclaw.limits has them. Those of a run hold for one sitting."""
+    """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
     """Plugin files to load besides what is installed."""
 
@@ -50,10 +52,10 @@ class Report:
     limit: str = ""
     """Whose limit was reached, if one was."""
     steps: int = 0
-    """Steps of the episode, those of an earlier sitting included."""
+    """Steps of the episode, those of an earlier session included."""
     seconds: float = 0.0
     cost: float = 0.0
-    """US dollars that this sitting has spent on it."""
+    """US dollars that this session has spent on it."""
     tokens: int = 0
     error: str = ""
     fatal: bool = False
@@ -72,20 +74,22 @@ class Worker:
         """out: the folder of the run. stopping: asked after each step; when true, the episode is broken off there."""
         self._job, self._out, self._name = job, out, name
         self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files])
-        self._watch = _Watch(stopping)
-        self._plugins.add(self._watch, "bench_watch")
+        self._stopping = stopping
         self._meter = Meter(job.limits)
         self._body: Body | None = None
+        self._episode: Episode | None = None
+        self._replayed = Usage()
+        """What the steps took that were played in an earlier session."""
 
     def play(self, spec: EpisodeSpec) -> Report:
         """Play an episode, or what is left of it. Never raises: what went wrong is in the report."""
-        self._watch.begin()
+        self._episode, self._replayed = None, Usage()
         began = time.perf_counter()
         error, fatal = "", False
         try:
             self._play(spec)
         except KeyboardInterrupt:
-            error = BROKEN_OFF
+            pass  # Whoever decides has had enough: the record says so.
         except HumanclawError as fault:
             error, fatal = str(fault), True
         except Exception as fault:
@@ -106,20 +110,15 @@ class Worker:
     def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, engines=job.engines)
-        maker = plugins.make("decision_makers", job.agent, job.options)
-        judge = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
-        self._watch.before = tuple(usage_of(step) for step in replay)
-        run_episode(
-            body,
-            spec,
-            maker,
-            judge,
-            folder=folder,
-            options=job.options,
-            ruler=geodesics,
-            replay=replay,
+        agent = plugins.make("agents", job.agent, job.options)
+        verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+        self._replayed = sum((step.usage for step in replay), Usage())
+        with Episode(
+            body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
             meter=self._meter,
-        )
+        ) as self._episode:  # fmt: skip
+            while not (self._episode.done or self._stopping()):
+                self._episode.submit(agent.decide(self._episode.observe(), self._episode.history))
 
     def _fail(self, spec: EpisodeSpec, error: str) -> None:
         folder = self._out / spec.id
@@ -127,15 +126,14 @@ class Worker:
             mark(folder, FAILED, error)
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> Report:
-        end, before = self._watch.end, self._watch.before
-        outcome: Outcome = "interrupted" if error == BROKEN_OFF else FAILED
-        if not error and end is not None:
-            outcome, error = end.outcome, end.error
-        report = Report(spec.id, outcome, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
-        if end is None:
+        report = Report(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
+        if self._episode is None:
             return report
-        cost = end.usage.cost - sum(usage.cost for usage in before)
-        tokens = end.usage.tokens_in + end.usage.tokens_out - sum(u.tokens_in + u.tokens_out for u in before)
+        end, before = self._episode.record, self._replayed
+        if not error:
+            report = replace(report, outcome=end.outcome, error=end.error)
+        cost = end.usage.cost - before.cost
+        tokens = end.usage.tokens_in + end.usage.tokens_out - before.tokens_in - before.tokens_out
         return replace(report, limit=end.limit, steps=end.steps, cost=cost, tokens=tokens)
 
     def close(self) -> None:
@@ -150,30 +148,8 @@ class Worker:
         self.close()
 
 
-class _Watch:
-    """Sees how an episode ends, and breaks it off between two steps when the run is to stop."""
-
-    def __init__(self, stopping: Callable[[], bool]) -> None:
-        self._stopping = stopping
-        self.begin()
-
-    def begin(self) -> None:
-        self.end: EpisodeRecord | None = None
-        self.before: tuple[Usage, ...] = ()
-        """What the steps took that were played in an earlier sitting."""
-
-    @hookimpl
-    def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
-        if self._stopping() and step.status != "stopped":
-            raise KeyboardInterrupt
-
-    @hookimpl
-    def humanclaw_episode_end(self, episode: EpisodeRecord, folder: Path | None) -> None:
-        self.end = episode
-
-
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier sitting left behind, if any."""
+    """The steps of an episode that an earlier session left behind, if any."""
     return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
 
 

@@ -15,8 +15,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from rollouts import LAMP, TABLE, rollout, step, touch
 
-from humanclaw.episode import StartPose
-from humanclaw.records import AttemptRecord, RecordedEpisode, StepRecord
+from humanclaw import Decision, RecordedEpisode, StepRecord
+from humanclaw.pose import Pose2D
+from humanclaw.records import Attempt
 
 FIND: Final = (
     "target in view but not seen", "near but not in view", "too far", "unaware jammed", "ineffective actions",
@@ -240,7 +241,7 @@ class Tale:
             steps.append(self._step(each[k], k, start=begin, end=end, geodesic=way if self.measured else None))
         return Built(label, steps, {
             "category": self.category, "targets": boxes, "interact": self.interact, "max_steps": self.max_steps,
-            "start": StartPose(x=x, z=z, yaw=0), "geodesic": self.start if self.measured else None,
+            "start": Pose2D(x=x, z=z, yaw=0), "geodesic": self.start if self.measured else None,
         })  # fmt: skip
 
     def _step(self, rng: np.random.Generator, k: int, **where: Any) -> StepRecord:
@@ -254,12 +255,12 @@ class Tale:
             pelvis_contacts=self.hips[k], attempts=self._attempts(rng, k), **where,
         )  # fmt: skip
 
-    def _attempts(self, rng: np.random.Generator, k: int) -> tuple[AttemptRecord, ...]:
+    def _attempts(self, rng: np.random.Generator, k: int) -> tuple[Attempt, ...]:
         """Sometimes an answer that was handed back comes first; what it says does not count."""
         text = _pick(rng, (CLAIMS if self.says[k] else SILENCE)[self.category])
         other = _pick(rng, (SILENCE if self.says[k] else CLAIMS)[self.category])
-        first = (AttemptRecord(visible_state=other, error="no such skill"),) if rng.random() < 0.15 else ()
-        return (*first, AttemptRecord(visible_state=text, error="" if self.moves[k].skill else "no call"))
+        first = (Attempt(Decision(visible_state=other), "no such skill"),) if rng.random() < 0.15 else ()
+        return (*first, Attempt(Decision(visible_state=text), "" if self.moves[k].skill else "no call"))
 
 
 # -- failures to find --------------------------------------------------------------------------------------------------

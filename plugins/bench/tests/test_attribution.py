@@ -9,10 +9,8 @@ import pytest
 from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
 from rooms import two_rooms
 
-from humanclaw.interfaces import Call
-from humanclaw.loop import run_episode
+from humanclaw import Call, RecordedEpisode, StepRecord, run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.records import RecordedEpisode, StepRecord
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage
@@ -165,7 +163,7 @@ def test_the_way_to_a_target_leads_through_the_door_and_not_through_the_wall() -
 def test_a_run_records_the_way_that_is_left_before_and_after_every_step(body, house, tmp_path: Path) -> None:
     spec = free_episode("find a couch", house, max_steps=2)
     agent = ScriptedAgent([Call("walk", {"z_cm": 40}), Call("stop")])
-    run_episode(body, spec, agent, folder=tmp_path / "one", ruler=geodesics)
+    run_episode(body, spec, agent, folder=tmp_path / "one", distance=geodesics)
     recorded, way = RecordedEpisode(tmp_path / "one"), geodesics(house, spec.target_ids)
     assert recorded.record.geodesic == pytest.approx(way([house.start.x, 0.96, house.start.z]), abs=0.1)
     assert [one.geodesic for one in recorded.steps] == pytest.approx([way(one.end) for one in recorded.steps], abs=0.01)

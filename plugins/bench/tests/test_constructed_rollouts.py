@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 from constructed import CLAIMS, LABELS, SUCCESS, Built, anything, construct
 
-from humanclaw.records import AttemptRecord, RecordedEpisode
+from humanclaw import Decision, RecordedEpisode
+from humanclaw.records import Attempt
 from humanclaw_bench.attribution import CAUSES, attribute
 
 EACH, MISSES, RANDOM = 25, 15, 200
@@ -33,7 +34,7 @@ def second_opinion(folder: Path) -> str:
     steps = [json.loads(line) for line in (folder / "steps.jsonl").read_text().splitlines()]
     task, targets = episode["spec"], set(episode["spec"]["target_ids"])
     shown = [sum(step["target_pixels"].values()) >= 100 for step in steps]
-    said = [step["attempts"][-1]["visible_state"] in CLAIMS[task["target_category"]] for step in steps]
+    said = [step["attempts"][-1]["decision"]["visible_state"] in CLAIMS[task["target_category"]] for step in steps]
     stopped = steps[-1]["status"] == "stopped"
     gaps = [step["target_distance"] for step in steps if step["target_distance"] is not None]
     reached = stopped and bool(gaps) and gaps[-1] <= 0.2
@@ -171,7 +172,7 @@ def test_the_same_rollout_with_the_deciding_fact_undone_gets_the_label_that_is_t
 def test_a_target_in_view_that_is_acknowledged_once_is_no_failure_to_find(tmp_path: Path) -> None:
     for case in range(5):
         built = construct("find: target in view but not seen", case)
-        said = (AttemptRecord(visible_state=CLAIMS[built.episode["category"]][case % 4]),)
+        said = (Attempt(Decision(visible_state=CLAIMS[built.episode["category"]][case % 4])),)
         seen = next(k for k, step in enumerate(built.steps) if sum(step.target_pixels.values()) >= 100)
         built.steps[seen] = built.steps[seen].model_copy(update={"attempts": said})
         assert label_of(built.write(tmp_path, f"{case}")).startswith("nav: ")

@@ -6,8 +6,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from humanclaw import Plugins
-from humanclaw.episode import EpisodeSpec
+from humanclaw import EpisodeSpec, Plugins
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.metrics import Scores
@@ -52,9 +51,9 @@ def test_the_ablation_table_tells_rates_and_directions():
 
 
 def test_the_settings_differ_from_the_baseline_in_one_thing_each():
-    base = ablation.BASELINE.job(ablation.Engines())
+    base = ablation.BASELINE.job(ablation.Backends())
     for setting in ablation.SETTINGS[1:]:
-        job = setting.job(ablation.Engines())
+        job = setting.job(ablation.Backends())
         changed = dict(job.options.items() - base.options.items())
         assert len(changed) + (job.verifier != base.verifier) == 1
 

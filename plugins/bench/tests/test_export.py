@@ -10,10 +10,8 @@ from click.testing import CliRunner
 from made import record_episode
 
 import humanclaw_bench as benchmark
+from humanclaw import Plugins, RecordError, load_run
 from humanclaw.cli import Commands
-from humanclaw.errors import RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import load_run
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
 
@@ -92,7 +90,7 @@ def test_an_inspect_log_reads_back_as_the_episodes(run, tmp_path):
     assert [sample.id for sample in found.samples] == ["couch-0", "couch-1", "couch-2"]
     sample, recorded = found.samples[0], load_run(run)[0]
     calls = [message.tool_calls[0] for message in sample.messages if message.role == "assistant"]
-    assert [call.function for call in calls] == [step.attempts[-1].calls[0].skill for step in recorded.steps]
+    assert [call.function for call in calls] == [step.decision.calls[0].skill for step in recorded.steps]
     assert sample.scores["interact"].value == "C"
     assert found.samples[2].error.message == "503"
     views = [message.metadata["view"] for message in sample.messages if message.role == "assistant"]

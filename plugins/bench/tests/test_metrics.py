@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
-from rooms import two_rooms
 
+from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import JOINTS, OFFSETS, PARENTS
-from humanclaw.embodiment import Chunk, Deed
-from humanclaw.episode import StartPose
-from humanclaw.errors import RecordError
-from humanclaw.interfaces import Call, Contact, Execution
-from humanclaw.pose import FPS, HISTORY, Motion, rest_pose, root_jerk
-from humanclaw.recorder import outcome
-from humanclaw.records import AttemptRecord, UsageRecord, VerdictRecord
+from humanclaw.interfaces import Execution
+from humanclaw.pose import FPS, HISTORY, Pose2D, rest_pose, root_jerk
+from humanclaw.records import Attempt, Contact, Usage
+from humanclaw.testing import contacts, touches
 from humanclaw_bench.metrics import (
     ALL,
     Scores,
@@ -82,7 +79,7 @@ def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, fo
 
 
 def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
-    attempts = (AttemptRecord(visible_state=SEE, error="no call"), AttemptRecord(visible_state="A wall."))
+    attempts = (Attempt(Decision(visible_state=SEE), "no call"), Attempt(Decision(visible_state="A wall.")))
     assert score(rollout(tmp_path, [step(pixels=900, attempts=attempts)])).find is False
 
 
@@ -150,7 +147,7 @@ def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_gr
         step("", away=None),
         step("stop", contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
     ]
-    shares = collisions(rollout(tmp_path, steps, start=StartPose(x=0, z=0, yaw=0, floor=2.0)))
+    shares = collisions(rollout(tmp_path, steps, start=Pose2D(x=0, z=0, yaw=0, floor=2.0)))
     assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
 
 
@@ -192,12 +189,12 @@ def test_a_fixed_thing_passes_nothing_on(tmp_path: Path) -> None:
 
 def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Path) -> None:
     """A step of 15, 7 and 15 frames: the lamp is touched in frame 3 of the last piece and touches the vase in frame 4."""
-    hit = Contact(3, "left_knee", "leg_foot", LAMP, True, 0.001, 0.5)
+    hit = Contact((3,), "left_knee", "leg_foot", LAMP, True, 0.001, 0.5)
     pieces = [
         Chunk(rest_pose(count), Execution(rest_pose(count), contacts, touches, {}))
         for count, contacts, touches in ((15, (), ()), (7, (), ()), (15, (hit,), ((4, LAMP, VASE),)))
     ]
-    fields = outcome(two_rooms(), (), Deed(Call("nod"), tuple(pieces), {}))
+    fields = {"contacts": contacts(pieces), "touches": touches(pieces)}
     assert fields["contacts"][0].frames == (25,)
     assert fields["touches"] == ((26, LAMP, VASE),)
     found = disturbed(rollout(tmp_path, [step("nod", **fields)]), {})
@@ -312,8 +309,8 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
 
 # -- cost and what is left out -----------------------------------------------------------------------------------------
 def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp_path: Path) -> None:
-    attempts = tuple(AttemptRecord(usage=UsageRecord(tokens_in=100, tokens_out=10, cost=0.5)) for _ in range(2))
-    verdict = VerdictRecord(verifier="v", accepted=True, usage=UsageRecord(tokens_in=7, tokens_out=3, cost=0.25))
+    attempts = tuple(Attempt(Decision(usage=Usage(100, 10, 0.5))) for _ in range(2))
+    verdict = Verdict(True, usage=Usage(tokens_in=7, tokens_out=3, cost=0.25))
     scores = score(rollout(tmp_path, [step(verdict=verdict, attempts=attempts), step("", away=None), step("stop")]))
     assert (scores.tokens_in, scores.tokens_out, scores.cost) == (207, 23, 1.25)
     assert (scores.steps, scores.invalid) == (3, 1)

@@ -14,16 +14,13 @@ import toy_world
 from click.testing import CliRunner
 from filelock import FileLock
 
-from humanclaw.embodiment import Engines
-from humanclaw.errors import HumanclawError, PluginError, RecordError
-from humanclaw.plugins import Plugins
-from humanclaw.records import RecordedEpisode, load_run
+from humanclaw import Backends, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw_bench.cli import bench
-from humanclaw_bench.executors import Backlog, LocalExecutor
+from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 
-TOY = Engines("toy", "toy", "toy")
+TOY = Backends("toy", "toy", "toy")
 
 
 class Here:
@@ -31,9 +28,9 @@ class Here:
 
     stopping = False
 
-    def reports(self, job, backlog, out):
+    def reports(self, job, queue, out):
         with Worker(job, out, lambda: self.stopping, "here") as worker:
-            while not self.stopping and (spec := backlog.take()):
+            while not self.stopping and (spec := queue.take()):
                 yield worker.play(spec)
 
     def stop(self):
@@ -47,16 +44,16 @@ def toys():
 
 @pytest.fixture
 def play(toys, tmp_path):
-    """Run toy episodes; returns the tally, the reports and the folder."""
+    """Run toy episodes; returns the status, the reports and the folder."""
 
     def run(specs, workers=0, name="run", agent="walker", limits=None, **options):
         job = Job(agent, options, engines=TOY, limits=limits or {}, files=(toy_world.FILE,))
         reports = []
-        tally = run_split(
+        status = run_split(
             specs, job, LocalExecutor(workers) if workers else Here(), tmp_path / name, plugins=toys,
-            watch=lambda tally, report: reports.append(report) if report else None,
+            watch=lambda status, report: reports.append(report) if report else None,
         )  # fmt: skip
-        return tally, reports, tmp_path / name
+        return status, reports, tmp_path / name
 
     return run
 
@@ -82,18 +79,18 @@ def test_a_digest_tells_two_runs_apart_that_did_something_else(play):
 
 
 def test_a_house_is_given_to_one_worker_as_long_as_there_are_others():
-    backlog = Backlog(toy_world.specs(6, houses=3))
-    assert [backlog.take("").scene for _ in range(3)] == ["toy:0", "toy:1", "toy:2"]
-    assert backlog.take("toy:1").id == "toy-4"
-    assert backlog.take("toy:1").scene in ("toy:0", "toy:2")
-    assert len(backlog) == 1
+    queue = EpisodeQueue(toy_world.specs(6, houses=3))
+    assert [queue.take("").scene for _ in range(3)] == ["toy:0", "toy:1", "toy:2"]
+    assert queue.take("toy:1").id == "toy-4"
+    assert queue.take("toy:1").scene in ("toy:0", "toy:2")
+    assert len(queue) == 1
 
 
 # -- going on ----------------------------------------------------------------------------------------------------------
 def test_a_finished_run_has_nothing_left_to_do(play):
     play(toy_world.specs(2))
-    tally, reports, _ = play(toy_world.specs(2))
-    assert (tally.done, tally.played, reports) == (2, 0, [])
+    status, reports, _ = play(toy_world.specs(2))
+    assert (status.done, status.played, reports) == (2, 0, [])
 
 
 def test_an_episode_cut_short_goes_on_without_asking_again(play, tmp_path):
@@ -162,8 +159,8 @@ def test_an_unknown_agent_is_refused_before_any_worker_starts(play, tmp_path):
 # -- what goes wrong ---------------------------------------------------------------------------------------------------
 def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitting(play, tmp_path):
     trouble = {"in": "toy-1", "what": "provider", "once": str(tmp_path / "once"), "log": str(tmp_path / "log")}
-    tally, _, folder = play(toy_world.specs(3), **trouble)
-    assert (tally.done, tally.failed) == (2, 1)
+    status, _, folder = play(toy_world.specs(3), **trouble)
+    assert (status.done, status.failed) == (2, 1)
     assert RecordedEpisode(folder / "toy-1").record.outcome == "infra_error"
     again, reports, _ = play(toy_world.specs(3), **trouble)
     assert (again.done, again.failed, again.played) == (3, 0, 1)
@@ -174,8 +171,8 @@ def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitt
 
 def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     trouble = {"in": "toy-1", "what": "SIGSEGV", "once": str(tmp_path / "once")}
-    tally, reports, folder = play(toy_world.specs(4), workers=2, **trouble)
-    assert (tally.done, tally.failed) == (3, 1)
+    status, reports, folder = play(toy_world.specs(4), workers=2, **trouble)
+    assert (status.done, status.failed) == (3, 1)
     (died,) = [report for report in reports if report.outcome == "infra_error"]
     assert died.episode == "toy-1"
     assert "died with SIGSEGV" in died.error
@@ -186,8 +183,8 @@ def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
 
 def test_a_bug_breaks_its_own_episode_alone(play, tmp_path, capsys):
     trouble = {"in": "toy-0", "what": "bug", "once": str(tmp_path / "once")}
-    tally, _, folder = play(toy_world.specs(3), **trouble)
-    assert (tally.done, tally.failed) == (2, 1)
+    status, _, folder = play(toy_world.specs(3), **trouble)
+    assert (status.done, status.failed) == (2, 1)
     assert RecordedEpisode(folder / "toy-0").record.error == "ZeroDivisionError: a bug"
     assert "in befall" in capsys.readouterr().err
 
@@ -195,13 +192,13 @@ def test_a_bug_breaks_its_own_episode_alone(play, tmp_path, capsys):
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):
     job = Job("walker", {}, engines=TOY, files=(str(tmp_path / "missing.py"),))
     with pytest.raises(HumanclawError, match="3 workers died one after another"):
-        list(LocalExecutor(1).reports(job, Backlog(toy_world.specs(9)), tmp_path / "run"))
+        list(LocalExecutor(1).reports(job, EpisodeQueue(toy_world.specs(9)), tmp_path / "run"))
 
 
 def test_a_budget_ends_the_run_and_another_sitting_goes_on(play):
-    tally, _, _ = play(toy_world.specs(4), limits={"run.usd": 1.5})
-    assert tally.stopped
-    assert tally.done in (1, 2)  # An episode costs one dollar.
+    status, _, _ = play(toy_world.specs(4), limits={"run.usd": 1.5})
+    assert status.stopped
+    assert status.done in (1, 2)  # An episode costs one dollar.
     assert play(toy_world.specs(4), limits={"run.usd": 100})[0].done == 4
 
 
@@ -221,15 +218,15 @@ from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw_bench.cli import bench
-from humanclaw.embodiment import Engines
-from humanclaw.plugins import Plugins
+from humanclaw import Backends
+from humanclaw import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, engines=Engines("toy", "toy", "toy"), files=(toy_world.FILE,))
-    tally = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
+    job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
+    status = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
-    print(tally)
-    sys.exit(130 if tally.stopped else 0)
+    print(status)
+    sys.exit(130 if status.stopped else 0)
 """
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from rooms import two_rooms
 
-from humanclaw.episode import Difficulty, EpisodeSpec
-from humanclaw.errors import HumanclawError
+from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
+from humanclaw.records import Difficulty
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (

@@ -21,7 +21,7 @@ from humanclaw_bench.metrics import MAIN, Scores, score
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import (
     Column,
-    Sheet,
+    ResultTable,
     all_tables,
     comma_separated,
     latex,
@@ -69,43 +69,43 @@ def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: S
 
 # -- the values --------------------------------------------------------------------------------------------------------
 def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
-    sheet = main_table(results_of(base, "model"), paper=False)
-    assert [column.title for column in sheet.columns] == [metric.name for metric in MAIN]
-    assert sheet.rows[0].cells[1] == wilson(3, 4)
-    assert texts(sheet)[1][0][:3] == ("model", "100.0% [51.0, 100.0]", "75.0% [30.1, 95.4]")
-    assert "model: 4 episodes." in sheet.notes
+    table = main_table(results_of(base, "model"), paper=False)
+    assert [column.title for column in table.columns] == [metric.name for metric in MAIN]
+    assert table.rows[0].cells[1] == wilson(3, 4)
+    assert texts(table)[1][0][:3] == ("model", "100.0% [51.0, 100.0]", "75.0% [30.1, 95.4]")
+    assert "model: 4 episodes." in table.notes
 
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
-    sheet = main_table(named({"run": scores}), paper=False)
-    assert sheet.rows[0].cells[1] == wilson(1, 1)
-    assert sheet.notes == ("model: 1 episode; apart from every number: 1 infra_error.",)
+    table = main_table(named({"run": scores}), paper=False)
+    assert table.rows[0].cells[1] == wilson(1, 1)
+    assert table.notes == ("model: 1 episode; apart from every number: 1 infra_error.",)
 
 
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
-    sheet = main_table(results_of(base, "model"))
-    paper = [row for row in sheet.rows if row.paper]
+    table = main_table(results_of(base, "model"))
+    paper = [row for row in table.rows if row.paper]
     assert len(paper) == 9
     assert all(row.name.endswith("\u2020") for row in paper)
     gemini = next(row for row in paper if row.name.startswith("Gemini-3.1"))
     assert [cell.value for cell in gemini.cells[:5]] == pytest.approx([0.649, 0.424, 0.168, 0.395, 1.50])
-    assert any("other scenes" in note for note in sheet.all_notes)
+    assert any("other scenes" in note for note in table.all_notes)
     assert not any("other scenes" in note for note in main_table(results_of(base, "model"), paper=False).all_notes)
 
 
 def test_results_are_broken_down_by_difficulty_and_category(base: Scores) -> None:
     easy, hard = replace(base, tier="easy"), replace(base, tier="hard", nav=False, category="bed")
-    sheets = all_tables(named({"a": [(easy, None), (easy, None), (hard, None)]}))
-    column = [c.title for c in sheets["difficulty"].columns].index("NavSR")
-    found = {row.name.split(", ")[1]: row.cells[column] for row in sheets["difficulty"].rows}
+    tables = all_tables(named({"a": [(easy, None), (easy, None), (hard, None)]}))
+    column = [c.title for c in tables["difficulty"].columns].index("NavSR")
+    found = {row.name.split(", ")[1]: row.cells[column] for row in tables["difficulty"].rows}
     assert {name: (cell.value, cell.count) for name, cell in found.items()} == {"easy": (1.0, 2), "hard": (0.0, 1)}
-    assert [row.name.split(", ")[1] for row in sheets["category"].rows] == ["couch", "bed"]
+    assert [row.name.split(", ")[1] for row in tables["category"].rows] == ["couch", "bed"]
 
 
 def test_every_row_of_every_table_has_a_cell_for_each_column(base: Scores) -> None:
-    for sheet in all_tables(results_of(base, "a", "b")).values():
-        assert {len(row.cells) for row in sheet.rows} <= {len(sheet.columns)}
+    for table in all_tables(results_of(base, "a", "b")).values():
+        assert {len(row.cells) for row in table.rows} <= {len(table.columns)}
 
 
 def test_agents_that_repeat_are_told_apart_by_their_run(base: Scores) -> None:
@@ -119,12 +119,12 @@ def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -
     episodes = [rollout(tmp_path, FAR, name=f"far{k}") for k in range(3)] + [rollout(tmp_path, SAT, name="sat")]
     episodes += [rollout(tmp_path, [FOUND, step(away=0.1)], name="arrived")]
     scored = [(score(one), attribute(one)) for one in episodes]
-    sheet = all_tables(named({"run": scored}), paper=False)["causes"]
-    shares = {row.name: row.cells[0] for row in sheet.rows}
+    table = all_tables(named({"run": scored}), paper=False)["causes"]
+    shares = {row.name: row.cells[0] for row in table.rows}
     assert shares["nav: stop while far"] == wilson(3, 4)
     assert shares["nav: unaware arrived/touch"] == wilson(1, 4)
     assert len(shares) == len(CAUSES)
-    assert "model: failures find 0, nav 4, interact 0." in sheet.notes
+    assert "model: failures find 0, nav 4, interact 0." in table.notes
 
 
 @pytest.mark.parametrize(
@@ -143,18 +143,18 @@ def test_a_difference_is_told_in_words(better: str, value: float, p: float, word
 
 # -- the formats -------------------------------------------------------------------------------------------------------
 @pytest.fixture
-def sheet(base: Scores) -> Sheet:
+def table(base: Scores) -> ResultTable:
     return main_table(results_of(base, "a_b|c & 50%"))
 
 
-def test_markdown_has_as_many_cells_in_every_line(sheet: Sheet) -> None:
-    lines = [line.replace("\\|", "") for line in markdown(sheet).splitlines() if line.startswith("|")]
+def test_markdown_has_as_many_cells_in_every_line(table: ResultTable) -> None:
+    lines = [line.replace("\\|", "") for line in markdown(table).splitlines() if line.startswith("|")]
     assert len(lines) == 2 + 10
     assert {line.count("|") for line in lines} == {len(MAIN) + 2}
 
 
-def test_csv_gives_fractions_with_bounds_and_the_source_of_every_row(sheet: Sheet) -> None:
-    rows = list(csv.DictReader(io.StringIO(comma_separated(sheet))))
+def test_csv_gives_fractions_with_bounds_and_the_source_of_every_row(table: ResultTable) -> None:
+    rows = list(csv.DictReader(io.StringIO(comma_separated(table))))
     own = rows[0]
     assert (own["agent"], own["source"], own["NavSR"], own["NavSR n"]) == ("a_b|c & 50%", "run", "0.75", "4")
     assert float(own["NavSR low"]) == pytest.approx(wilson(3, 4).low, abs=1e-6)
@@ -167,8 +167,8 @@ def test_csv_gives_fractions_with_bounds_and_the_source_of_every_row(sheet: Shee
     )
 
 
-def test_latex_escapes_names_and_rules_the_papers_rows_off(sheet: Sheet) -> None:
-    text = latex(sheet)
+def test_latex_escapes_names_and_rules_the_papers_rows_off(table: ResultTable) -> None:
+    text = latex(table)
     assert r"a\_b|c \& 50\% & 100.0\%" in text
     assert text.count(r"\\") == 1 + 10
     assert {line.count(" & ") for line in text.splitlines() if line.endswith(r"\\")} == {len(MAIN)}
@@ -182,12 +182,12 @@ def test_unknown_numbers_are_dashes() -> None:
 
 
 @pytest.mark.parametrize("width", [60, 80, 120, 240])
-def test_a_terminal_shows_every_number_whatever_its_width(sheet: Sheet, width: int) -> None:
+def test_a_terminal_shows_every_number_whatever_its_width(table: ResultTable, width: int) -> None:
     console = Console(width=width, file=io.StringIO())
-    console.print(terminal(sheet, width))
+    console.print(terminal(table, width))
     shown = console.file.getvalue()  # type: ignore[attr-defined]
     assert max(len(line.rstrip()) for line in shown.splitlines()) <= width
-    for column, cells in zip(sheet.columns, zip(*(row.cells for row in sheet.rows), strict=True), strict=True):
+    for column, cells in zip(table.columns, zip(*(row.cells for row in table.rows), strict=True), strict=True):
         assert column.head in shown
         assert all(column.number(cell.value) in shown for cell in cells)
 

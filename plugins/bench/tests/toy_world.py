@@ -14,12 +14,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from rooms import two_rooms
 
-from humanclaw import hookimpl
-from humanclaw.episode import EpisodeSpec, StartPose
-from humanclaw.errors import ProviderError
-from humanclaw.interfaces import Call, Decision, Execution, Usage, View, WorldState
-from humanclaw.pose import HISTORY, Frame, Motion, rest_pose
-from humanclaw.scene import Scene
+from humanclaw import Call, Decision, EpisodeSpec, Motion, ProviderError, Scene, hookimpl
+from humanclaw.interfaces import Execution, View, WorldState
+from humanclaw.pose import HISTORY, Pose2D, rest_pose
+from humanclaw.records import Usage
 
 FILE = __file__
 
@@ -34,7 +32,7 @@ def specs(count: int, houses: int = 2, steps: int = 4) -> list[EpisodeSpec]:
     return [
         EpisodeSpec(
             id=f"toy-{number}", instruction="find a couch", scene=f"toy:{number % houses}", target_category="couch",
-            target_ids=(20,), start=StartPose(x=1.0, z=1.0, yaw=0.1 * number), max_steps=steps, seed=number,
+            target_ids=(20,), start=Pose2D(x=1.0, z=1.0, yaw=0.1 * number), max_steps=steps, seed=number,
         )
         for number in range(count)
     ]  # fmt: skip
@@ -52,7 +50,7 @@ class Generator:
         noise = np.random.default_rng(list(key)).normal(0.0, 0.01, 3)
         left, forward = values.get("x", 0.0), values.get("z", 0.0)
         goal = np.array([left, 0.0, forward]) + noise * [1, 0, 1]
-        here = Frame.of_history(history)
+        here = Pose2D.of_history(history)
         path = here.to_local(history).root[-1] + np.linspace(0, 1, 16)[1:, None] * goal
         return here.to_world(Motion(path, np.repeat(here.to_local(history).rotations[-1:], 15, 0)))
 
@@ -61,7 +59,7 @@ class Simulator:
     def __init__(self, profile: str = "default") -> None: ...
 
     def reset(self, scene: Scene, start: object) -> WorldState:
-        self._body = Frame(start.x, start.z, start.yaw, start.floor).to_world(rest_pose())
+        self._body = Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose())
         return self.state()
 
     def execute(self, motion: Motion) -> Execution:
@@ -147,5 +145,5 @@ def humanclaw_renderers(register: object) -> None:
 
 
 @hookimpl
-def humanclaw_decision_makers(register: object) -> None:
+def humanclaw_agents(register: object) -> None:
     register("walker", Walker)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw import Simulator
     from humanclaw.half_physics import Profile
     from humanclaw.hookspecs import Register, SimulatorFactory
-    from humanclaw.interfaces import Simulator
 
 __version__ = "0.1.0"
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from humanclaw.errors import SceneError
+from humanclaw import Scene, SceneError
 from humanclaw.half_physics import ObjectMotion, box_of, centre_of_mass
 from humanclaw.pose import Array, matrix_from_quaternion
-from humanclaw.scene import Asset, Scene, SceneObject
+from humanclaw.scene import Asset, SceneObject
 from humanclaw_bullet.engine import Client
 
 _STILL = 0.1

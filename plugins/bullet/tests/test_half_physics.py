@@ -1,6 +1,6 @@
 """Bullet keeps the laws that every simulator has to keep."""
 
-from humanclaw.testing.simulators import SimulatorConformance
+from humanclaw.testing import SimulatorConformance
 from humanclaw_bullet.world import bullet
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 import humanclaw_bullet
 from humanclaw.half_physics import HalfPhysics
-from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.testing.speed import reset_times
+from humanclaw.testing import SceneBuilder, reset_times
 from humanclaw_bullet.world import bullet
 
 

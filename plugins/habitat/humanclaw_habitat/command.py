@@ -8,8 +8,7 @@ from pathlib import Path
 
 import click
 
-from humanclaw.errors import HumanclawError
-from humanclaw.scene import Scene
+from humanclaw import HumanclawError, Scene
 from humanclaw.tasks import write_episodes
 from humanclaw_habitat.categories import GOALS
 from humanclaw_habitat.dataset import Dataset

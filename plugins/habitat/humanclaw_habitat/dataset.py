@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 from humanclaw_habitat.attributes import Region, SceneInstance, Semantics, Template, checked, read_json
 from humanclaw_habitat.categories import category_of
 

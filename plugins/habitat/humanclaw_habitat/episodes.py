@@ -12,19 +12,18 @@ import json
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from humanclaw.episode import Difficulty, EpisodeSpec, StartPose, name_of
-from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.geometry import distance_to_box
+from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
-from humanclaw.pose import wrap_angle
-from humanclaw.scene import Scene
+from humanclaw.pose import Pose2D, wrap_angle
+from humanclaw.records import Difficulty, name_of
+from humanclaw.scene import distance_to_box
 from humanclaw.tasks import SEATS, instruction
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of
@@ -83,11 +82,11 @@ class Task(BaseModel):
         return re.sub(r"(\.scene_instance\.json|\.basis\.glb|\.glb|\.json)$", "", Path(self.scene_id).name)
 
     @property
-    def start(self) -> StartPose:
+    def start(self) -> Pose2D:
         offset = self.init_offset or (0.0, 0.0)
         x, y, z = np.add(self.start_position, (offset[0], offset[1] if len(offset) == 3 else 0.0, offset[-1])).tolist()
         yaw = heading(self.start_rotation) if self.init_yaw is None else float(wrap_angle(self.init_yaw))
-        return StartPose(x=round(x, 4), z=round(z, 4), yaw=round(yaw, 4), floor=round(y, 4))
+        return Pose2D(x=round(x, 4), z=round(z, 4), yaw=round(yaw, 4), floor=round(y, 4))
 
 
 @dataclass(frozen=True)
@@ -239,16 +238,16 @@ class _Site:
                 )  # fmt: skip
             yield thing.id
 
-    def _standing(self, start: StartPose) -> StartPose:
+    def _standing(self, start: Pose2D) -> Pose2D:
         """The start on the scene's own floor: those of a navigation mesh hover a little."""
         floors = [plan.floor for plan in self._floors.floors]
         near = min(floors, key=lambda floor: abs(floor - start.floor))
         if abs(near - start.floor) > _FLOOR:
             said = ", ".join(f"{floor:g}" for floor in floors)
             raise SceneError(f"it starts at height {start.floor}, but the floors are at {said}.", "Use --skip.")
-        return start.model_copy(update={"floor": near})
+        return replace(start, floor=near)
 
-    def _difficulty(self, start: StartPose, targets: tuple[int, ...]) -> Difficulty:
+    def _difficulty(self, start: Pose2D, targets: tuple[int, ...]) -> Difficulty:
         """Of the way to the nearest target. Raises SceneError if there is none."""
         if targets not in self.ways:
             places = [goals_at(self._floors, self.scene, target) for target in targets]

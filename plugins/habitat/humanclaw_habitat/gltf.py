@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from PIL import Image
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 
 _JSON: Final = 0x4E4F534A
 _BASIS: Final = "KHR_texture_basisu"

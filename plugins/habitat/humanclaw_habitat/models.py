@@ -18,16 +18,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.cache import Cache
-from humanclaw.errors import SceneError
-from humanclaw.meshes import Part, bake, convex_pieces, read_model
-from humanclaw.meshes.hulls import Hollow
-from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of
-from humanclaw.meshes.reading import bounds
-from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
-from humanclaw.pose import Array
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
-from humanclaw.scene_file import pack_scene, unpack_scene
+from humanclaw import Scene, SceneError
+from humanclaw.meshes import (
+    ANYWHERE,
+    MIDDLE,
+    Hollow,
+    Part,
+    back_of,
+    bake,
+    base_of,
+    bounds,
+    convex_pieces,
+    exact,
+    lightened,
+    moved,
+    read_model,
+    seat_of,
+    turned,
+    with_lid,
+)
+from humanclaw.pose import Array, Pose2D
+from humanclaw.scene import Asset, Mesh, SceneObject
+from humanclaw.storage import Cache, pack_scene, unpack_scene
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
@@ -147,7 +159,7 @@ class Models:
             assets[name] = self._asset(name, piece.category, moved(piece.mesh, -base), hulls, None)
             objects.append(_thing(number, assets[name], base, np.eye(3), kind))
         levels = json.dumps(floor_levels(parts))
-        return Scene(kind.name, assets, tuple(objects), (), Placement(0, 0, 0), {"levels": levels})
+        return Scene(kind.name, assets, tuple(objects), (), Pose2D(0, 0, 0), {"levels": levels})
 
     def _object(self, kind: Kind, scale: Vec3, category: str, joined: bool) -> Scene:
         template = kind.template
@@ -167,7 +179,7 @@ class Models:
         asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
         thing = _thing(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
-        return Scene(name, {name: asset}, (thing,), (), Placement(0, 0, 0), {"middle": middle})
+        return Scene(name, {name: asset}, (thing,), (), Pose2D(0, 0, 0), {"middle": middle})
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""

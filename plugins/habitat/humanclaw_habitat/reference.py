@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qsl, urlencode
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 
 TRIANGLES: Final = 1500
 _CHOICES: Final = {(missing, movable) for missing in ("error", "skip") for movable in ("dataset", "small")}

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from tqdm import tqdm
 
-from humanclaw.errors import SceneError
-from humanclaw.pose import Array, matrix_from_quaternion
-from humanclaw.scene import Asset, Placement, Room, Scene, SceneObject
+from humanclaw import Scene, SceneError
+from humanclaw.pose import Array, Pose2D, matrix_from_quaternion
+from humanclaw.scene import Asset, Room, SceneObject
 from humanclaw_habitat.attributes import Placing, SceneInstance, Template
 from humanclaw_habitat.categories import MOVABLE
 from humanclaw_habitat.dataset import Dataset
@@ -162,16 +162,16 @@ class _Assembly:
             "dataset": self.dataset.name, "files": self._files(), "left_out": json.dumps(self.left_out),
             "without_textures": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
         }  # fmt: skip
-        scene = Scene(name, self.assets, objects, tuple(regions), Placement(0.0, 0.0, 0.0, floor), notes)
+        scene = Scene(name, self.assets, objects, tuple(regions), Pose2D(0.0, 0.0, 0.0, floor), notes)
         return replace(scene, start=self._start(scene, floor))
 
-    def _start(self, scene: Scene, floor: float) -> Placement:
+    def _start(self, scene: Scene, floor: float) -> Pose2D:
         """The roomiest place, kept as everything is that takes long."""
         what = [[vars(thing) for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
         key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
         known = self.models.cache.get(key)
         if known is not None:
-            return Placement(**json.loads(known))
+            return Pose2D(**json.loads(known))
         start = roomiest(scene, floor)
         self.models.cache.put(key, json.dumps(vars(start)).encode())
         return start

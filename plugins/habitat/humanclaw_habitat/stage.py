@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from humanclaw.meshes import Part, bake
-from humanclaw.meshes.shaping import exact
+from humanclaw.meshes import Part, bake, exact
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 

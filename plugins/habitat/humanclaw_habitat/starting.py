@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from humanclaw import Scene
 from humanclaw.navigation import OccupancyGrid
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import Pose2D
 
 
-def roomiest(scene: Scene, floor: float) -> Placement:
+def roomiest(scene: Scene, floor: float) -> Pose2D:
     """The place on a floor that is farthest from everything, facing the way, of eight, in which one sees farthest."""
     plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
@@ -22,4 +23,4 @@ def roomiest(scene: Scene, floor: float) -> Placement:
 
     yaw = max((round(float(k * np.pi / 4), 4) for k in range(-3, 5)), key=sight)
     x, z = place.round(3).tolist()
-    return Placement(x, z, yaw, floor)
+    return Pose2D(x, z, yaw, floor)

@@ -12,13 +12,9 @@ import pytest
 from click.testing import CliRunner, Result
 from toy_dataset import HALF, episode, write_episodes
 
-from humanclaw import Body, Plugins
+from humanclaw import Body, EpisodeSpec, Plugins, RecordedEpisode, run_episode
 from humanclaw.cli import build
-from humanclaw.episode import EpisodeSpec
-from humanclaw.loop import run_episode
-from humanclaw.pose import wrap_angle
-from humanclaw.records import RecordedEpisode
-from humanclaw.scene import Placement
+from humanclaw.pose import Pose2D, wrap_angle
 from humanclaw.tasks import read_episodes
 from humanclaw_bench.metrics import score
 from humanclaw_scripted.agents import OracleAgent
@@ -29,7 +25,7 @@ BACK = [0, 1, 0, 0]
 
 
 def run(*args: object) -> Result:
-    return CliRunner().invoke(build(Plugins.discover()), ["habitat", *map(str, args)])
+    return CliRunner().invoke(build(Plugins.discover), ["habitat", *map(str, args)])
 
 
 def made(
@@ -65,7 +61,7 @@ def test_the_body_looks_where_habitats_agent_looks(dataset: Path, tmp_path: Path
 
 def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Path) -> None:
     start = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF]).start
-    with Body(f"hssd:{dataset}#toy1", Placement(start.x, start.z, start.yaw, start.floor)) as body:
+    with Body(f"hssd:{dataset}#toy1", Pose2D(start.x, start.z, start.yaw, start.floor)) as body:
         state, view = body.state(), body.view()
     np.testing.assert_allclose(state.body.root[-1][[0, 2]], (2, 2), atol=0.02)
     assert float(wrap_angle(state.body.yaw()[-1] - np.pi / 2)) == pytest.approx(0, abs=0.05)
@@ -187,8 +183,7 @@ def test_scenes_are_listed_and_checked(dataset: Path) -> None:
 
 def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path) -> None:
     spec = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
-    start = Placement(**spec.start.model_dump())
-    with Body(spec.scene, start, seed=spec.seed) as body:
+    with Body(spec.scene, spec.start, seed=spec.seed) as body:
         record = run_episode(body, spec, OracleAgent(), folder=tmp_path / "episode")
     assert record.outcome == "stopped"
     scored = score(RecordedEpisode(tmp_path / "episode"))

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
-from humanclaw import Plugins
-from humanclaw.errors import HumanclawError, SceneError
+from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.navigation import OccupancyGrid
 from humanclaw.pose import matrix_from_quaternion
-from humanclaw.scene import Scene
 
 
 @pytest.fixture(scope="module")

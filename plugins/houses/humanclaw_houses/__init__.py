@@ -9,8 +9,8 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     import click
 
+    from humanclaw import Scene
     from humanclaw.hookspecs import Register, SceneFactory
-    from humanclaw.scene import Scene
 
 __version__ = "0.1.0"
 

@@ -98,7 +98,8 @@ def _stairs(plan: Plan, area: Area, finishes: Mapping[str, Finish], style: Style
     else:
         x0, x1 = (wall.line, x1) if wall.high == area.name else (x0, wall.line)
         size, yaw = (z1 - z0, x1 - x0), -np.pi / 2 if wall.high == area.name else np.pi / 2
-    piece = staircase(style, plan.stair, *(round(v, 4) for v in size), finishes[area.name].wall)
+    width, depth = (round(v, 4) for v in size)
+    piece = staircase(style, plan.stair, width, depth, finishes[area.name].wall)
     return Placed(piece, (x0 + x1) / 2, 0.0, (z0 + z1) / 2, yaw, area.name)
 
 

@@ -10,10 +10,8 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Final
 
-from humanclaw.cache import Cache
-from humanclaw.errors import SceneError
-from humanclaw.scene import Scene
-from humanclaw.scene_file import pack_scene, unpack_scene
+from humanclaw import Scene, SceneError
+from humanclaw.storage import Cache, pack_scene, unpack_scene
 
 CORE: Final = ("body.py", "meshes", "navigation", "pose.py", "scene.py", "tasks.py")
 """The parts of the core in which a change may change a house."""

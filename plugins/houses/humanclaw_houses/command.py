@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_houses.importers import open_collection
 from humanclaw_houses.importers.folder import COLUMNS, Facts
 from humanclaw_houses.intake import TRIANGLES, Report, take_in

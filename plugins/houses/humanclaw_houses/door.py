@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
-from humanclaw.errors import SceneError
-from humanclaw.scene import Scene
+from humanclaw import Scene, SceneError
 from humanclaw_houses.caching import kept
 from humanclaw_houses.names import seed_of
 

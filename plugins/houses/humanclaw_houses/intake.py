@@ -11,12 +11,25 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.errors import HumanclawError
-from humanclaw.meshes import Part, bake, convex_pieces, read_model
-from humanclaw.meshes.hulls import Hollow
-from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of, top_of
-from humanclaw.meshes.reading import bounds
-from humanclaw.meshes.shaping import base_of, lightened, moved, turned, with_lid
+from humanclaw import HumanclawError
+from humanclaw.meshes import (
+    ANYWHERE,
+    MIDDLE,
+    Hollow,
+    Part,
+    back_of,
+    bake,
+    base_of,
+    bounds,
+    convex_pieces,
+    lightened,
+    moved,
+    read_model,
+    seat_of,
+    top_of,
+    turned,
+    with_lid,
+)
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 from humanclaw_houses.importers.categories import category_of, misfit, otherwise, scale_of, sits

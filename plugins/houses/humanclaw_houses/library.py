@@ -19,10 +19,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.files import write_atomically
-from humanclaw.meshes.reading import read_mesh, write_model
+from humanclaw import HumanclawError, SceneError
+from humanclaw.meshes import read_mesh, write_model
 from humanclaw.scene import Asset, Mesh
+from humanclaw.storage import write_atomically
 
 INDEX: Final = "index.json"
 _IMPORT: Final = "Make one with `humanclaw assets import SOURCE --out {}`."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 
 VALIDATION_HOUSES: Final = 41
 _REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training house with N from 0 on."

@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw.errors import SceneError
+from humanclaw import SceneError
 
 WALL: Final = 0.12
 """Thickness of every wall, metres."""
@@ -304,8 +304,9 @@ def _living_block(
 def _turned(storeys: list[list[Rect]], rng: np.random.Generator) -> list[list[Rect]]:
     """Rounded to the centimetre, mirrored and turned at random, all storeys alike."""
     flip_x, flip_z, swap = (bool(v) for v in rng.integers(0, 2, 3))
-    far_x, far_z = (max(rect[k] for rects in storeys for rect in rects) for k in (3, 4))
-    result = []
+    far_x = max(x1 for rects in storeys for _, _, _, x1, _ in rects)
+    far_z = max(z1 for rects in storeys for _, _, _, _, z1 in rects)
+    result: list[list[Rect]] = []
     for rects in storeys:
         result.append([])
         for kind, x0, z0, x1, z1 in rects:

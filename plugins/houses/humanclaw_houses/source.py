@@ -8,13 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.errors import SceneError
-from humanclaw.scene import Placement, Quaternion, Room, Scene, SceneObject
+from humanclaw import Scene, SceneError
+from humanclaw.pose import Pose2D
+from humanclaw.scene import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
 from humanclaw_houses.names import seed_of
-from humanclaw_houses.plan import Plan, draw_plans
+from humanclaw_houses.plan import Area, Plan, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock
@@ -89,12 +90,9 @@ def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.r
     assets = {thing.piece.asset.name: thing.piece.asset for thing in placed}
     objects = tuple(_object(number, thing) for number, thing in enumerate(placed, 1))
     rooms = tuple(
-        Room(area.name, area.kind, *(round(v, 3) for v in area.inner), plan.floor)
-        for plan in plans
-        for area in plan.areas
-        if area.kind != "stairs" or plan.floor == 0
+        _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
-    scene = Scene(name, assets, objects, rooms, Placement(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
+    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 
 
@@ -109,3 +107,8 @@ def _object(number: int, thing: Placed) -> SceneObject:
 
 def _quaternion(yaw: float) -> Quaternion:
     return 0.0, round(float(np.sin(yaw / 2)), 6), 0.0, round(float(np.cos(yaw / 2)), 6)
+
+
+def _room(area: Area, floor: float) -> Room:
+    x0, z0, x1, z1 = (round(v, 3) for v in area.inner)
+    return Room(area.name, area.kind, x0, z0, x1, z1, floor)

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Scene
 from humanclaw.navigation import RADIUS, MultiFloorMap, OccupancyGrid
-from humanclaw.pose import Array
-from humanclaw.scene import Placement, Scene
+from humanclaw.pose import Array, Pose2D
 
 Mask = NDArray[np.bool_]
 
@@ -54,7 +54,7 @@ class Walkways:
         return np.where(np.isfinite(self.reached[2 * plan]), self.floors.floors[plan].clearance, 0.0)
 
 
-def choose_start(scene: Scene, rng: np.random.Generator) -> Placement:
+def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
     """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the house is
     large enough, in the hall if that is possible, facing the longest free line of sight."""
     ways = Walkways.of(scene)
@@ -66,7 +66,7 @@ def choose_start(scene: Scene, rng: np.random.Generator) -> Placement:
     choices = [well & hall, well, roomy & (far > 2.5), roomy, plan.fits(RADIUS), ~plan.blocked]
     cells = np.argwhere(next(choice for choice in choices if choice.any()))
     x, z = plan.point(cells[int(rng.integers(len(cells)))]).tolist()
-    return Placement(round(x, 3), round(z, 3), _view(plan, x, z), plan.floor)
+    return Pose2D(round(x, 3), round(z, 3), _view(plan, x, z), plan.floor)
 
 
 def _from_couches(ways: Walkways) -> Array:

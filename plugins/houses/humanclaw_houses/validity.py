@@ -9,9 +9,10 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
+from humanclaw import Scene
 from humanclaw.navigation import RADIUS
 from humanclaw.pose import matrix_from_quaternion
-from humanclaw.scene import STRUCTURE, Scene, SceneObject
+from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
 from humanclaw_houses.starting import Walkways
 

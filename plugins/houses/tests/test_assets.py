@@ -13,10 +13,8 @@ from click.testing import CliRunner, Result
 from PIL import Image
 from scipy.spatial import ConvexHull
 
+from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.cli import build
-from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.plugins import Plugins
-from humanclaw.scene import Scene
 from humanclaw.tasks import SEATS
 from humanclaw_houses.door import open_house
 from humanclaw_houses.importers.categories import category_of, scale_of
@@ -102,7 +100,7 @@ def png() -> bytes:
 
 
 def run(*args: object) -> Result:
-    return CliRunner().invoke(build(Plugins.discover()), [str(arg) for arg in args])
+    return CliRunner().invoke(build(Plugins.discover), [str(arg) for arg in args])
 
 
 @pytest.fixture(scope="module")

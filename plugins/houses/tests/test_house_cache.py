@@ -16,7 +16,7 @@ import pytest
 
 import humanclaw
 import humanclaw_houses
-from humanclaw.scene import Scene
+from humanclaw import Scene
 from humanclaw_houses import caching
 from humanclaw_houses.door import open_house
 from humanclaw_houses.source import house

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 import humanclaw_houses
-from humanclaw.errors import SceneError
+from humanclaw import Plugins, Scene, SceneError
 from humanclaw.navigation import goals_at
-from humanclaw.plugins import Plugins
-from humanclaw.scene import STRUCTURE, Scene, SceneObject
+from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
 from humanclaw_houses.source import house, storeys_of
 from humanclaw_houses.starting import Walkways

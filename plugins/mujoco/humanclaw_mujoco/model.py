@@ -10,8 +10,8 @@ import mujoco as mj
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Scene, SceneError
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
-from humanclaw.errors import SceneError
 from humanclaw.half_physics import (
     LINK_OF,
     Profile,
@@ -23,7 +23,7 @@ from humanclaw.half_physics import (
     link_mass,
 )
 from humanclaw.pose import Array, quaternion_from_matrix
-from humanclaw.scene import Asset, Scene, SceneObject
+from humanclaw.scene import Asset, SceneObject
 
 FIXED_GROUP, BODY_GROUP = 0, 1
 _MARGIN: Final = 0.03

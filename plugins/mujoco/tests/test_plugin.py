@@ -7,8 +7,7 @@ import numpy as np
 
 import humanclaw_mujoco
 from humanclaw.half_physics import HalfPhysics
-from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.testing.speed import reset_times
+from humanclaw.testing import SceneBuilder, reset_times
 from humanclaw_mujoco.world import mujoco
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from humanclaw import Renderer
     from humanclaw.hookspecs import Register, RendererFactory
-    from humanclaw.interfaces import Renderer
 
 __version__ = "0.1.0"
 

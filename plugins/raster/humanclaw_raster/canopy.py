@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.scene import Scene
+from humanclaw import Scene
 from humanclaw_raster import kernels
 from humanclaw_raster.kernels import Canopy, Hits, Lens, Things
 from humanclaw_raster.packing import Floats, Model

@@ -96,7 +96,7 @@ class Hits(NamedTuple):
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Machine code, kept on disk beside the source or in the user's cache; compiled anew where neither can be written."""
-    how = {"error_model": "numpy", "nogil": True}
+    how: Any = {"error_model": "numpy", "nogil": True}
     try:
         return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
     except RuntimeError:
@@ -249,7 +249,7 @@ def openness(model: Model, things: Things, lens: Lens, hits: Hits, canopy: Canop
                 normals[row, column, axis] = surface[FLAT + axis]
     light = _occlusion(depth, normals, lens.focal / 2)
     _shadow(depth, normals, lens, canopy, light)
-    return _smoothed(light, depth, normals)
+    return _smoothed(light, depth, normals)  # type: ignore[no-any-return]
 
 
 @_compiled
@@ -278,7 +278,7 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
                 fade = np.float32(1) - square * closeness
                 if fade > 0 and square > 1e-9:
                     taken += max(np.float32(0), (dx * a + dy * b + dz * c) / np.sqrt(square) - LEAN) * fade
-            out[row, column] = max(DARKEST, 1 - DEPTH_OF_CORNERS * taken / RAYS)
+            out[row, column] = max(DARKEST, 1 - DEPTH_OF_CORNERS * taken / RAYS)  # type: ignore[call-overload]
     return out
 
 
@@ -431,18 +431,18 @@ def _lit(x: float, y: float, z: float) -> float:
     """The brightness of a surface from its normal in the world, before what stands around it is counted."""
     y = (-BOUNCE * y if y < 0 else y) + UPLIFT
     size = np.sqrt(x * x + y * y + z * z) + 1e-20
-    return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)
+    return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)  # type: ignore[no-any-return]
 
 
 @_inlined
 def _light_at(light: Floats, nearness: Floats, row: int, column: int) -> float:
     """The light of the nearest samples, each by how near it is and whether it lies on the same surface."""
     if row % 2 == 0 and column % 2 == 0:
-        return light[row // 2, column // 2]
+        return light[row // 2, column // 2]  # type: ignore[no-any-return]
     here, total, weight = nearness[row, column], np.float32(1e-6), np.float32(1e-6)
     for r in range(row // 2, min(row // 2 + 1 + row % 2, light.shape[0])):
         for c in range(column // 2, min(column // 2 + 1 + column % 2, light.shape[1])):
             near = here / (here + 40 * abs(nearness[2 * r, 2 * c] - here)) + np.float32(1e-4)
             total += near * light[r, c]
             weight += near
-    return total / weight
+    return total / weight  # type: ignore[return-value]

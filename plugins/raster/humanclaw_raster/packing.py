@@ -76,7 +76,9 @@ def _sorted_faces(mesh: Mesh) -> NDArray[np.int32]:
 
 
 def _clusters(counts: Sequence[int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    clusters, ranges, first = [], [], 0
+    clusters: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
+    first = 0
     for count in counts:
         begin = len(clusters)
         clusters += [(first + k, first + min(k + CLUSTER, count)) for k in range(0, count, CLUSTER)]
@@ -102,11 +104,11 @@ def _density(corners: Floats, uv: Floats, texture: NDArray[np.uint8]) -> Array:
 
 def _smooth_normals(mesh: Mesh, faces: NDArray[np.int32]) -> Array:
     """(M, 3, 3) the normal at each corner: the mean of the faces that meet there, unless they meet at an edge."""
-    points = mesh.vertices.astype(float)[faces]
+    points: Array = mesh.vertices.astype(float)[faces]
     flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
     _, place = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
     corner = place.ravel()[faces.ravel()]
-    total = np.stack([np.bincount(corner, flat[:, axis]) for axis in range(3)], axis=1)
+    total = np.stack([np.bincount(corner, flat[:, axis]) for axis in range(3)], axis=1).astype(float)
     mean = _unit(total)[corner]
     smooth = np.sum(flat * mean, axis=-1, keepdims=True) > SMOOTH
     return np.where(smooth, mean, flat).reshape(-1, 3, 3)

@@ -7,11 +7,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import HumanclawError, Motion, Scene
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import BODY_ID, Camera, View, WorldState
-from humanclaw.pose import Array, Motion, forward_kinematics, matrix_from_quaternion
-from humanclaw.scene import Scene
+from humanclaw.pose import Array, forward_kinematics, matrix_from_quaternion
 from humanclaw_raster import kernels
 from humanclaw_raster.canopy import CanopyMaker
 from humanclaw_raster.kernels import Hits, Lens, Things

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from humanclaw import Scene
 from humanclaw.interfaces import Camera, WorldState
-from humanclaw.pose import rest_pose
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw.pose import Pose2D, rest_pose
+from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
@@ -56,7 +57,7 @@ class Workshop:
         return self.box((20, 0.2, 20), (0, -0.2, 0))
 
     def scene(self):
-        return Scene("workshop", self.assets, tuple(self.objects), (), Placement(0, 0, 0))
+        return Scene("workshop", self.assets, tuple(self.objects), (), Pose2D(0, 0, 0))
 
     def look(self, lens, state=None):
         renderer = RasterRenderer()

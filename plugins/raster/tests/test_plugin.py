@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from humanclaw.plugins import Plugins
+from humanclaw import Plugins
 from humanclaw_raster.renderer import RasterRenderer
 
 

@@ -5,8 +5,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import BODY_ID, Camera, WorldState, ego_camera
 from humanclaw.pose import matrix_from_quaternion, rest_pose
 from humanclaw.scene import Mesh

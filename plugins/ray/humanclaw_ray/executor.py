@@ -14,9 +14,8 @@ from typing import Any, Final
 import ray
 from ray.exceptions import RayActorError
 
-from humanclaw.episode import EpisodeSpec
-from humanclaw.errors import HumanclawError
-from humanclaw_bench.executors import ONE_THREAD, Backlog
+from humanclaw import EpisodeSpec, HumanclawError
+from humanclaw_bench.executors import ONE_THREAD, EpisodeQueue
 from humanclaw_bench.worker import FAILED, Job, Report, Worker, pack, unpack
 
 LIVES: Final = 3
@@ -37,7 +36,7 @@ class Player:
         """Returns once the player is there."""
 
     def play(self, spec: EpisodeSpec, begun: Mapping[str, bytes]) -> Report:
-        """begun: what an earlier sitting left of the episode."""
+        """begun: what an earlier session left of the episode."""
         folder = self._folder / spec.id
         unpack(folder, begun)
         report = self._worker.play(spec)
@@ -60,22 +59,22 @@ class RayExecutor:
     def stop(self) -> None:
         self._stopping = True
 
-    def reports(self, job: Job, backlog: Backlog, out: Path) -> Generator[Report, None, None]:
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
         with _connected(self._address, self._workers):
-            crew = _Crew(job, out, backlog)
+            pool = _Pool(job, out, queue)
             try:
-                crew.hire(min(self._workers, len(backlog)))
-                while crew.under_way or (len(backlog) and not self._stopping):
-                    yield from crew.heard(self._stopping)
+                pool.spawn(min(self._workers, len(queue)))
+                while pool.under_way or (len(queue) and not self._stopping):
+                    yield from pool.heard(self._stopping)
             finally:
-                crew.dismiss()
+                pool.dismiss()
 
 
-class _Crew:
+class _Pool:
     """The actors, what each is at, and what became of them."""
 
-    def __init__(self, job: Job, out: Path, backlog: Backlog) -> None:
-        self._job, self._out, self._backlog = job, out, backlog
+    def __init__(self, job: Job, out: Path, queue: EpisodeQueue) -> None:
+        self._job, self._out, self._queue = job, out, queue
         # With the threads of local workers: the number of threads is in the last bits of a matrix product.
         alike = {"env_vars": ONE_THREAD}
         self._player: Any = ray.remote(num_cpus=1, max_concurrency=2, runtime_env=alike)(Player)
@@ -89,7 +88,7 @@ class _Crew:
     def under_way(self) -> bool:
         return any(spec is not None for _, spec in self._waiting.values())
 
-    def hire(self, count: int = 1) -> None:
+    def spawn(self, count: int = 1) -> None:
         for _ in range(count):
             actor = self._player.remote(self._job)
             self._waiting[actor.ready.remote()] = (actor, None)
@@ -114,7 +113,7 @@ class _Crew:
             self._assign(actor, stopping)
 
     def _assign(self, actor: Any, stopping: bool) -> None:
-        spec = None if stopping else self._backlog.take()
+        spec = None if stopping else self._queue.take()
         if spec is None:
             ray.kill(actor)
             return
@@ -128,12 +127,12 @@ class _Crew:
             raise HumanclawError(
                 f"{self._deaths} actors died one after another. The last: {reason}.", "See Ray's logs."
             )
-        self.hire()
+        self.spawn()
         if spec is None:
             return
         self._losses[spec.id] += 1
         if self._losses[spec.id] < LIVES:
-            self._backlog.give_back(spec)
+            self._queue.give_back(spec)
         else:
             yield Report(spec.id, FAILED, error=f"its actor died {LIVES} times. The last: {reason}")
 

@@ -14,13 +14,11 @@ import toy_world  # noqa: E402
 from ray.cluster_utils import Cluster  # noqa: E402
 
 import humanclaw_ray  # noqa: E402
-from humanclaw.embodiment import Engines  # noqa: E402
-from humanclaw.plugins import Plugins  # noqa: E402
-from humanclaw.records import load_run  # noqa: E402
+from humanclaw import Backends, Plugins, load_run  # noqa: E402
 from humanclaw_bench.runner import run_split  # noqa: E402
 from humanclaw_bench.worker import Job  # noqa: E402
 
-TOY = Engines("toy", "toy", "toy")
+TOY = Backends("toy", "toy", "toy")
 
 
 @pytest.fixture
@@ -54,29 +52,29 @@ def digests(folder):
 def test_a_node_that_is_killed_half_way_loses_nothing_and_doubles_nothing(cluster, play, tmp_path):
     specs, told = toy_world.specs(8), []
 
-    def watch(tally, report):
+    def watch(status, report):
         if report:
             told.append(report.episode)
         if len(told) == 3 and len(cluster.nodes) == 2:
             cluster.remove_node(cluster.nodes.pop(), allow_graceful=False)
 
-    tally = play(specs, "ray", "ray", watch, pause=0.3)
+    status = play(specs, "ray", "ray", watch, pause=0.3)
     assert len(cluster.nodes) == 1
-    assert (tally.done, tally.failed) == (8, 0)
+    assert (status.done, status.failed) == (8, 0)
     assert sorted(told) == sorted(spec.id for spec in specs)
     play(specs, "local", "local", pause=0.3)
     assert digests(tmp_path / "ray") == digests(tmp_path / "local")
 
 
 def test_an_episode_that_kills_every_actor_is_marked_and_the_rest_go_on(cluster, play):
-    tally = play(toy_world.specs(3), "ray", "run", **{"in": "toy-1", "what": "SIGKILL"})
-    assert (tally.done, tally.failed) == (2, 1)
+    status = play(toy_world.specs(3), "ray", "run", **{"in": "toy-1", "what": "SIGKILL"})
+    assert (status.done, status.failed) == (2, 1)
 
 
 def test_a_stop_breaks_episodes_off_and_their_records_come_home(cluster, play, tmp_path):
     specs, told = toy_world.specs(4), []
 
-    def watch(tally, report):
+    def watch(status, report):
         told.append(report)
         if len(told) == 2:
             raise KeyboardInterrupt

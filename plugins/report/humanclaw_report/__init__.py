@@ -9,8 +9,8 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     import click
 
+    from humanclaw import Reporter
     from humanclaw.hookspecs import Register, ReporterFactory
-    from humanclaw.interfaces import Reporter
 
 __version__ = "0.1.0"
 

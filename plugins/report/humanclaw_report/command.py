@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from humanclaw.errors import HumanclawError
-from humanclaw.plugins import Plugins
+from humanclaw import HumanclawError, Plugins
 from humanclaw_report.report import write_report
 
 

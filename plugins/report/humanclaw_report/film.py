@@ -14,14 +14,12 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 from tqdm import tqdm
 
+from humanclaw import Motion, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import RecordError
-from humanclaw.interfaces import Camera, Renderer, WorldState, ego_camera
+from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
-from humanclaw.pose import FPS, HISTORY, Array, Motion
-from humanclaw.records import RecordedEpisode, StepRecord
-from humanclaw.scene import Scene
-from humanclaw_report.report import HouseMap, PathMap, call_text, house_maps, path_maps, storeys_at
+from humanclaw.pose import FPS, HISTORY, Array
+from humanclaw_report.report import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]
 
@@ -262,9 +260,7 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
     if step and step.call:
         font = ImageFont.load_default(size=image.height // 26)
         place = (14, image.height - 14)
-        draw.text(
-            place, f"{step.step}  {call_text(step.call)}", "white", font, "ls", stroke_width=2, stroke_fill="black"
-        )
+        draw.text(place, f"{step.step}  {step.call}", "white", font, "ls", stroke_width=2, stroke_fill="black")
     return np.asarray(image)
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from humanclaw.interfaces import Renderer
-from humanclaw.plugins import Plugins
-from humanclaw.records import RecordedEpisode
+from humanclaw import Plugins, RecordedEpisode, Renderer
 from humanclaw_report.film import film, poster
 from humanclaw_report.report import write_report
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
-from humanclaw.errors import HumanclawError, RecordError
+from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, StepRecord, load_run
 from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
 from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
-from humanclaw.pictures import jpeg
 from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
-from humanclaw.records import CallRecord, RecordedEpisode, StepRecord, Vec3, load_run
-from humanclaw.scene import Scene, SceneObject
+from humanclaw.records import Usage, Vec3
+from humanclaw.scene import SceneObject
+from humanclaw.storage import jpeg
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 PICTURES: Final = 400
@@ -227,13 +227,11 @@ def _seconds(value: float) -> str:
 # -- episodes ----------------------------------------------------------------------------------------------------------
 def _episode(recorded: RecordedEpisode, number: int) -> EpisodeView:
     met = stages(recorded)
-    usages = [a.usage for s in recorded.steps for a in s.attempts]
-    usages += [s.verdict.usage for s in recorded.steps if s.verdict]
     times = {part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS}
     anchor = f"episode-{number}-{re.sub(r'[^A-Za-z0-9]+', '-', recorded.record.spec.id)}"
-    tokens = sum(usage.tokens_in + usage.tokens_out for usage in usages)
-    cost = sum(usage.cost for usage in usages)
-    return EpisodeView(recorded, anchor, in_words(recorded, met), met, times, tokens, cost)
+    usage = sum((step.usage for step in recorded.steps), Usage())
+    tokens = usage.tokens_in + usage.tokens_out
+    return EpisodeView(recorded, anchor, in_words(recorded, met), met, times, tokens, usage.cost)
 
 
 def _detailed(view: EpisodeView, houses: Houses, pictures: int, page: Path) -> EpisodeView:
@@ -328,30 +326,21 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: boo
     }
     return StepView(
         record=step,
-        call=call_text(step.call) if step.call else "no usable call",
+        call=str(step.call or "no usable call"),
         picture=_picture(recorded.folder / step.frame_file) if picture and step.frame_file else "",
         refusals=tuple(attempt.error for attempt in step.attempts if attempt.error),
         verdict=verdict,
         verdict_kind=kind,
         contacts="; ".join(touched.values()),
-        felt=_EXECUTED.sub("", step.feedback) if step.status == "executed" else "",
+        felt=step.feedback.felt if step.status == "executed" else "",
         pixels=sum(step.target_pixels.values()),
         colour=_colour(number / max(1, len(recorded.steps) - 1)),
     )
 
 
-_EXECUTED: Final = re.compile(r"^.*?Executed \w+\([^)]*\)( in its place)?\.\s*")
-"""What the loop says of a step; what is felt of it follows."""
-
-
-def call_text(call: CallRecord) -> str:
-    """A call as a reader expects it, such as walk(z_cm=40)."""
-    return f"{call.skill}({', '.join(f'{key}={value}' for key, value in call.params.items())})"
-
-
 def _verdict(step: StepRecord) -> tuple[str, str]:
     """Kind (none, accepted, replaced or open) and words."""
-    verdict, calls = step.verdict, step.attempts[-1].calls if step.attempts else ()
+    verdict, calls = step.verdict, step.decision.calls
     proposed = calls[0] if calls else None
     if verdict is None:
         return "none", ""
@@ -359,8 +348,8 @@ def _verdict(step: StepRecord) -> tuple[str, str]:
         return "open", f"let through unverified: {verdict.failed_open}"
     if verdict.accepted or verdict.replacement is None:
         return "accepted", "accepted"
-    failed = "; ".join(answer.note or answer.check for answer in verdict.answers if not answer.passed)
-    asked = f"in the place of {call_text(proposed)}" if proposed else "by the verifier"
+    failed = "; ".join(answer.note or answer.check for answer in verdict.failed)
+    asked = f"in the place of {proposed}" if proposed else "by the verifier"
     return "replaced", asked + (f": {failed}" if failed else "")
 
 

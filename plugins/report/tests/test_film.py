@@ -12,10 +12,8 @@ from made import record_episode
 from PIL import Image
 from rooms import UPSTAIRS, asset, block, thing, two_storeys
 
-from humanclaw.errors import RecordError
+from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.interfaces import Camera, View, WorldState
-from humanclaw.records import RecordedEpisode
-from humanclaw.scene import Scene
 from humanclaw_report.film import DISTANCE, Replay, film, follow, opened, poster, sight
 
 

@@ -11,9 +11,7 @@ import pytest
 from made import record_episode
 from rooms import UPSTAIRS, asset, block, thing, two_rooms, two_storeys
 
-from humanclaw.errors import RecordError, SceneError
-from humanclaw.records import RecordedEpisode
-from humanclaw.scene import Scene
+from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
 from humanclaw_report.report import Table, house_maps, in_words, path_maps, stages, storeys_at, write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}

@@ -14,8 +14,9 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, JOINTS
-from humanclaw.pose import Motion, matrix_from_vector
+from humanclaw.pose import matrix_from_vector
 
 Array = NDArray[np.float64]
 

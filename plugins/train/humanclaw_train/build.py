@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw.pose import FPS, FUTURE
 from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained

@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from safetensors import safe_open
 
-from humanclaw.errors import HumanclawError
-from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw import HumanclawError
+from humanclaw.motion import read_header, shipped_base
+from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import Ratio, Report, Row
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import file_digest

@@ -17,19 +17,20 @@ import torch
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import (
+from humanclaw.motion import (
     FORMAT,
     HEADER,
     MODEL,
     Card,
+    ModelConfig,
     Tensors,
+    Weights,
     broken,
     own_tensors,
     read_adapter,
     read_checkpoint,
 )
-from humanclaw.motion.dit import ModelConfig, Weights
+from humanclaw.storage import write_atomically
 from humanclaw_train.control import Adapter
 from humanclaw_train.dit import DiT
 

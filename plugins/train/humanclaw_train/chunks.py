@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Motion
 from humanclaw.body import JOINTS, N_JOINTS
 from humanclaw.measures import MEASURES, Parameter, outcomes
 from humanclaw.pose import (
@@ -27,7 +28,6 @@ from humanclaw.pose import (
     FPS,
     HISTORY,
     Array,
-    Motion,
     forward_kinematics,
     heading,
     matrix_from_vector,

@@ -11,8 +11,7 @@ from typing import Any
 
 import click
 
-from humanclaw.embodiment import default_simulator
-from humanclaw.plugins import Plugins
+from humanclaw import Plugins, default_simulator
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 

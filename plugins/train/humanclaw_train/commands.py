@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw.measures import Declaration
 from humanclaw.pose import Array
 from humanclaw.recipes import Feet, GaitParameters, Recipe, WindowTravel
 
 if TYPE_CHECKING:
-    from humanclaw.plugins import Plugins
+    from humanclaw import Plugins
 
 Ints = NDArray[np.int_]
 Mask = NDArray[np.bool_]

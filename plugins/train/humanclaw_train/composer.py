@@ -19,9 +19,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
-from humanclaw.motion.ik import Limb, solve
-from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, forward_kinematics, matrix_from_vector, rest_pose
+from humanclaw.motion import Limb, solve
+from humanclaw.pose import FPS, FUTURE, HISTORY, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import augment, gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from humanclaw.motion.control import FOURIER_FREQUENCIES, OCTAVES, AdapterConfig
+from humanclaw.motion import FOURIER_FREQUENCIES, OCTAVES, AdapterConfig
 from humanclaw_train.dit import DiT, Residual, modulate_blocks
 
 

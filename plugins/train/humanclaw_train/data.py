@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from humanclaw.motion.dit import ModelConfig, time_frequencies
+from humanclaw.motion import ModelConfig, time_frequencies
 from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
 
 Residual = Callable[[int, Tensor], Tensor]

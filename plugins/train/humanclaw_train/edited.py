@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion
+from humanclaw import Motion
+from humanclaw.pose import FUTURE, HISTORY, Array
 from humanclaw.recipes import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
-from humanclaw_train.commands import Commands, Ints, Trained
-from humanclaw_train.composer import SECONDS, play
+from humanclaw_train.commands import Commands, Trained
+from humanclaw_train.composer import SECONDS, Ints, play
 
 
 @dataclass(frozen=True)

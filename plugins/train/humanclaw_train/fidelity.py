@@ -22,20 +22,18 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from tqdm import tqdm
 
-from humanclaw.errors import CheckpointError, HumanclawError
-from humanclaw.files import write_atomically
+from humanclaw import CheckpointError, HumanclawError
 from humanclaw.measures import MEASURES, Measure, find, outcomes
-from humanclaw.motion.checkpoint import load_base, shipped_base
-from humanclaw.motion.flow import PROFILES, Solver
-from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
+from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
 from humanclaw_train.realised import Actor, roll_realised
 from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, roll
 
 if TYPE_CHECKING:
-    from humanclaw.interfaces import Simulator
+    from humanclaw import Simulator
 
 NAN: Final = float("nan")
 

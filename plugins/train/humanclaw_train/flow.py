@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from humanclaw.motion.dit import Prediction
-from humanclaw.motion.flow import SIGMA_MIN
+from humanclaw.motion import SIGMA_MIN, Prediction
 
 
 def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:

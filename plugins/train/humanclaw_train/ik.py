@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
-from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Limb, solve
+from humanclaw.motion import REACH, SIDES, TOE_BASE, Limb, solve
 from humanclaw.pose import matrix_from_vector, wrap_angle
 
 Array = NDArray[np.float64]

@@ -11,15 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, TOE_SOLE
-from humanclaw.pose import (
-    FPS,
-    HISTORY,
-    Array,
-    Motion,
-    forward_kinematics,
-    support_height,
-)
+from humanclaw.pose import FPS, HISTORY, Array, forward_kinematics, support_height
 
 _TOUCH: Final = 0.02
 """A sole lower than this counts as being on the ground, metres."""

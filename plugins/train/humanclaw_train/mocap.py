@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw import HumanclawError
 from humanclaw.body import JOINTS, OFFSETS, PARENTS
-from humanclaw.errors import HumanclawError
 from humanclaw.pose import Array, matrix_from_quaternion, matrix_from_vector
 
 ASF_INCH: Final = 0.0254

@@ -26,11 +26,11 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import HumanclawError
 from humanclaw.measures import Declaration, suited
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, root_jerk
+from humanclaw.motion import DiTGenerator
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator

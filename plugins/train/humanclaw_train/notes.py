@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanclaw.errors import PluginError
+from humanclaw import PluginError
 
 FILE = "card.toml"
 """Beside schema.json: `limits`, a list of sentences; `[paper]` with `ratio` and `baseline`, each mean and deviation."""

@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
 from humanclaw.measures import Declaration
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import CHUNK, HISTORY, Array, Frame, Motion, anchored
-from humanclaw.scene import Asset, Mesh, Placement, Scene, SceneObject
+from humanclaw.motion import DiTGenerator
+from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, anchored
+from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
 if TYPE_CHECKING:
-    from humanclaw.interfaces import Simulator
+    from humanclaw import Simulator
 
 _HOLD: Final = 10
 """Frames in which a body that was put down takes up the pose of its history."""
@@ -107,7 +108,7 @@ def _scene(name: str, boxes: _Boxes) -> Scene:
     things = tuple(
         SceneObject(index + 1, str(index), category, place) for index, (category, _, place) in enumerate(boxes)
     )
-    return Scene(name, assets, things, (), Placement(0.0, 0.0, 0.0))
+    return Scene(name, assets, things, (), Pose2D(0.0, 0.0, 0.0))
 
 
 def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
@@ -137,8 +138,8 @@ class Actor:
     def move_to(self, scene: Scene) -> None:
         """Go on at the origin of another scene, in the pose of the history."""
         self._put(scene)
-        origin = Frame.of(self.realised, floor=0.0)
-        pose = origin.to_world(Frame.of(self._history, floor=0.0).to_local(self._history[-1:]))
+        origin = Pose2D.of(self.realised, floor=0.0)
+        pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
         held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
         self.realised = self._simulator.execute(held).realised
         self._history = anchored(self._history, self.realised)

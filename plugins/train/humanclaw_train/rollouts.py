@@ -11,11 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.errors import CheckpointError
+from humanclaw import CheckpointError, Motion
 from humanclaw.measures import Declaration, Parameter
-from humanclaw.motion.checkpoint import read_header
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion
+from humanclaw.motion import DiTGenerator, read_header
+from humanclaw.pose import FUTURE, HISTORY, Array
 from humanclaw_train.chunks import canonical
 
 CHUNKS_IN_A_ROW: Final = 3

@@ -26,13 +26,9 @@ import torch
 from threadpoolctl import ThreadpoolController
 from torch import Tensor, nn
 
-from humanclaw.errors import HumanclawError
-from humanclaw.motion import control, dit
+from humanclaw import HumanclawError
+from humanclaw.motion import SIZES, AdapterConfig, DiTGenerator, Solver, control, dit
 from humanclaw.motion import flow as numpy_flow
-from humanclaw.motion.control import AdapterConfig
-from humanclaw.motion.dit import SIZES
-from humanclaw.motion.flow import Solver
-from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, STATE_SIZE
 from humanclaw_train.checkpoint import weights_of
 from humanclaw_train.control import Adapter

@@ -24,13 +24,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from humanclaw import HumanclawError
 from humanclaw.body import N_JOINTS
-from humanclaw.errors import HumanclawError
-from humanclaw.files import write_atomically
-from humanclaw.motion.checkpoint import Card, read_header, shipped_base
-from humanclaw.motion.control import AdapterConfig, Encoder
-from humanclaw.motion.dit import SIZES, Prediction
+from humanclaw.motion import SIZES, AdapterConfig, Card, Encoder, Prediction, read_header, shipped_base
 from humanclaw.pose import CHUNK, FUTURE, HISTORY
+from humanclaw.storage import write_atomically
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Base, Normaliser, load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.control import Adapter

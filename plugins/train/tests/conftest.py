@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tiny_motion import write_base
 
-from humanclaw.motion.checkpoint import Base
+from humanclaw.motion import Base
 
 
 @pytest.fixture(scope="session")

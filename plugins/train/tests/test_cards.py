@@ -7,8 +7,7 @@ import pytest
 from safetensors.numpy import load_file
 from tiny_motion import write_adapter, write_base
 
-from humanclaw.motion.checkpoint import Card, read_header, shipped_base
-from humanclaw.motion.control import AdapterConfig
+from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write_all
 from humanclaw_train.fidelity import Ratio, Report, Row
 from humanclaw_train.rollouts import file_digest

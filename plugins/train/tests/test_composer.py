@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from declared import STROLL
 
+from humanclaw import HumanclawError, Motion, Plugins
 from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.errors import HumanclawError
 from humanclaw.measures import Declaration
-from humanclaw.plugins import Plugins
-from humanclaw.pose import CHUNK, FUTURE, HISTORY, Motion, rest_pose
+from humanclaw.pose import CHUNK, FUTURE, HISTORY, rest_pose
 from humanclaw.recipes import Draw, GaitParameters, Recipe
 from humanclaw_train import composer
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels

@@ -9,11 +9,9 @@ torch = pytest.importorskip("torch")
 
 from tiny_motion import WALK
 
-from humanclaw.motion.checkpoint import shipped_base
-from humanclaw.motion.dit import ModelConfig
-from humanclaw.motion.flow import PROFILES, Solver, noise_of
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import Motion, decode, encode
+from humanclaw import Motion
+from humanclaw.motion import PROFILES, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
+from humanclaw.pose import decode, encode
 from humanclaw_train import flow
 from humanclaw_train.checkpoint import load_adapter, load_base
 from humanclaw_train.control import Adapter
@@ -107,8 +105,9 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
     return decode(base.normaliser.inverse(future)[0].numpy())
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("skill", [*SHIPPED, "base"])
+@pytest.mark.parametrize(
+    ("skill", "profile"), [*((skill, "default") for skill in [*SHIPPED, "base"]), ("base", "paper")]
+)
 def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_millimetre(skill, profile):
     path, solver = SHIPPED.get(skill), PROFILES[profile]
     command = Command.of(skill, path) if path else None

@@ -8,13 +8,8 @@ import pytest
 from declared import STROLL, declaration, declare
 from tiny_motion import write_adapter
 
-from humanclaw import pose
-from humanclaw.errors import CheckpointError, PluginError
-from humanclaw.motion.checkpoint import load_base
-from humanclaw.motion.control import AdapterConfig
-from humanclaw.motion.flow import Solver
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.plugins import Plugins
+from humanclaw import CheckpointError, PluginError, Plugins, pose
+from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.fidelity import Report, achieved, baseline, fidelity, main, markdown, realised
 from humanclaw_train.realised import HIPS, Actor, flat, roll_realised, stage

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
-from humanclaw.motion.ik import TOE_BASE, Limb, solve
+from humanclaw.motion import TOE_BASE, Limb, solve
 from humanclaw_train.ik import HEEL, ankle_over, foot_orientation
 
 AHEAD = np.array([0.0, 0.0, 1.0])

@@ -6,10 +6,7 @@ from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
 from humanclaw import pose
-from humanclaw.motion.checkpoint import load_base
-from humanclaw.motion.control import AdapterConfig
-from humanclaw.motion.flow import Solver
-from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (

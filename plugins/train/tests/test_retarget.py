@@ -9,9 +9,9 @@ import pybullet_data
 import pytest
 from declared import declaration
 
+from humanclaw import Motion, Plugins
 from humanclaw.body import JOINT_INDEX, JOINTS, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.plugins import Plugins
-from humanclaw.pose import FPS, Frame, Motion, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.pose import FPS, Pose2D, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
 from humanclaw_train.commands import trained
 from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
@@ -169,7 +169,7 @@ def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
     rotations = stiff.rotations.copy()
     rotations[:, 0, 1] = part * yaw
     root = stiff.root + part[:, None] * [across, up, forward]
-    return Frame(1.5, -2.0, heading, 0.4).to_world(Motion(root, rotations))
+    return Pose2D(1.5, -2.0, heading, 0.4).to_world(Motion(root, rotations))
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.5])
@@ -201,7 +201,7 @@ def test_cut_chunks_lie_in_the_canonical_frame_of_their_history(walk):
     root, rotations = cut(walk, np.array([0, 7]))
     for index, start in enumerate((0, 7)):
         window = walk[start : start + 20]
-        expected = Frame.of_history(window[:5]).to_local(window)
+        expected = Pose2D.of_history(window[:5]).to_local(window)
         np.testing.assert_allclose(root[index], expected.root, atol=1e-9)
         np.testing.assert_allclose(rotations[index], expected.rotations, atol=1e-9)
     np.testing.assert_allclose(canonical(root, rotations)[0], root, atol=1e-9)

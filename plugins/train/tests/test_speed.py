@@ -4,8 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from humanclaw.motion.dit import SIZES, ModelConfig
-from humanclaw.motion.flow import Solver
+from humanclaw.motion import SIZES, ModelConfig, Solver
 from humanclaw_train import speed
 from humanclaw_train.speed import Timing, installed, markdown, measure, verdict
 

@@ -8,12 +8,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from humanclaw import pose
-from humanclaw.errors import HumanclawError
-from humanclaw.motion.checkpoint import load_adapter, load_base
-from humanclaw.motion.dit import ModelConfig
-from humanclaw.motion.flow import Solver
-from humanclaw.motion.generator import DiTGenerator
+from humanclaw import HumanclawError, pose
+from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
 from humanclaw_train import data, kinematics, train
 from humanclaw_train.data import commanded, spoilt
 from humanclaw_train.train import Loss, Weights, main

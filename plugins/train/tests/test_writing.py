@@ -8,10 +8,7 @@ torch = pytest.importorskip("torch")
 from safetensors.numpy import load_file
 from tiny_motion import WALK
 
-from humanclaw.motion import checkpoint
-from humanclaw.motion.checkpoint import Card
-from humanclaw.motion.control import AdapterConfig
-from humanclaw.motion.dit import ModelConfig
+from humanclaw.motion import AdapterConfig, Card, ModelConfig, checkpoint
 from humanclaw_train.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.control import Adapter
 from humanclaw_train.dit import DiT

@@ -3,17 +3,18 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
+from humanclaw.hookspecs import RegisterRecipe, RegisterSkill
 
 __version__ = "0.1.0"
 
 
 @hookimpl
-def humanclaw_skills(register):
+def humanclaw_skills(register: RegisterSkill) -> None:
     register(Path(__file__).parent / "stop")
 
 
 @hookimpl
-def humanclaw_recipes(register):
+def humanclaw_recipes(register: RegisterRecipe) -> None:
     from humanclaw_skill_stop.stop.recipe import RECIPE
 
     register(RECIPE)

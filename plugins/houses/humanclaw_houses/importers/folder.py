@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_houses.importers.offers import Collection, Offer
 from humanclaw_houses.importers.sweethome import slug
 
@@ -67,7 +67,7 @@ def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
         raise HumanclawError(f"cannot read the table {table}: {error}.", f"It is a CSV file with {COLUMNS}.") from error
     if not rows or "file" not in rows[0]:
         raise HumanclawError(f"{table} has no column `file`.", f"Its columns are {COLUMNS}; only `file` is needed.")
-    found = {}
+    found: dict[Path, dict[str, str]] = {}
     for row in rows:
         for base in (table.parent, source):
             found.setdefault((base / row["file"]).resolve(), row)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_houses.importers import folder, sweethome
 from humanclaw_houses.importers.offers import Collection
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from humanclaw.errors import HumanclawError
+from humanclaw import HumanclawError
 from humanclaw_houses.importers.offers import Collection, Offer
 
 CATALOGUE: Final = "PluginFurnitureCatalog.properties"

@@ -11,7 +11,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from humanclaw.errors import SceneError
-from humanclaw.scene import Asset, Mesh, Placement, Room, Scene, SceneObject
+from humanclaw.pose import Pose2D
+from humanclaw.scene import Asset, Mesh, Room, Scene, SceneObject
 
 _HEAD = "scene"
 _MESH = ("vertices", "faces", "uv", "texture")
@@ -46,7 +47,7 @@ def unpack_scene(data: bytes) -> Scene:
         scene = Scene(
             head["name"], {asset.name: asset for asset in assets},
             tuple(_object(row) for row in head["objects"]), tuple(Room(**row) for row in head["rooms"]),
-            Placement(**head["start"]), head["notes"],
+            Pose2D(**head["start"]), head["notes"],
         )  # fmt: skip
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise SceneError(f"this is not a packed scene: {error}.") from error

@@ -15,7 +15,7 @@ from typing import Final
 
 import platformdirs
 
-from humanclaw.files import write_atomically
+from humanclaw._files import write_atomically
 
 VARIABLE: Final = "HUMANCLAW_CACHE"
 LIMIT: Final = 1 << 30

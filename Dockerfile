@@ -1,0 +1,16 @@
+# The demo in a container: docker build -t humanclaw . && docker run --rm -v "$PWD/runs:/home/humanclaw/runs" humanclaw
+FROM python:3.12-slim AS wheels
+WORKDIR /src
+COPY . .
+RUN pip install --no-cache-dir hatchling && python tests/support/wheels.py /wheels
+
+FROM python:3.12-slim
+RUN --mount=type=bind,from=wheels,source=/wheels,target=/wheels \
+    pip install --no-cache-dir --only-binary=:all: --find-links /wheels "humanclaw[demo]"
+RUN useradd --create-home humanclaw && install -d -o humanclaw /home/humanclaw/runs
+USER humanclaw
+WORKDIR /home/humanclaw
+# The renderer is compiled here, so that the first picture of a container is drawn at once.
+RUN humanclaw run --agent still --max-steps 1 --film none --out /tmp/first && rm -r /tmp/first
+ENTRYPOINT ["humanclaw"]
+CMD ["run", "--instruction", "find a couch and sit on it", "--scene", "house:0"]

@@ -1,0 +1,147 @@
+"""What is decided in a step: the call, the reasoning around it, its verification, its cost. In the loop and in the record alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Final, TypeVar
+
+STRICT = {"extra": "forbid"}
+"""For pydantic, which reads these classes from records: an unknown field is an error."""
+_DEEPEST: Final = 16
+"""Levels of nesting in a parameter; what lies deeper no schema asks for."""
+_LONGEST: Final = 100_000
+"""Letters of one text."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Call:
+    """A skill and its parameters, as a model wrote them or after they were checked."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    skill: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.skill}({', '.join(f'{key}={value}' for key, value in self.params.items())})"
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US dollars."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    tokens_in: int = 0
+    tokens_out: int = 0
+    cost: float = 0.0
+    estimated: bool = False
+    cost_estimated: bool = False
+    """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
+
+    def __add__(self, other: Usage) -> Usage:
+        return Usage(
+            self.tokens_in + other.tokens_in,
+            self.tokens_out + other.tokens_out,
+            self.cost + other.cost,
+            self.estimated or other.estimated,
+            self.cost_estimated or other.cost_estimated,
+        )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is legal."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    calls: tuple[Call, ...] = ()
+    visible_state: str = ""
+    progress: str = ""
+    mid_level_goal: str = ""
+    mid_level_change: str = ""
+    """'keep' or 'revise'."""
+    reasoning: str = ""
+    raw: str = ""
+    prompt_digest: str = ""
+    usage: Usage = field(default_factory=Usage)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A decision that was submitted, usable or not."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    decision: Decision
+    error: str = ""
+    """Why it was handed back; empty if its call was used."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Nothing was executed: the agent has to read the error and decide again."""
+
+    error: str
+    attempts_left: int
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verifier's answer to one check."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    check: str
+    passed: bool
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Accept the proposed call, or put another one from the same pool in its place."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    accepted: bool
+    replacement: Call | None = None
+    answers: tuple[Answer, ...] = ()
+    failed_open: str = ""
+    """Why the call was let through unverified, if it was."""
+    usage: Usage = field(default_factory=Usage)
+
+    @property
+    def failed(self) -> tuple[Answer, ...]:
+        """The checks that the call did not pass."""
+        return tuple(answer for answer in self.answers if not answer.passed)
+
+
+def recordable(value: T) -> T:
+    """Bring a decision or a verdict, which a model may have written, into what a record can hold.
+
+    Half characters become U+FFFD, texts and nesting are bounded. What a schema would refuse it still refuses.
+    """
+    changed = {part.name: _bounded(getattr(value, part.name)) for part in fields(value)}  # type: ignore[arg-type]
+    return replace(value, **changed)  # type: ignore[type-var]
+
+
+def _bounded(value: Any, depth: int = 0) -> Any:
+    if isinstance(value, str):
+        return value[:_LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    if value is None or isinstance(value, bool | int | float | Usage):
+        return value
+    if depth > _DEEPEST:
+        return "..."
+    if isinstance(value, Call):
+        return Call(_bounded(str(value.skill)), _bounded(value.params))
+    if isinstance(value, Answer):
+        return recordable(value)
+    if isinstance(value, Mapping):
+        return {_bounded(str(key)): _bounded(inner, depth + 1) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return tuple(_bounded(inner, depth + 1) for inner in value)
+    if isinstance(value, list):
+        return [_bounded(inner, depth + 1) for inner in value]
+    return _bounded(str(value))

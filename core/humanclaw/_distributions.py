@@ -1,0 +1,39 @@
+"""Which distribution brings something that is not installed: names in, lines to type out."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import tomllib
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+DEMO = "demo"
+"""The extra with all that `humanclaw run` needs."""
+
+
+@cache
+def table() -> Mapping[str, Mapping[str, str]]:
+    """Kind to name to first-party distribution."""
+    return tomllib.loads(Path(__file__).with_name("distributions.toml").read_text("utf-8"))
+
+
+def bringing(kind: str, name: str) -> str:
+    """The first-party distribution that brings something; empty if none does."""
+    return table().get(kind, {}).get(name, "")
+
+
+def install(distributions: Iterable[str]) -> str:
+    """The shortest line that installs some distributions: by the extra `demo` where it holds several of them."""
+    wanted, demo = list(dict.fromkeys(distributions)), _extra(DEMO)
+    if len(demo & set(wanted)) > 1:
+        wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
+    return f"pip install {' '.join(wanted)}"
+
+
+def _extra(extra: str) -> set[str]:
+    """The distributions that an extra of the core names, whatever the version of Python."""
+    requirements = map(Requirement, importlib.metadata.requires("humanclaw") or ())
+    return {one.name for one in requirements if one.marker and f'extra == "{extra}"' in str(one.marker)}

@@ -1,0 +1,202 @@
+"""What is measured of an episode for its record: where the body went, what it touched, how far it still is."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import humanclaw
+from humanclaw import _pictures as pictures
+from humanclaw.contract import Skill
+from humanclaw.embodiment import Body, Chunk
+from humanclaw.interfaces import DistanceFn, Execution, View, WorldState
+from humanclaw.plugins import Plugins
+from humanclaw.pose import HISTORY, Array, Motion
+from humanclaw.records import Contact, EpisodeRecord, EpisodeSpec, SkillInfo, Vec3
+from humanclaw.scene import GROUND, Scene, distance_to_nearest
+
+
+class TrajectoryBuffer:
+    """Collects every frame of an episode for motion.npz: five frames of standing, then each step's."""
+
+    def __init__(self, body: Body) -> None:
+        self._scene = body.scene
+        self._commanded: list[Motion] = [body.history]
+        still = body.state().body
+        self._realised: list[Motion] = [
+            Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
+        ]
+        self._paths: dict[int, list[tuple[int, Array]]] = {}
+        self._length = HISTORY
+
+    def add(self, chunks: Sequence[Chunk]) -> None:
+        """Append the motion of one step."""
+        for chunk in chunks:
+            self._commanded.append(chunk.commanded)
+            self._realised.append(chunk.execution.realised)
+            for key, path in chunk.execution.objects.items():
+                self._paths.setdefault(key, []).append((self._length, path))
+            self._length += len(chunk.commanded)
+
+    def arrays(self) -> dict[str, Array]:
+        """Name the arrays of motion.npz: {generated,realised}_{root,rotations} and object_ID, a row a frame."""
+        arrays = {f"object_{key}": self._path(key) for key in sorted(self._paths)}
+        for kind, pieces in (("generated", self._commanded), ("realised", self._realised)):
+            arrays[f"{kind}_root"] = np.concatenate([piece.root for piece in pieces])
+            arrays[f"{kind}_rotations"] = np.concatenate([piece.rotations for piece in pieces])
+        return arrays
+
+    def _path(self, key: int) -> Array:
+        """(T, 7) pose of an object in every frame; between recorded pieces it rests where the last one left it."""
+        thing = self._scene.by_id[key]
+        full = np.tile(np.array([*thing.position, *thing.rotation], float), (self._length, 1))
+        for first, path in self._paths[key]:
+            full[first : first + len(path)] = path
+            full[first + len(path) :] = path[-1]
+        return full
+
+
+# -- an episode --------------------------------------------------------------------------------------------------------
+def begin_record(
+    body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any]
+) -> EpisodeRecord:
+    """Write down what an episode begins with.
+
+    Args:
+        body: at the start of the episode.
+        options: of the run, as they were given.
+        settings: what is in force of agent, verifier and limits; empty ones are left out.
+    """
+    in_force = {**settings, "body": asdict(body.engines) | {"senses": list(body.senses)}}
+    objects = body.scene.objects
+    return EpisodeRecord(
+        spec=spec,
+        start=body.start,
+        agent=agent,
+        verifier=verifier,
+        options=dict(options),
+        settings={part: dict(found) for part, found in in_force.items() if found},
+        versions={"humanclaw": humanclaw.__version__} | {i.origin: i.version for i in body.plugins.infos if i.version},
+        weights={"base": body.weights},
+        scene_digest=body.scene.digest,
+        licences=body.scene.licences,
+        targets={key: _box(body.scene, key) for key in spec.target_ids},
+        movable=tuple(one.id for one in objects if one.movable),
+        ground=tuple(one.id for one in objects if one.category in GROUND),
+        skills=skill_infos(body.plugins),
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+
+
+def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
+    """Describe every skill that can be called, by name."""
+    versions = {info.name: info.version for info in plugins.infos}
+    return {name: _info(skill, plugins.owner(name), versions) for name, skill in sorted(plugins.skills.items())}
+
+
+def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
+    commands = {one.key: one.measure for one in skill.parameters if one.measure}
+    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill), commands)
+
+
+def _digest(skill: Skill) -> str:
+    told = [skill.name, skill.description, skill.schema, [asdict(check) for check in skill.checks]]
+    state = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    if skill.adapter and skill.trained:
+        found = skill.adapter.stat()
+        state.update(_file_digest(skill.adapter, found.st_mtime_ns, found.st_size))
+    return state.hexdigest()
+
+
+@functools.lru_cache(maxsize=256)
+def _file_digest(path: Path, changed: int, size: int) -> bytes:
+    """Adapters are large and seldom change, and every episode asks for all of them."""
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def _box(scene: Scene, key: int) -> tuple[Vec3, Vec3]:
+    low, high = scene.aabb(key)
+    return vec3(low), vec3(high)
+
+
+# -- a moment ----------------------------------------------------------------------------------------------------------
+def vec3(point: Array) -> Vec3:
+    """Round a point (3,) to hundredths of a millimetre."""
+    x, y, z = (round(float(value), 5) for value in point)
+    return x, y, z
+
+
+def yaw(state: WorldState) -> float:
+    """Heading of the body, radians."""
+    return float(state.body.yaw()[-1])
+
+
+def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | None:
+    """Shortest way from the pelvis to a target, metres; None if nothing measures it or there is none."""
+    metres = distance(state.body.root[-1]) if distance else float("inf")
+    return round(metres, 3) if np.isfinite(metres) else None
+
+
+def target_distance(scene: Scene, targets: Sequence[int], body: Motion) -> float | None:
+    """From the nearest joint (pelvis, root and link origins) in the last frame to the nearest target's box, metres."""
+    if not targets:
+        return None
+    return distance_to_nearest(body[-1:].joints(), map(scene.aabb, targets))
+
+
+def jpeg(view: View) -> bytes:
+    """Encode the picture of a view."""
+    return pictures.jpeg(view.rgb, quality=88)
+
+
+# -- a step ------------------------------------------------------------------------------------------------------------
+def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
+    """Gather one contact a pair of joint and object, with the frames counted from the first of the step."""
+    pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
+    for start, part in _timed(chunks):
+        for contact in part.contacts:
+            pairs.setdefault((contact.joint, contact.object_id), []).append((start, contact))
+    return tuple(_gathered(found) for _, found in sorted(pairs.items(), key=lambda item: item[0]))
+
+
+def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
+    first = found[0][1]
+    return Contact(
+        tuple(sorted({start + frame for start, contact in found for frame in contact.frames})),
+        first.joint,
+        first.group,
+        first.object_id,
+        first.movable,
+        depth=round(max(contact.depth for _, contact in found), 5),
+        height=round(max(contact.height for _, contact in found), 4),
+    )
+
+
+def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
+    """List (frame of the step, object, object) where a movable object touches another."""
+    return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
+
+
+def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
+    """List the objects that the pelvis touches in the last frame."""
+    if not chunks:
+        return ()
+    last = chunks[-1].execution
+    frame = len(last.realised) - 1
+    return tuple(sorted({c.object_id for c in last.contacts if c.joint == "pelvis" and frame in c.frames}))
+
+
+def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
+    """What became of each chunk, with the frame of the step that it begins at."""
+    start = 0
+    for chunk in chunks:
+        yield start, chunk.execution
+        start += len(chunk.commanded)

@@ -1,0 +1,111 @@
+"""What `humanclaw run` does once it has answered: the plugins, the scene, the body, the episode, and what is told of it."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.console import Console
+from rich.status import Status
+
+from humanclaw.cli.options import Deciders
+from humanclaw.cli.progress import StepProgress, summary
+from humanclaw.embodiment import SIMULATORS, Backends, Body
+from humanclaw.errors import RecordError
+from humanclaw.interfaces import Reporter
+from humanclaw.loop import run_episode
+from humanclaw.navigation import geodesics
+from humanclaw.plugins import Plugins
+from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
+from humanclaw.scene import Scene
+from humanclaw.tasks import free_episode
+
+_INTERRUPTED: Final = 130
+"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
+
+
+def play(
+    instruction: str,
+    reference: str,
+    deciders: Deciders,
+    files: tuple[Path, ...],
+    console: Console,
+    status: Status,
+    *,
+    engines: Backends,
+    max_steps: int,
+    seed: int,
+    out: Path | None,
+    film: str,
+) -> None:
+    """Play one episode; the arguments are the options of `humanclaw run`. Ends the process with 130 after Ctrl-C."""
+    plugins = Plugins.discover(files)
+    plugins.require(*_needed(plugins, deciders, engines, reference))
+    agent, verifier = deciders.make(plugins)
+    out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"
+    status.update("Making the scene")
+    scene: Scene = plugins.scene(reference)
+    spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
+    folder = out / spec.id
+    if (folder / "episode.json").exists():
+        raise RecordError(f"{folder} already holds a record.", "Name another folder with --out, or remove that one.")
+    plugins.add(StepProgress(console, max_steps), "console_progress")
+    status.update(
+        "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a machine)"
+    )
+    with Body(scene, seed=seed, plugins=plugins, engines=engines) as body:
+        status.update(f"Playing; the record is in {folder}")
+        try:
+            record = run_episode(
+                body,
+                spec,
+                agent,
+                verifier,
+                folder=folder,
+                options=deciders.options,
+                distance=geodesics,
+                meter=deciders.meter(),
+            )
+        except KeyboardInterrupt:
+            if not (folder / "episode.json").exists():
+                raise
+            record = RecordedEpisode(folder).record
+    console.print(summary(record, RecordedEpisode(folder).steps))
+    status.update("Writing the report")
+    _report(plugins, engines, out, folder, film, console)
+    _exit(record)
+
+
+def _needed(plugins: Plugins, deciders: Deciders, engines: Backends, reference: str) -> Iterator[tuple[str, str]]:
+    """Kind and name of all that an episode is made of."""
+    yield "scenes", reference.partition(":")[0]
+    # Whatever simulator there is will do where none is named; where there is none, the one that every Python can have.
+    if engines.simulator or not plugins.registered("simulators"):
+        yield "simulators", engines.simulator or SIMULATORS[-1]
+    yield "renderers", engines.renderer
+    yield "motion_generators", engines.generator
+    yield "agents", deciders.agent
+    if deciders.verifier:
+        yield "verifiers", deciders.verifier
+
+
+def _report(plugins: Plugins, engines: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
+    """What the reporters that are installed make of the record."""
+    console.print(f"record: {folder}", soft_wrap=True)
+    for one in plugins.registered("reports"):
+        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=engines.renderer)
+        for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
+            console.print(f"{name}: {path}", soft_wrap=True)
+
+
+def _exit(record: EpisodeRecord) -> None:
+    if record.outcome == "infra_error":
+        raise click.ClickException(f"the provider failed: {record.error}")
+    if record.outcome == "limit_reached":
+        raise click.ClickException(f"a limit was reached: {record.error}")
+    if record.outcome == "interrupted":
+        sys.exit(_INTERRUPTED)

@@ -1,0 +1,109 @@
+"""Who brings what, and the lines to type that mend what is missing."""
+
+import ast
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from wheels import distributions as folders
+
+from humanclaw import _distributions as distributions
+from humanclaw.errors import PluginError
+from humanclaw.plugins import Plugins
+
+PROJECT = tomllib.loads((folders()[0] / "pyproject.toml").read_text())["project"]
+NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in folders()}
+
+
+def test_the_table_says_what_the_distributions_register():
+    plugins = Plugins.discover()
+    origins = {info.name: info.origin for info in plugins.infos}
+    for kind, table in distributions.table().items():
+        found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
+        installed = {name: of for name, of in table.items() if of in origins.values()}
+        assert {name: of for name, of in found.items() if of in NAMES} == installed, kind
+
+
+def test_every_distribution_has_the_licence_of_the_whole_and_says_where_it_belongs():
+    licence = (folders()[0] / "LICENSE").read_text()
+    for folder in folders():
+        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        assert (folder / "LICENSE").read_text() == licence
+        assert project["license"] == "Apache-2.0"
+        assert project["requires-python"] == ">=3.11"
+        assert project["authors"]
+        assert project["classifiers"]
+        assert project["urls"]["Homepage"].endswith(f"/{project['name']}/")
+        assert (folder / project["readme"]).is_file()
+
+
+def test_the_extras_name_every_distribution():
+    extras = PROJECT["optional-dependencies"]
+    named = {Requirement(text).name for texts in extras.values() for text in texts}
+    assert named | {"humanclaw"} >= NAMES
+    assert not {"torch", "ray"} & {Requirement(text).name for text in PROJECT["dependencies"]}
+
+
+def test_all_that_is_missing_is_told_at_once_with_one_line_that_mends_it():
+    with pytest.raises(PluginError) as refused:
+        Plugins().require(("scenes", "house"), ("simulators", "mujoco"), ("renderers", "raster"))
+    assert refused.value.message == "scene 'house', simulator 'mujoco' and renderer 'raster' are not installed."
+    assert refused.value.remedy == 'Run `pip install "humanclaw[demo]"`.'
+
+
+def test_what_the_extra_does_not_hold_is_added_to_the_line():
+    missing = ("scenes", "house"), ("renderers", "raster"), ("verifiers", "litellm")
+    with pytest.raises(PluginError, match=r'pip install "humanclaw\[demo\]" humanclaw-litellm'):
+        Plugins().require(*missing)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "remedy"),
+    [
+        ("scenes", "house", "Run `pip install humanclaw-houses`."),
+        ("executors", "ray", "Run `pip install humanclaw-ray`."),
+        ("simulators", "mujocco", "Did you mean mujoco (of humanclaw-mujoco)?"),
+        ("renderers", "unheard-of", "Known: raster (of humanclaw-raster)."),
+    ],
+)
+def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_it(kind, name, remedy):
+    with pytest.raises(PluginError) as refused:
+        Plugins().require((kind, name))
+    assert refused.value.message.startswith("there is no ")
+    assert refused.value.remedy == remedy
+
+
+IMPORTED_AS = {"PIL": "pillow", "skimage": "scikit-image"}
+OPTIONAL = {"alktx2", "onnxruntime", "openvino"}
+"""Used where somebody has installed them, and told by name where not."""
+CARRIED = {"mcp-types"}
+"""Modules that come with another distribution of the same authors."""
+
+
+def _imported(package: Path) -> set[str]:
+    """What the modules of a package import, its own and the standard library apart, as distributions are called."""
+    nodes = [node for file in package.rglob("*.py") for node in ast.walk(ast.parse(file.read_text()))]
+    modules = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    modules += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
+    tops = {module.split(".")[0] for module in modules} - sys.stdlib_module_names - {package.name}
+    return {IMPORTED_AS.get(top, top).lower().replace("_", "-") for top in tops}
+
+
+@pytest.mark.parametrize("folder", folders(), ids=lambda folder: folder.name)
+def test_a_distribution_requires_all_that_it_imports(folder):
+    content = tomllib.loads((folder / "pyproject.toml").read_text())
+    project = content["project"]
+    texts = [
+        *project["dependencies"],
+        *(text for texts in project.get("optional-dependencies", {}).values() for text in texts),
+    ]
+    required = {Requirement(text).name.lower() for text in texts}
+    (package,) = content["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert _imported(folder / package) <= required | OPTIONAL | CARRIED
+
+
+def test_every_skill_of_the_repository_is_in_the_table():
+    skills = Path(__file__).parents[1] / "skills"
+    assert {file.parent.name for file in skills.glob("*/*/*/schema.json")} == distributions.table()["skills"].keys()

@@ -1,0 +1,62 @@
+"""What somebody gets who installs a wheel: all of it, and a demo that runs. Slow: HUMANCLAW_SLOW=1 pytest tests/test_wheels.py"""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+import wheels
+
+slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and an index: HUMANCLAW_SLOW=1")
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory) -> list[Path]:
+    return wheels.build(tmp_path_factory.mktemp("wheels"))
+
+
+def _install(folder: Path, built: list[Path], *wanted: str) -> Path:
+    """A new environment with these distributions from the wheels, all else from the index; its folder of commands."""
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    commands = folder / ("Scripts" if os.name == "nt" else "bin")
+    given = ["--quiet", "--no-cache-dir", "--only-binary=:all:", "--find-links", str(built[0].parent)]
+    subprocess.run([str(commands / "python"), "-m", "pip", "install", *given, *wanted], check=True)
+    return commands
+
+
+def _humanclaw(commands: Path, *args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(commands / "humanclaw"), *args], cwd=commands.parent, capture_output=True, text=True)
+
+
+def test_every_wheel_holds_its_licence_its_types_and_its_weights(built):
+    assert len(built) == len(wheels.distributions())
+    for wheel in built:
+        names = zipfile.ZipFile(wheel).namelist()
+        assert any(name.endswith("/licenses/LICENSE") for name in names), wheel.name
+        assert any(name.endswith("/py.typed") for name in names), wheel.name
+        skills = {name.rpartition("/")[0] for name in names if name.endswith("/schema.json")}
+        assert all(f"{skill}/adapter.safetensors" in names for skill in skills), wheel.name
+    assert "humanclaw/motion/weights/base.safetensors" in zipfile.ZipFile(built[0]).namelist()
+
+
+@slow
+def test_a_skill_alone_brings_the_core_and_says_what_an_episode_needs_besides(built, tmp_path):
+    commands = _install(tmp_path / "skill", built, "humanclaw-skill-climb")
+    done = _humanclaw(commands, "run")
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "error: scene 'house', simulator 'mujoco', renderer 'raster' and agent 'oracle' are not installed.",
+        'Run `pip install "humanclaw[demo]"`.',
+    ]
+
+
+@slow
+@pytest.mark.parametrize("extra", ["demo", "all"])
+def test_the_demo_runs_from_wheels_and_without_torch(built, tmp_path, extra):
+    commands = _install(tmp_path / extra, built, f"humanclaw[{extra}]")
+    done = _humanclaw(commands, "run", "--max-steps", "3", "--film", "gif", "--out", "r")
+    assert done.returncode == 0, done.stderr
+    assert (commands.parent / "r" / "report.html").is_file()
+    assert subprocess.run([str(commands / "python"), "-c", "import torch"], capture_output=True).returncode != 0
