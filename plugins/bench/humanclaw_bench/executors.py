@@ -157,7 +157,9 @@ def _crash_report(worker: _WorkerProcess, deaths: int) -> WorkerReport | None:
         raise HumanclawError(f"{deaths} workers died one after another. The last: {fate}.", "Mend what it says there.")
     if worker.task is None:
         return None
-    return WorkerReport(worker.task.id, FAILED, seconds=time.perf_counter() - worker.began, error=fate, worker=worker.name)
+    return WorkerReport(
+        worker.task.id, FAILED, seconds=time.perf_counter() - worker.began, error=fate, worker=worker.name
+    )
 
 
 def _reason(code: int | None) -> str:

@@ -273,7 +273,9 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
     command = Command.of(first, paths[first])
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
-    return FidelityReport(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
+    return FidelityReport(
+        generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows)
+    )
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
