@@ -1,6 +1,7 @@
 """Skills as the tools of a model: what is published in each format, and how an answer is read back."""
 
 import json
+import time
 
 import jsonschema
 import pytest
@@ -30,6 +31,14 @@ STEP = made(
 )
 TURN = made("turn", "Turn.", ["yaw_deg"], yaw_deg={"type": "integer", "minimum": -75, "maximum": 75})
 BACK = made("back", "Go back.", ["z_cm"], z_cm={"type": "integer", "minimum": 5, "maximum": 100})
+
+
+def nested(levels):
+    """A dictionary in a dictionary in a dictionary..."""
+    inner = 1
+    for _ in range(levels):
+        inner = {"in": inner}
+    return inner
 
 
 # -- publishing --------------------------------------------------------------------------------------------------------
@@ -155,6 +164,12 @@ def test_a_change_that_is_neither_keep_nor_revise_is_nothing():
         ("[]", "got list"),
         ('{"z_cm": NaN}', "plain numbers"),
         ("[" * 100_000, "not valid JSON"),
+        ('{"z_cm": ' + "9" * 100_000 + "}", "longer than 100000 letters"),
+        ('{"z_cm": 1' + "0" * 400 + "}", "plain numbers"),
+        ('{"z_cm": ' + '{"a":' * 400 + "1" + "}" * 401, "nested more than 16 levels"),
+        ({"z_cm": nested(5_000)}, "nested more than 16 levels"),
+        ('{"z_cm": 4, "z_cm": 40}', "'z_cm' is there twice"),
+        ('{"z_cm": {"a": 1, "a": 2}}', "'a' is there twice"),
     ],
 )
 def test_arguments_that_cannot_be_read_are_explained(arguments, words):
@@ -185,6 +200,29 @@ def test_every_call_of_a_text_is_found_and_repetition_is_not_another():
 @pytest.mark.parametrize("text", ["", "I walk.", '{"skill": "step", "parameters": {"z_cm": 4', '{"thought": "none"}'])
 def test_a_text_without_a_whole_call_holds_none(text):
     with pytest.raises(CallError, match="no complete JSON object"):
+        read_text(text)
+
+
+@pytest.mark.parametrize(
+    "opening", ["{", '{"a":', '{"a":[', "{ ", '{"skill": "step", "parameters": ', "<think>", "```{"]
+)
+def test_a_text_that_never_closes_what_it_opens_is_read_in_no_time(opening):
+    began = time.perf_counter()
+    with pytest.raises(CallError, match="no complete JSON object"):
+        read_text(opening * (100_000 // len(opening)))
+    assert time.perf_counter() - began < 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"skill": "step", "skill": "turn", "parameters": {"skill": "step", "z_cm": 40}}', "'skill' is there twice"),
+        ('{"skill": "step", "parameters": {"z_cm": 4, "z_cm": 40}}', "'z_cm' is there twice"),
+        ('{"skill": "step", "parameters": {"z_cm": 40}}' + " " * 100_000, "longer than 100000 letters"),
+    ],
+)
+def test_of_two_meanings_of_a_text_none_is_executed(text, words):
+    with pytest.raises(CallError, match=words):
         read_text(text)
 
 

@@ -10,10 +10,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
+from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
@@ -43,6 +45,10 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
 """What a model must say before a skill's parameters; the fields of Reasoning."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
+_TRIES: Final = 200
+"""Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_ABOUT: Final = frozenset({"title", "description", "default", "type"})
+"""Words of which the nearer one goes before that of a referenced schema."""
 _GEMINI_WORDS: Final = frozenset(
     [
         "type",
@@ -196,6 +202,8 @@ def _merge_alternatives(part: Json, defs: Mapping[str, Any], where: str) -> Json
             raise PluginError(f"{where} refers to {inner!r}, which is not among its $defs.", "Mend the reference.")
         if len(options) != 1 or not isinstance(options[0], Mapping):
             raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
+        if twice := sorted(set(options[0]) & set(part) - _ABOUT):
+            raise PluginError(f"{where} has {twice[0]!r} both of its own and by reference.", "Give it one.")
         part = {**options[0], **part}
     raise PluginError(f"{where} refers to itself.", "Give it a flat type.")
 
@@ -264,11 +272,11 @@ def _for_gemini(part: Mapping[str, Any]) -> Json:
 def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Split the arguments of a tool call into reasoning and call. Nothing is converted: "40" stays a string.
 
-    Raises CallError, written for the model, if the arguments are not a JSON object of finite numbers.
+    Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key once.
     """
     values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
-    if not all(map(_finite, values.values())):
-        raise CallError(f"{name} was not executed: NaN and Infinity are not numbers; give plain numbers.")
+    if fault := _fault(values):
+        raise CallError(f"{name} was not executed: {fault}.")
     said = {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
     change = said.get("mid_level_change", "").strip().lower()
     said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
@@ -294,33 +302,51 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
 def read_text(text: str) -> list[tuple[Reasoning, Call]]:
     """Read every call in a text: JSON objects that name a skill, with anything around them.
 
-    Raises CallError if there is none.
+    Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too long.
     """
-    found = [read_answer(item) for item in json_objects(text) if isinstance(item.get("skill", item.get("name")), str)]
+    if len(text) > LONGEST:
+        raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
+    items = _objects(text, _once)
+    found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
     if not found:
         raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
     return [item for index, item in enumerate(found) if item not in found[:index]]
 
 
 def json_objects(text: str) -> Iterator[Json]:
-    """Find the complete outermost JSON objects in a text.
+    """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
 
-    Thoughts between <think> tags are skipped, fences ignored.
+    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is not read.
     """
+    return _objects(text[:LONGEST], dict)
+
+
+def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
     text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
-    decoder, place = json.JSONDecoder(), text.find("{")
-    while place >= 0:
+    decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
+    while place >= 0 and failed < _TRIES:
         try:
             value, place = decoder.raw_decode(text, place)
             yield value
         except (ValueError, RecursionError):
-            place += 1
+            place, failed = place + 1, failed + 1
         place = text.find("{", place)
 
 
+def _once(pairs: list[tuple[str, Any]]) -> Json:
+    """An object, each of whose keys is there once: of two values nobody knows which was meant."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise CallError(f"Nothing was executed: the key {twice[:64]!r} is there twice; give it once.")
+    return values
+
+
 def _parse(arguments: str, name: str) -> Json:
+    if len(arguments) > LONGEST:
+        raise CallError(f"{name} was not executed: its arguments are longer than {LONGEST} letters; be brief.")
     try:
-        values = json.loads(arguments or "{}")
+        values = json.loads(arguments or "{}", object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
         raise CallError(
             f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"
@@ -330,12 +356,22 @@ def _parse(arguments: str, name: str) -> Json:
     return values
 
 
-def _finite(value: Any) -> bool:
+def _fault(values: Json) -> str:
+    """Why nothing can be called with these values; empty if it can. It looks at a level at a time: recursion has an end."""
+    level: list[Any] = list(values.values())
+    for _ in range(DEEPEST):
+        if any(isinstance(value, float) and not math.isfinite(value) for value in level):
+            return "NaN and Infinity are not numbers; give plain numbers"
+        if any(isinstance(value, int) and abs(value) > LARGEST for value in level):
+            return f"an integer lies beyond {LARGEST}; give plain numbers"
+        level = [inner for value in level for inner in _inside(value)]
+    return f"its arguments are nested more than {DEEPEST} levels deep; give flat parameters" if level else ""
+
+
+def _inside(value: Any) -> Iterable[Any]:
     if isinstance(value, Mapping):
-        return all(map(_finite, value.values()))
-    if isinstance(value, list | tuple):
-        return all(map(_finite, value))
-    return not isinstance(value, float) or math.isfinite(value)
+        return value.values()
+    return value if isinstance(value, list | tuple) else ()
 
 
 def _text(value: Any) -> str:

@@ -18,11 +18,12 @@ from humanclaw import (
     Meter,
     Plugins,
     RecordedEpisode,
+    RecordError,
     ReplayError,
     StepRecord,
 )
 from humanclaw.navigation import geodesics
-from humanclaw.records import Outcome, Usage
+from humanclaw.records import Outcome, Usage, close_record
 from humanclaw.storage import write_atomically
 
 FAILED: Final = "infra_error"
@@ -102,7 +103,12 @@ class Worker:
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
         try:
-            self._run(spec, folder, recorded_steps(folder))
+            replay = recorded_steps(folder)
+        except RecordError as fault:
+            print(f"{fault.message} It is begun anew.", flush=True)
+            replay = ()
+        try:
+            self._run(spec, folder, replay)
         except ReplayError as fault:
             print(f"{fault} It is begun anew.", flush=True)
             self._run(spec, folder, ())
@@ -121,9 +127,7 @@ class Worker:
                 self._episode.submit(agent.decide(self._episode.observe(), self._episode.history))
 
     def _fail(self, spec: EpisodeSpec, error: str) -> None:
-        folder = self._out / spec.id
-        if (folder / "episode.json").exists():
-            mark(folder, FAILED, error)
+        mark(self._out / spec.id, FAILED, error)
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
         report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
@@ -149,17 +153,30 @@ class Worker:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier session left behind, if any."""
-    return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
+    """The steps of an episode that an earlier session left behind, if any. Raises RecordError if they are damaged."""
+    found = recorded(folder)
+    return found.steps if found else ()
+
+
+def recorded(folder: Path) -> RecordedEpisode | None:
+    """The record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is damaged."""
+    if not (folder / "episode.json").exists():
+        return None
+    found = RecordedEpisode(folder)
+    if found.record.spec.id != folder.name:
+        raise RecordError(f"{folder} holds the record of {found.record.spec.id!r}.", "Remove the folder.")
+    return found
 
 
 def mark(folder: Path, outcome: Outcome, error: str) -> None:
-    """Write into the record of an episode how it ended, where nobody else could."""
-    recorded = RecordedEpisode(folder)
-    changed = {"outcome": outcome, "error": error, "steps": len(recorded.steps)}
-    write_atomically(
-        folder / "episode.json", recorded.record.model_copy(update=changed).model_dump_json(indent=1).encode()
-    )
+    """Write into the record of an episode how it ended, where nobody else could. A damaged one is left: it is begun anew."""
+    try:
+        found = recorded(folder)
+    except RecordError:
+        return
+    if found:
+        changed = {"outcome": outcome, "error": error, "steps": len(found.steps)}
+        close_record(folder, found.record.model_copy(update=changed))
 
 
 # -- a record on its way -----------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import humanclaw_bench as benchmark
 from humanclaw import Plugins, RecordError, load_run
 from humanclaw.cli import build
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
+from humanclaw_bench.worker import mark
 
 METRIC = """
 from humanclaw import hookimpl
@@ -32,8 +33,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("export") / "run"
     for name in ("couch-0", "couch-1", "couch-2"):
         record_episode(folder / name, name=name)
-    path = folder / "couch-2" / "episode.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"outcome": "infra_error", "error": "503"}))
+    mark(folder / "couch-2", "infra_error", "503")
     return folder
 
 
