@@ -264,7 +264,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _stops(executor: Executor) -> Iterator[threading.Event]:
-    """The first SIGINT stops the run after the steps under way; the second ends it at once."""
+    """The first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
     stopped = threading.Event()
 
     def handle(number: int, frame: object) -> None:
@@ -276,8 +276,9 @@ def _stops(executor: Executor) -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():
         yield stopped
         return
-    before = signal.signal(signal.SIGINT, handle)
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stopped
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
