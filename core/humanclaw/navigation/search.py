@@ -78,11 +78,7 @@ class MultiFloorMap:
         return [np.where(grid.fits(radius), grid.steepness, -1.0) for grid in self.grids]
 
     def distances(self, starts: Array, radius: float = RADIUS) -> Array:
-<<<<<<< HEAD
         """Return (G, x cell, z cell) metres to walk from the nearest of (..., 3) starts; infinite where there is no way.
-=======
-        """Return (G, x cell, z cell) metres to walk from the nearest of (..., 3) starts to each cell; infinite where no way is.
->>>>>>> words
 
         A start where no body fits begins at the nearest cell where one does.
         """
