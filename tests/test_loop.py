@@ -18,10 +18,10 @@ STOP = Call("stop")
 STEP = Call("walk", {"z_cm": 40})
 
 
-class Judge:
+class RecordingVerifier:
     """Says what it is told of every call."""
 
-    name = "judge"
+    name = "verifier"
 
     def __init__(self, verdict):
         self.verdict = verdict
@@ -101,24 +101,24 @@ def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
 
 
 def test_a_verifier_that_accepts_lets_the_call_through(play):
-    judge = Judge(Verdict(True, None, (Answer("path_clear", True),)))
-    episode, _ = play(STEP, STOP, verifier=judge)
-    assert judge.asked[0] == (Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), "walk", "")
+    verifier = RecordingVerifier(Verdict(True, None, (Answer("path_clear", True),)))
+    episode, _ = play(STEP, STOP, verifier=verifier)
+    assert verifier.asked[0] == (Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), "walk", "")
     assert episode.steps[0].call.skill == "walk"
     assert episode.steps[0].verdict.accepted
 
 
 def test_a_verifier_puts_another_call_in_place(play):
     other = Call("turn_in_place", {"yaw_deg": 30})
-    judge = Judge(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
-    episode, agent = play(STEP, verifier=judge, max_steps=2)
+    verifier = RecordingVerifier(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
+    episode, agent = play(STEP, verifier=verifier, max_steps=2)
     assert episode.steps[0].call.skill == "turn_in_place"
     assert "a wall is near" in str(agent.heard[1].feedback)
 
 
 def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
-    judge = Judge(Verdict(False, Call("fly", {}), (Answer("path_clear", False),)))
-    episode, _ = play(STEP, verifier=judge, max_steps=1)
+    verifier = RecordingVerifier(Verdict(False, Call("fly", {}), (Answer("path_clear", False),)))
+    episode, _ = play(STEP, verifier=verifier, max_steps=1)
     assert episode.steps[0].call.skill == "walk"
     assert "there is no skill 'fly'" in episode.steps[0].verdict.failed_open
 

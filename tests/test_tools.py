@@ -9,7 +9,7 @@ import pytest
 from humanclaw import Keyframes, Skill, skill
 from humanclaw.errors import CallError, PluginError
 from humanclaw.records import Call
-from humanclaw.tools import ENVELOPE, answer_schema, openai_tools, publish, read_answer, read_call, read_text
+from humanclaw.tools import REASONING_FIELDS, answer_schema, openai_tools, publish, read_answer, read_call, read_text
 
 SAID = {
     "visible_state": "a door",
@@ -42,16 +42,16 @@ def nested(levels):
 
 
 # -- publishing --------------------------------------------------------------------------------------------------------
-def test_the_envelope_comes_first_and_is_required():
+def test_the_reasoning_comes_first_and_is_required():
     (tool,) = openai_tools([STEP])
     parameters = tool["function"]["parameters"]
-    assert list(parameters["properties"]) == [*ENVELOPE, "z_cm"] == parameters["required"]
+    assert list(parameters["properties"]) == [*REASONING_FIELDS, "z_cm"] == parameters["required"]
     assert parameters["properties"]["mid_level_change"]["enum"] == ["keep", "revise"]
     assert parameters["properties"]["z_cm"] == STEP.schema["properties"]["z_cm"]
 
 
-def test_without_the_envelope_a_tool_is_the_skills_own_schema():
-    (tool,) = openai_tools([STEP], envelope=False)
+def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
+    (tool,) = openai_tools([STEP], reasoning=False)
     assert tool == {
         "type": "function",
         "function": {"name": "step", "description": "Take a step.", "parameters": dict(STEP.schema)},
@@ -73,7 +73,7 @@ def test_without_the_mid_level_its_fields_are_not_asked_for():
     ],
 )
 def test_every_format_holds_every_skill_with_its_bounds(form, read):
-    found = read(publish([STEP, TURN], form, envelope=False))
+    found = read(publish([STEP, TURN], form, reasoning=False))
     assert [name for name, _ in found] == ["step", "turn"]
     assert found[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
     json.dumps(found, allow_nan=False)
@@ -81,7 +81,7 @@ def test_every_format_holds_every_skill_with_its_bounds(form, read):
 
 def test_gemini_gets_no_word_that_it_does_not_know():
     odd = made("odd", n={"type": "integer", "enum": [1, 2], "default": 1, "$comment": "x", "title": "N"})
-    (tools,) = publish([odd], "gemini", envelope=False)
+    (tools,) = publish([odd], "gemini", reasoning=False)
     parameters = tools["functionDeclarations"][0]["parameters"]
     assert "additionalProperties" not in parameters
     assert parameters["properties"]["n"] == {"type": "integer", "description": "One of 1, 2."}
@@ -98,7 +98,7 @@ def test_optional_and_referenced_types_are_flattened():
         """Wave."""
         return Keyframes.cycle("left_wrist", "x", 10, 1.0)
 
-    (tool,) = openai_tools([wave], envelope=False)
+    (tool,) = openai_tools([wave], reasoning=False)
     properties = tool["function"]["parameters"]["properties"]
     assert properties["times"] == {"type": "integer"}
     assert properties["hand"] == {"type": "string", "default": "left"}
@@ -108,7 +108,7 @@ def test_optional_and_referenced_types_are_flattened():
         {"type": "object", "properties": {"a": {"$ref": "#/$defs/A"}}, "$defs": {"A": {"type": "integer"}}},
         STEP.plan,
     )
-    assert openai_tools([shared], envelope=False)[0]["function"]["parameters"]["properties"] == {
+    assert openai_tools([shared], reasoning=False)[0]["function"]["parameters"]["properties"] == {
         "a": {"type": "integer"}
     }
 
@@ -126,14 +126,14 @@ def test_a_parameter_that_not_every_provider_keeps_is_refused_by_name(part, word
         openai_tools([made("odd", n=part)])
 
 
-def test_a_parameter_with_the_name_of_an_envelope_field_is_refused():
-    with pytest.raises(PluginError, match="'reasoning', a name of the envelope"):
+def test_a_parameter_with_the_name_of_a_reasoning_field_is_refused():
+    with pytest.raises(PluginError, match="'reasoning', the name of a reasoning field"):
         openai_tools([made("odd", reasoning={"type": "string"})])
 
 
 def test_one_schema_for_all_skills_holds_the_widest_bounds():
     schema = answer_schema([STEP, BACK, TURN])
-    assert list(schema["properties"]) == [*ENVELOPE, "skill", "parameters"]
+    assert list(schema["properties"]) == [*REASONING_FIELDS, "skill", "parameters"]
     assert schema["properties"]["skill"]["enum"] == ["step", "back", "turn"]
     shared = schema["properties"]["parameters"]["properties"]
     assert (shared["z_cm"]["minimum"], shared["z_cm"]["maximum"]) == (0, 100)
@@ -141,9 +141,9 @@ def test_one_schema_for_all_skills_holds_the_widest_bounds():
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
-def test_a_call_is_parted_from_its_envelope():
-    envelope, call = read_call("step", json.dumps({**SAID, "z_cm": 40}))
-    assert vars(envelope) == SAID
+def test_a_call_is_parted_from_its_reasoning():
+    reasoning, call = read_call("step", json.dumps({**SAID, "z_cm": 40}))
+    assert vars(reasoning) == SAID
     assert call == Call("step", {"z_cm": 40})
 
 

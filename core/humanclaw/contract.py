@@ -166,7 +166,10 @@ class Skill:
         return self.declaration.parameters
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        """The parameters with defaults filled in. Raises CallError, written for the model, if the schema refuses them."""
+        """Return the parameters with defaults filled in.
+
+        Raises CallError, written for the model, if the schema refuses them.
+        """
         properties = self.schema.get("properties", {})
         filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
         validator = jsonschema.Draft202012Validator(dict(self.schema), registry=OFFLINE)
@@ -177,7 +180,7 @@ class Skill:
         return {key: filled[key] for key in properties if key in filled}
 
     def usage(self) -> str:
-        """One line that says how to call the skill."""
+        """Write one line that says how to call the skill."""
         parts = [
             f"{key}: {part.get('type', 'value')} {bounds(part, '..')}".strip()
             for key, part in self.schema.get("properties", {}).items()
@@ -249,7 +252,7 @@ def _explain(fault: jsonschema.ValidationError) -> str:
 
 
 def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
-    """The bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
+    """Write the bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
     return f"{part['minimum']}{between}{part['maximum']}" if {"minimum", "maximum"} <= part.keys() else ""
 
 

@@ -298,7 +298,7 @@ class RecordedEpisode:
             raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
 
     def motion(self, kind: Literal["generated", "realised"] = "realised") -> Motion:
-        """All frames of the episode: the five of standing first, then motion_frames a step. World frame."""
+        """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
         with np.load(self.folder / "motion.npz") as data:
             return Motion(data[f"{kind}_root"].astype(float), data[f"{kind}_rotations"].astype(float))
 
@@ -326,7 +326,7 @@ class RecordedEpisode:
 
 
 def load_run(folder: Path) -> list[RecordedEpisode]:
-    """All episodes under a folder, by name. Raises RecordError if there are none."""
+    """Read all episodes under a folder, by name. Raises RecordError if there are none."""
     found = sorted(path.parent for path in folder.rglob("episode.json"))
     if not found:
         raise RecordError(

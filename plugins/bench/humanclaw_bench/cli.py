@@ -53,7 +53,7 @@ def bench() -> None:
 )
 @plugin_files
 def run_command(
-    name: str, deciders: Deciders, engines: Backends, workers: int, executor: str, address: str | None, out: Path | None,
+    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None, out: Path | None,
     resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
@@ -63,7 +63,7 @@ def run_command(
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, engines.chosen(plugins), deciders.limits,
+        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files),
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")

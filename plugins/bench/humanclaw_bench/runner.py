@@ -27,7 +27,7 @@ from humanclaw.records import Outcome
 from humanclaw.storage import write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.metrics import FINISHED
-from humanclaw_bench.worker import FAILED, Job, Report, mark, recorded, unpack
+from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 FORMAT: Final = 1
 
@@ -67,7 +67,7 @@ class RunStatus:
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
-Watcher = Callable[[RunStatus, Report | None], None]
+Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
 
 
@@ -148,7 +148,7 @@ def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
     return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
 
 
-def _counted(status: RunStatus, report: Report, seconds: float) -> RunStatus:
+def _counted(status: RunStatus, report: WorkerReport, seconds: float) -> RunStatus:
     done, failed = _ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
@@ -161,7 +161,7 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
     return RunStatus(**(asdict(status) | changes))
 
 
-def _keep(out: Path, report: Report) -> None:
+def _keep(out: Path, report: WorkerReport) -> None:
     """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the journal."""
     folder = out / report.episode
     unpack(folder, report.files)
@@ -178,7 +178,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
-    base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
+    base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     episodes = "\n".join(spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
@@ -195,12 +195,12 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
 
 
 def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
-    """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
-    engines = job.engines
+    """Of humanclaw and the distributions that the run rests on: those of its skills, backends, scenes and deciders."""
+    backends = job.backends
     used = {
-        f"{noun('simulators')} {engines.simulator}",
-        f"{noun('renderers')} {engines.renderer}",
-        f"{noun('motion_generators')} {engines.generator}",
+        f"{noun('simulators')} {backends.simulator}",
+        f"{noun('renderers')} {backends.renderer}",
+        f"{noun('motion_generators')} {backends.generator}",
         f"{noun('agents')} {job.agent}",
         f"{noun('verifiers')} {job.verifier}",
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),

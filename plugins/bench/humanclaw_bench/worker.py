@@ -37,7 +37,7 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     verifier: str = ""
     """Empty for none."""
-    engines: Backends = field(default_factory=Backends)
+    backends: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
     """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
@@ -45,7 +45,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Report:
+class WorkerReport:
     """An episode has ended, or its worker has."""
 
     episode: str
@@ -82,7 +82,7 @@ class Worker:
         self._replayed = Usage()
         """What the steps took that were played in an earlier session."""
 
-    def play(self, spec: EpisodeSpec) -> Report:
+    def play(self, spec: EpisodeSpec) -> WorkerReport:
         """Play an episode, or what is left of it. Never raises: what went wrong is in the report."""
         self._episode, self._replayed = None, Usage()
         began = time.perf_counter()
@@ -115,7 +115,7 @@ class Worker:
 
     def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
         job, plugins = self._job, self._plugins
-        body = self._body = self._body or Body(spec.scene, plugins=plugins, engines=job.engines)
+        body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
         agent = plugins.make("agents", job.agent, job.options)
         verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
         self._replayed = sum((step.usage for step in replay), Usage())
@@ -129,8 +129,8 @@ class Worker:
     def _fail(self, spec: EpisodeSpec, error: str) -> None:
         mark(self._out / spec.id, FAILED, error)
 
-    def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> Report:
-        report = Report(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
+    def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
+        report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
         if self._episode is None:
             return report
         end, before = self._episode.record, self._replayed

@@ -11,8 +11,7 @@ from made import record_episode
 
 import humanclaw_bench as benchmark
 from humanclaw import Plugins, RecordError, load_run
-from humanclaw.cli import Commands
-from humanclaw_bench.cli import bench
+from humanclaw.cli import build
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
 from humanclaw_bench.worker import mark
 
@@ -39,9 +38,7 @@ def run(tmp_path_factory):
 
 
 def command(*args):
-    group = Commands("humanclaw")
-    group.add_command(bench)
-    return CliRunner().invoke(group, ["bench", *map(str, args)])
+    return CliRunner().invoke(build(Plugins.discover), ["bench", *map(str, args)])
 
 
 def test_a_csv_holds_every_episode_with_its_numbers(run, tmp_path):

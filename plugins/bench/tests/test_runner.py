@@ -49,7 +49,7 @@ def play(toys, tmp_path):
     """Run toy episodes; returns the status, the reports and the folder."""
 
     def run(specs, workers=0, name="run", agent="walker", limits=None, **options):
-        job = Job(agent, options, engines=TOY, limits=limits or {}, files=(toy_world.FILE,))
+        job = Job(agent, options, backends=TOY, limits=limits or {}, files=(toy_world.FILE,))
         reports = []
         status = run_split(
             specs, job, LocalExecutor(workers) if workers else Here(), tmp_path / name, plugins=toys,
@@ -227,7 +227,7 @@ def test_a_bug_breaks_its_own_episode_alone(play, tmp_path, capsys):
 
 
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):
-    job = Job("walker", {}, engines=TOY, files=(str(tmp_path / "missing.py"),))
+    job = Job("walker", {}, backends=TOY, files=(str(tmp_path / "missing.py"),))
     with pytest.raises(HumanclawError, match="3 workers died one after another"):
         list(LocalExecutor(1).reports(job, EpisodeQueue(toy_world.specs(9)), tmp_path / "run"))
 
@@ -260,7 +260,7 @@ from humanclaw import Backends
 from humanclaw import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
+    job = Job("walker", {{"pause": {pause}}}, backends=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
     status = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
     print(status)
