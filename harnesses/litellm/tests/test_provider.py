@@ -14,7 +14,7 @@ import traceback
 
 import pytest
 
-from humanclaw import HumanclawError, ProviderError
+from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw.testing import (
     OpenAIServer,
     Reply,
@@ -27,6 +27,7 @@ from humanclaw.testing import (
     truncated,
     without_usage,
 )
+from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
 
 KEY = "planted-0123456789-key"
