@@ -310,7 +310,7 @@ class Episode:
         self._feedback = step.feedback
         self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
         self._begin_step()
-        self.body.plugins.hook.humanclaw_step(episode=self._record, step=step)
+        self.body.plugins.tell("humanclaw_step", episode=self._record, step=step)
         if step.status == "stopped" or len(self._steps) == self.spec.max_steps:
             self._close()
         return step
@@ -376,7 +376,7 @@ class Episode:
         self._record = self._record.model_copy(update=ended | counted)
         if self._writer:
             self._writer.end(self._record, self._trajectory.arrays())
-        self.body.plugins.hook.humanclaw_episode_end(episode=self._record, folder=self._folder)
+        self.body.plugins.tell("humanclaw_episode_end", episode=self._record, folder=self._folder)
 
     def _natural_outcome(self) -> Outcome:
         if self._steps and self._steps[-1].status == "stopped":

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from humanclaw.contract import Skill
     from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Reporter, Simulator, Verifier
     from humanclaw.measures import Measure
+    from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
 
@@ -39,6 +40,11 @@ class RegisterMeasure(Protocol):
         """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
 
 
+class RegisterRecipe(Protocol):
+    def __call__(self, recipe: Recipe) -> None:
+        """Register the recipe of the skill that it names."""
+
+
 class Register(Protocol[F]):
     def __call__(self, name: str, value: F, description: str = "") -> None:
         """Register something under a name; a factory is called when it is asked for."""
@@ -56,7 +62,7 @@ if TYPE_CHECKING:
 
 
 def noun(kind: str) -> str:
-    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
+    """Return what a person calls one of a kind: "motion generator" for "motion_generators"."""
     return kind.removesuffix("s").replace("_", " ")
 
 
@@ -74,6 +80,11 @@ def humanclaw_measures(register: RegisterMeasure) -> None:
 @hookspec
 def humanclaw_skills(register: RegisterSkill) -> None:
     """Register skills."""
+
+
+@hookspec
+def humanclaw_recipes(register: RegisterRecipe) -> None:
+    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised (humanclaw.recipes)."""
 
 
 @hookspec

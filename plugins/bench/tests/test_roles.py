@@ -5,8 +5,9 @@ from __future__ import annotations
 from declared import INFOS, STROLL, info
 from rollouts import COUCH, roaming, rollout, step
 
+from humanclaw import Call
 from humanclaw.measures import Declaration
-from humanclaw.records import CallRecord, SkillInfo
+from humanclaw.records import SkillInfo
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
 
@@ -21,7 +22,7 @@ SKILLS = INFOS | {
 def _calls(skill: str, count: int = 1, stays: bool = False, **params: int):
     """Steps that call a skill; with `stays` the body goes nowhere."""
     begun = step(start=(0.0, 1.0, 0.0), end=(0.0 if stays else 0.4, 1.0, 0.0))
-    return [begun.model_copy(update={"call": CallRecord(skill=skill, params=params)}) for _ in range(count)]
+    return [begun.model_copy(update={"call": Call(skill, params)}) for _ in range(count)]
 
 
 def _cause(tmp_path, calls) -> str:

@@ -22,7 +22,7 @@ from humanclaw import Scene, SceneError
 from humanclaw.meshes import (
     ANYWHERE,
     MIDDLE,
-    Hollow,
+    KeepOutBox,
     Part,
     back_of,
     bake,
@@ -241,7 +241,7 @@ def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
 
 
 def _hulls(
-    mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: Hollow | None
+    mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: KeepOutBox | None
 ) -> tuple[NDArray[np.float32], ...]:
     """What of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
     if template.use_bounding_box_for_collision:
@@ -252,7 +252,7 @@ def _hulls(
         return given
     if np.ptp(mesh.vertices, axis=0).max() < _SMALL:
         return convex_pieces(mesh, 1)
-    pieces = convex_pieces(mesh, hollow=room)
+    pieces = convex_pieces(mesh, keep_out=room)
     return with_lid(pieces, room) if room and len(pieces) > 1 else pieces
 
 

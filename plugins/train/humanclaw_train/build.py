@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Final
@@ -20,7 +20,8 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError
 from humanclaw.pose import FPS, FUTURE
-from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, load_pack
+from humanclaw_train.chunks import Chunks, Clip, load_pack
+from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.edited import edited_chunks
 
@@ -35,7 +36,13 @@ def held_out(clip: Clip, patterns: Sequence[str] = HELD_OUT) -> bool:
 
 
 def build(
-    source: Path, out: Path, seconds: float, seed: int, without: Sequence[str] = (), hold_out: Sequence[str] = HELD_OUT
+    source: Path,
+    out: Path,
+    skills: Sequence[Trained],
+    seconds: float,
+    seed: int,
+    without: Sequence[str] = (),
+    hold_out: Sequence[str] = HELD_OUT,
 ) -> dict[str, Chunks]:
     """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in out/held_out.
 
@@ -43,12 +50,13 @@ def build(
     """
     every = [clip for clip in load_pack(source) if clip.source not in without]
     clips = [clip for clip in every if not held_out(clip, hold_out)]
-    for name, chunks in build_real([clip for clip in every if held_out(clip, hold_out)]).items():
+    for name, chunks in build_real([clip for clip in every if held_out(clip, hold_out)], skills).items():
         chunks.save(out / "held_out" / f"{name}.npz")
-    real = build_real(clips)
+    real = build_real(clips, skills)
     with tqdm(total=100, desc="editing", unit="%") as bar:
-        edited = edited_chunks(clips, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
-    found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in edited}
+        edited = edited_chunks(clips, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
+    names = list(dict.fromkeys((*real, *edited)))
+    found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in names}
     out.mkdir(parents=True, exist_ok=True)
     for name, chunks in found.items():
         chunks.save(out / f"{name}.npz")
@@ -83,7 +91,7 @@ def histograms(chunks: Mapping[str, Chunks]) -> str:
     """
     lines = ["| parameter | least | real | edited | most |", "| --- | --- | --- | --- | --- |"]
     for skill, found in chunks.items():
-        for column, name in enumerate(PARAMETERS[skill]):
+        for column, name in enumerate(found.names.tolist()):
             values = found.params[:, column].astype(float)
             low, high = float(values.min()), float(values.max())
             real, edited = (
@@ -98,8 +106,8 @@ def _bars(counts: NDArray[np.int_]) -> str:
     return "".join(_BARS[height] for height in heights)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
+    """The command line. skills: finds those that are trained; this module itself knows of none."""
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
@@ -111,7 +119,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     try:
-        chunks = build(options.source, options.out, options.seconds, options.seed, options.without, options.hold_out)
+        if skills is None:
+            raise HumanclawError("Nothing here knows a skill.", "Use the command: humanclaw data build")
+        chunks = build(
+            options.source, options.out, skills(), options.seconds, options.seed, options.without, options.hold_out
+        )
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -11,7 +11,7 @@ import os
 import re
 import tarfile
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINTS, N_JOINTS
+from humanclaw.measures import MEASURES, Parameter, outcomes
 from humanclaw.pose import (
     CHUNK,
     FPS,
@@ -135,48 +136,12 @@ def mirror(clip: Clip) -> Clip:
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
-PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "walk": ("x", "z", "yaw"),
-        "side_step": ("x",),
-        "step_back": ("z",),
-        "turn_in_place": ("yaw",),
-        "climb_upstairs": ("h", "d"),
-        "walk_downstairs": ("h", "d"),
-        "sit_in_place": ("h",),
-        "stop": (),
-        "base": (),
-    }
-)
-"""What each skill's parameters mean, in the order of Chunks.params: metres and radians, positive in the sense of the skill."""
-
-
-def outcome(skill: str, chunk: Motion) -> Array:
-    """The parameters (k,) that a 20-frame chunk realises: its last pose seen from its last history pose's hip frame.
-
-    walk: x, z, yaw. side_step: x. step_back: distance backwards. turn_in_place: yaw. climb_upstairs: pelvis rise and advance.
-    walk_downstairs: pelvis drop and advance. sit_in_place: final pelvis height above the history's floor. Metres and radians.
-    """
+def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
+    """The parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it. Raises ValueError."""
     root, rotations = chunk.root[None], chunk.rotations[None]
     if len(chunk) != CHUNK:
         raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
-    return np.asarray(outcomes(skill, *canonical(root, rotations))[0])
-
-
-def outcomes(skill: str, root: Array, rotations: Array) -> Array:
-    """`outcome` of many chunks: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k)."""
-    last, now = root[:, -1], root[:, HISTORY - 1]
-    rise = last[:, 1] - now[:, 1]
-    measured = {
-        "walk": (last[:, 0], last[:, 2], heading(rotations[:, -1, 0])),
-        "side_step": (last[:, 0],),
-        "step_back": (-last[:, 2],),
-        "turn_in_place": (heading(rotations[:, -1, 0]),),
-        "climb_upstairs": (rise, last[:, 2]),
-        "walk_downstairs": (-rise, last[:, 2]),
-        "sit_in_place": (last[:, 1],),
-    }.get(skill, ())
-    return np.stack(measured, -1) if measured else np.zeros((len(root), 0))
+    return np.asarray(outcomes(parameters, *canonical(root, rotations))[0])
 
 
 def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
@@ -204,8 +169,8 @@ def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
 class Chunks:
     """N canonical chunks of one skill. Metres, radians.
 
-    root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32 as in PARAMETERS; real (N,) bool, False for edited
-    motion; source (N,) text, where each comes from.
+    root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32; real (N,) bool, False for synthetic motion; source
+    (N,) text, where each comes from. names, measures (k,) text: of the parameters, and what they command.
     """
 
     root: NDArray[np.float32]
@@ -213,6 +178,8 @@ class Chunks:
     params: NDArray[np.float32]
     real: NDArray[np.bool_]
     source: NDArray[np.str_]
+    names: NDArray[np.str_]
+    measures: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         n = len(self.root)
@@ -221,19 +188,27 @@ class Chunks:
             raise ValueError(
                 f"chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got {shapes}"
             )
+        if not len(self.names) == len(self.measures) == self.params.shape[1]:
+            raise ValueError(f"{self.params.shape[1]} parameters need as many names and measures; got {self.names}")
 
     @classmethod
-    def of(cls, skill: str, root: Array, rotations: Array, source: str, real: bool) -> Chunks:
+    def of(cls, parameters: Sequence[Parameter], root: Array, rotations: Array, source: str, real: bool) -> Chunks:
         """Canonical chunks with the parameters that they realise."""
         n = len(root)
-        params = outcomes(skill, root, rotations).astype(np.float32)
-        return cls(root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source))
+        params = outcomes(parameters, root, rotations).astype(np.float32)
+        names, measures = (
+            np.array([getattr(one, what) for one in parameters], np.str_) for what in ("name", "measure")
+        )
+        return cls(
+            root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source), names, measures
+        )  # fmt: skip
 
     @classmethod
     def join(cls, parts: Iterable[Chunks]) -> Chunks:
-        """All chunks of the parts, in order; there must be at least one part."""
+        """All chunks of the parts, in order; there must be at least one part, and all of one skill."""
         every = list(parts)
-        return cls(*(np.concatenate([getattr(part, field.name) for part in every]) for field in fields(cls)))
+        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in _EACH}
+        return replace(every[0], **whole)
 
     @classmethod
     def load(cls, path: str | Path) -> Chunks:
@@ -248,17 +223,17 @@ class Chunks:
         return len(self.root)
 
     def __getitem__(self, which: slice | NDArray[np.int_] | NDArray[np.bool_]) -> Chunks:
-        return Chunks(*(getattr(self, field.name)[which] for field in fields(self)))
+        return replace(self, **{name: getattr(self, name)[which] for name in _EACH})
 
     def motion(self, index: int) -> Motion:
         """One chunk as a motion in its canonical frame."""
         return Motion(self.root[index].astype(float), self.rotations[index].astype(float))
 
-    def mirrored(self, skill: str) -> Chunks:
+    def mirrored(self) -> Chunks:
         """The chunks with left and right exchanged, and so no longer real."""
         root = self.root * np.array([-1, 1, 1], np.float32)
         rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
-        signs = [-1.0 if name in ("x", "yaw") else 1.0 for name in PARAMETERS[skill]]
+        signs = [MEASURES[measure].mirror for measure in self.measures.tolist()]
         return replace(
             self,
             root=root,
@@ -275,3 +250,7 @@ class Chunks:
         with part.open("wb") as file:
             np.savez_compressed(file, **{field.name: getattr(self, field.name) for field in fields(self)})
         os.replace(part, path)
+
+
+_EACH: Final = ("root", "rotations", "params", "real", "source")
+"""The fields of Chunks that hold something for each chunk."""

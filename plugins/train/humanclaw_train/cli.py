@@ -54,4 +54,11 @@ def data() -> None:
     """Training data."""
 
 
-data.add_command(_forward("build", "humanclaw_train.build", "Build the training chunks from motion capture."))
+def _trained() -> Any:
+    """The skills with a recipe."""
+    return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
+
+
+data.add_command(
+    _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
+)

@@ -26,6 +26,7 @@ from humanclaw.pose import FPS, FUTURE, HISTORY, forward_kinematics, matrix_from
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import augment, gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
+from humanclaw_train.commands import Commands, Trained
 from humanclaw_train.curves import (
     Array,
     bump,
@@ -42,7 +43,7 @@ from humanclaw_train.ik import Feet
 
 Ints = NDArray[np.int_]
 Mask = NDArray[np.bool_]
-Command = tuple[str, Mapping[str, float]]
+Command = tuple[Trained, Mapping[str, float]]
 
 SECONDS: Final = FUTURE / FPS
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
@@ -57,78 +58,7 @@ SEATED: Final = 0.03
 """Hips this far behind the feet sit, metres."""
 
 
-# -- what the skills differ in -----------------------------------------------------------------------------------------
-class Manner(NamedTuple):
-    """One skill's numbers; with arrays (N,) in their place, those of N bodies.
-
-    width: of each foot from the middle. clearance: of a swing. land, lift: when the first foot lands and the second one
-    leaves. lift_pitch, land_pitch: of the heel, radians for a metre of travel. vigour: of the gait's upper body at
-    1.15 m/s. lean: of the trunk. look_down: of the head. exit: share of the mean velocity that is left at the end.
-    turn_exit: the same for the turning.
-    """
-
-    width: float | Array
-    clearance: float | Array
-    land: float | Array
-    lift: float | Array
-    lift_pitch: float | Array
-    land_pitch: float | Array
-    vigour: float | Array = 0.0
-    lean: float | Array = 0.0
-    look_down: float | Array = 0.0
-    exit: float | Array = 0.0
-    turn_exit: float | Array = 0.2
-
-
-MANNERS: Final[Mapping[str, Manner]] = {
-    # Land and lift, pitches and width of the walk were read off the real walks; real backward steps land toe first.
-    "walk": Manner(0.088, 0.045, 0.37, 0.6, 1.5, -0.65, vigour=1.25, exit=1.0, turn_exit=1.0),
-    "side_step": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.6, exit=0.3),
-    "step_back": Manner(0.08, 0.035, 0.42, 0.58, 1.0, 0.7, vigour=0.6, lean=-0.02, exit=1.0),
-    "turn_in_place": Manner(0.085, 0.045, 0.4, 0.58, 0.7, 0.0, vigour=0.6),
-    "climb_upstairs": Manner(0.08, 0.07, 0.42, 0.5, 1.1, -0.1, vigour=1.1, lean=0.14, look_down=0.1, exit=1.0),
-    "walk_downstairs": Manner(0.08, 0.05, 0.47, 0.58, 0.9, 0.9, vigour=1.0, lean=0.02, look_down=0.2, exit=1.0),
-    "sit_in_place": Manner(0.09, 0.03, 0.3, 0.5, 0.5, 0.0),
-    "stop": Manner(0.085, 0.035, 0.38, 0.55, 1.0, -0.1),
-}
-SKILLS: Final = tuple(MANNERS)
-WALK, SIDE, BACK, TURN, UP, DOWN, SIT, STOP = range(len(SKILLS))
-_TABLE: Final = np.array([tuple(manner) for manner in MANNERS.values()]).T
-
-
-# -- commands and state ------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Commands:
-    """One command for each of N bodies. skill (N,) indexes SKILLS; x, z, yaw, h, d (N,) in metres and radians: z is positive
-    backwards for step_back, h the height of a stair step or of the seated pelvis."""
-
-    skill: Ints
-    x: Array
-    z: Array
-    yaw: Array
-    h: Array
-    d: Array
-
-    @classmethod
-    def of(cls, commands: Sequence[Command]) -> Commands:
-        """Raises ValueError for a skill or a parameter that there is not."""
-        keys = ("x", "z", "yaw", "h", "d")
-        unknown = sorted({f"skill {name}" for name, _ in commands if name not in SKILLS})
-        unknown += sorted({f"parameter {key}" for _, given in commands for key in given if key not in keys})
-        if unknown:
-            known = f"the skills {', '.join(SKILLS)} with {', '.join(keys)}"
-            raise ValueError(f"the composer knows {known}; got {', '.join(unknown)}")
-        values = {key: np.array([float(given.get(key, 0.0)) for _, given in commands]) for key in keys}
-        return cls(np.array([SKILLS.index(name) for name, _ in commands], int), **values)
-
-    def among(self, *skills: int) -> Mask:
-        return np.isin(self.skill, skills)
-
-    @property
-    def manner(self) -> Manner:
-        return Manner(*_TABLE[:, self.skill])
-
-
+# -- state -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class State:
     """N bodies at the end of a chunk; rates and velocities are per chunk. The root is that of the path, about which a walker sways.
@@ -279,12 +209,11 @@ def plan(state: State, c: Commands) -> Plan:
     """What the commands ask of the bodies in this state."""
     step, seat, height = _displacement(state, c)
     x, z = step.T
-    yaw = np.where(c.among(WALK, TURN), c.yaw, 0.0)
-    stair = np.select([c.among(UP), c.among(DOWN)], [c.h, -c.h], 0.0)
+    yaw, stair = np.nan_to_num(c.yaw), c.rise
     # Steps that lead sideways or round on the spot open and close the feet; crossing them would tie the legs in a knot.
-    tight = c.among(WALK) & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
-    shuffle = tight | c.among(SIDE, TURN)
-    strides = c.among(WALK, BACK, UP, DOWN) & ~shuffle
+    tight = c.does("stride") & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
+    shuffle = tight | c.does("shuffle")
+    strides = c.does("stride") & ~shuffle
     flow = np.where(strides, smooth((np.abs(z) - 0.02) / 0.25), 0.0)
     end = floor(state.root) + turned(step, state.yaw)
     base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
@@ -295,7 +224,7 @@ def plan(state: State, c: Commands) -> Plan:
         end=end,
         velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
         yaw=state.yaw + yaw,
-        yaw_rate=yaw * np.where(tight, 0.2, c.manner.turn_exit),
+        yaw_rate=yaw * np.where(tight, 0.2, c.gait["turn_exit"]),
         level=state.level + stair,
         height=np.where(stride, gait.pelvis_height(speed), height),
         rise=stair * np.where(stair > 0, 0.5, 0.45),
@@ -313,8 +242,9 @@ def plan(state: State, c: Commands) -> Plan:
 def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) -> Mask:
     """(N,) who walks and is to walk on at about that speed; starting, and all other skills, take two swings a chunk."""
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
+    level = c.does("stride") & ~c.stairs & (step[:, 1] > 0)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
-    return np.asarray(c.among(WALK) & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45))
+    return np.asarray(level & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45))
 
 
 def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
@@ -322,16 +252,15 @@ def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
 
     What a command leaves open goes to running out a walk or to standing up from a seat.
     """
-    seat = np.select([c.among(SIT), c.among(STOP)], [seat_depth(c.h), state.seat], 0.0)
+    stays = c.stays_seated & state.seated & ~c.sits
+    seat = np.select([c.sits, stays], [seat_depth(np.nan_to_num(c.height, nan=STAND)), state.seat], 0.0)
     run_out = np.where(state.seated[:, None], 0.0, COAST * turned(floor(state.velocity), -state.yaw))
-    x = np.select([c.among(WALK, SIDE), c.among(SIT, STOP, TURN)], [c.x, run_out[:, 0]], 0.0)
-    z = np.select(
-        [c.among(WALK), c.among(BACK), c.among(UP, DOWN)], [c.z, -c.z, c.d], run_out[:, 1] + state.seat - seat
-    )
-    held = state.root[:, 1] - state.level
+    x = np.where(np.isnan(c.x), run_out[:, 0], c.x)
+    z = np.where(np.isnan(c.z), run_out[:, 1] + state.seat - seat, c.z)
     # On stairs a walker's pelvis stays as low as it is, so that it rises by the height of the step.
     low = np.where(state.seated, STAND, np.clip(state.height, 0.8, STAND))
-    height = np.select([c.among(SIT), c.among(STOP) & state.seated, c.among(UP, DOWN)], [c.h, held, low], STAND)
+    held = state.root[:, 1] - state.level
+    height = np.select([c.sits, stays, c.stairs], [c.height, held, low], STAND)
     return np.stack([x, z], -1), seat, height
 
 
@@ -343,13 +272,13 @@ def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: 
     chord = turned(step, yaw / 2)
     gain = 0.25 * (chord - turned(turned(floor(state.velocity), -state.yaw), yaw))
     limit = 0.3 * np.linalg.norm(step, axis=-1) / np.maximum(np.linalg.norm(gain, axis=-1), 1e-9)
-    share = np.where(tight, 0.3, c.manner.exit)[:, None]
+    share = np.where(tight, 0.3, c.gait["exit"])[:, None]
     return np.asarray(share * (chord + np.where(strides, np.minimum(limit, 1.0), 0.0)[:, None] * gain))
 
 
 def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) -> Ints:
     """The foot that hangs or stands behind, but sideways and round the one on that side."""
-    push = np.where(c.among(SIT, STOP), 0.0, x / 0.1 + yaw / 0.4)
+    push = np.where(c.does("settle"), 0.0, x / 0.1 + yaw / 0.4)
     sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
     return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
 
@@ -360,6 +289,17 @@ def hip_path(state: State, p: Plan) -> tuple[Array, Array]:
     at = [value[:, None] for value in (state.root, state.velocity, np.zeros_like(state.root), p.root, end_velocity)]
     turn = [value[:, None] for value in (state.yaw, state.yaw_rate, np.zeros_like(state.yaw), p.yaw, p.yaw_rate)]
     return quintic(GRID[:, None], *at), quintic(GRID, *turn)
+
+
+class Steps(NamedTuple):
+    """Of `GaitParameters` those of the feet (N,), adapted to the state that a chunk begins in."""
+
+    width: Array
+    clearance: Array
+    land: Array
+    lift: Array
+    lift_pitch: Array
+    land_pitch: Array
 
 
 # -- where the feet go -------------------------------------------------------------------------------------------------
@@ -382,7 +322,7 @@ class Swing:
     yaw1: Array
 
     @classmethod
-    def of(cls, state: State, p: Plan, m: Manner, foot: Ints, lag: Array | float) -> Swing:
+    def of(cls, state: State, p: Plan, m: Steps, foot: Ints, lag: Array | float) -> Swing:
         """Towards the hips' end, a little behind it the faster they go, and `lag` metres."""
         left = np.where(foot == 0, 1.0, -1.0)
         behind = -0.02 - 0.1 * np.abs(p.ahead) * p.flow - lag
@@ -428,8 +368,8 @@ def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple
     The second value, (N,), is by how much they clear the edge of a stair by less than 2 cm, metres.
     """
     p = _before_the_riser(state, p, c, style)
-    m = _timed(c.manner, c, p, planted=~state.hanging | p.wrong)
-    tolerance = np.where(c.among(SIT, STOP), 0.08, np.where(state.seated, 0.1, 0.0))
+    m = _timed(c, p, planted=~state.hanging | p.wrong)
+    tolerance = np.where(c.does("settle"), 0.08, np.where(state.seated, 0.1, 0.0))
     first = _first_swing(state, p, c, m, root, tolerance)
     second = _second_swing(state, p, c, m, tolerance)
     edge = nosing(p, c, style)
@@ -439,18 +379,19 @@ def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple
     pairs = zip(first, second, strict=True)
     swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
     both = Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
-    return both, np.where(c.among(UP, DOWN), lacking, 0.0)
+    return both, np.where(c.stairs, lacking, 0.0)
 
 
-def _timed(m: Manner, c: Commands, p: Plan, planted: Mask) -> Manner:
+def _timed(c: Commands, p: Plan, planted: Mask) -> Steps:
     """A first foot that stands has half a swing more to do; striding feet pass closer than standing ones are apart."""
-    land = np.select([c.among(UP, DOWN) & planted, p.wrong, planted], [0.5, 0.54, 0.52], m.land)
-    lift = np.where(planted, np.where(c.among(UP), 0.55, 0.61), m.lift)
-    return m._replace(land=land, lift=lift, width=m.width - np.where(c.among(WALK), 0.025, 0.0) * p.flow)
+    m = Steps(*(c.gait[name] for name in Steps._fields))
+    land = np.select([c.stairs & planted, p.wrong, planted], [0.5, 0.54, 0.52], m.land)
+    lift = np.where(planted, np.where(c.rise > 0, 0.55, 0.61), m.lift)
+    return m._replace(land=land, lift=lift, width=m.width - c.gait["narrowing"] * p.flow)
 
 
 def _first_swing(
-    state: State, p: Plan, c: Commands, m: Manner, root: Array, tolerance: Array
+    state: State, p: Plan, c: Commands, m: Steps, root: Array, tolerance: Array
 ) -> tuple[Array, Array, Array, Array]:
     planted = ~state.hanging | p.wrong
     swing = Swing.of(state, p, m, p.first, 0.0)
@@ -469,11 +410,11 @@ def _first_swing(
     )
     # What is left of the hanging foot's height goes last: it still has ground to cover.
     held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
-    arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.among(UP, DOWN))
+    arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.stairs)
     line = _stair(u, state.level, p.level) + held
     # Whoever hangs above the next tread already only sinks.
     above = np.maximum(swing.start[:, 1] - p.level, 0.0)[:, None] * (1 - smoother(u) ** 2)
-    sinks = c.among(UP) & (swing.start[:, 1] > p.level)
+    sinks = (c.rise > 0) & (swing.start[:, 1] > p.level)
     line = np.where(sinks[:, None], p.level[:, None] + above, line)
     sole[..., 1] = line + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
     yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
@@ -504,16 +445,16 @@ def nosing(p: Plan, c: Commands, style: Style) -> Array:
     Downstairs the heel of who lands keeps 4 cm and more from the riser behind it.
     """
     ankle = -0.02 - 0.1 * np.abs(p.ahead) * p.flow
-    up = np.maximum(c.d - 0.25 - 0.1 * style.riser, -0.06)
-    down = 0.1 + style.riser * np.maximum(c.d - 0.24, 0.02)
-    return np.asarray(ankle - np.where(c.among(UP), up, down))
+    up = np.maximum(p.ahead - 0.25 - 0.1 * style.riser, -0.06)
+    down = 0.1 + style.riser * np.maximum(p.ahead - 0.24, 0.02)
+    return np.asarray(ankle - np.where(c.rise > 0, up, down))
 
 
 def _before_the_riser(state: State, p: Plan, c: Commands, style: Style) -> Plan:
     """The plan with the feet going further where one of them is past the riser that the step would have."""
     toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
     past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
-    further = np.where(c.among(UP) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
+    further = np.where((c.rise > 0) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
     return replace(p, base=p.base + further[:, None] * p.facing)
 
 
@@ -526,7 +467,7 @@ def _cleared(
 ) -> tuple[Array, Array, Array, Array]:
     """The track of a foot, lifted where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
-    lack = clearance_lack(state, p, edge, track, NOSE) * (smooth(GRID / 0.2) * c.among(UP, DOWN)[:, None])
+    lack = clearance_lack(state, p, edge, track, NOSE) * (smooth(GRID / 0.2) * c.stairs[:, None])
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
     moving[:, -1] = moving[:, -2]
     kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
@@ -560,7 +501,7 @@ def clearance_lack(
     return np.asarray(np.maximum(np.max(lacks, axis=0), 0.0))
 
 
-def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, moving: Mask) -> Array:
+def _landing_pitch(swing: Swing, p: Plan, m: Steps, u: Array, planted: Mask, moving: Mask) -> Array:
     """(N, 16) heel pitch: to what it is at the landing, then flat."""
     along = np.where(planted, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
     land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
@@ -571,7 +512,7 @@ def _landing_pitch(swing: Swing, p: Plan, m: Manner, u: Array, planted: Mask, mo
     return np.where(touch < GRID, land * (1 - smooth((GRID - touch) / 0.2)), swung)
 
 
-def _second_swing(state: State, p: Plan, c: Commands, m: Manner, tolerance: Array) -> tuple[Array, Array, Array, Array]:
+def _second_swing(state: State, p: Plan, c: Commands, m: Steps, tolerance: Array) -> tuple[Array, Array, Array, Array]:
     lag = 0.03 * (1 - p.flow) * ~p.sits
     swing = Swing.of(state, p, m, 1 - p.first, lag)
     came = swing
@@ -592,16 +533,16 @@ def _second_swing(state: State, p: Plan, c: Commands, m: Manner, tolerance: Arra
     return sole, yaw, *_leaving_pitch(swing, p, m, down)
 
 
-def _lift(state: State, p: Plan, c: Commands, m: Manner, swing: Swing, u: Array) -> Array:
+def _lift(state: State, p: Plan, c: Commands, m: Steps, swing: Swing, u: Array) -> Array:
     """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
     # On stairs the foot that passes is on its way over an edge.
     drop = np.where(p.level > state.level, 0.45, 0.6) * np.abs(p.level - state.level)
-    arc = np.select([c.among(UP), c.among(DOWN)], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
+    arc = np.select([c.rise > 0, c.rise < 0], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
     hang = (m.clearance + drop) * p.flow
     return np.asarray(hang[:, None] * smooth(1.3 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
 
 
-def _leaving_pitch(swing: Swing, p: Plan, m: Manner, down: float) -> tuple[Array, Array]:
+def _leaving_pitch(swing: Swing, p: Plan, m: Steps, down: float) -> tuple[Array, Array]:
     """(N, 16) heel pitch and toe bend: the heel rises behind the hips, peaks as the toes leave, sinks in the swing."""
     backwards = np.sum(swing.travel * p.facing, -1) < -0.05
     peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
@@ -665,11 +606,10 @@ def swaying(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array,
 # -- the upper body ----------------------------------------------------------------------------------------------------
 def pose_targets(state: State, p: Plan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
     """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
-    m = c.manner
     # Who turns on the spot swings the arms as who walks slowly does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
-    vigour = (m.vigour * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
-    direction = np.where(c.among(BACK), -1.0, 1.0)[
+    vigour = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
+    direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[
         :, None
     ]  # who walks backwards goes through the same poses in reverse
     phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
@@ -681,8 +621,8 @@ def pose_targets(state: State, p: Plan, c: Commands, style: Style, steps: gait.C
     still = 1 - np.minimum(vigour, 1.0)
     standing = stance + (1 - still) * (mean - stance) + vigour * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
-    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, np.asarray(m.lean)[:, None])
-    return _bent(target, {"neck": 0.5, "head": 0.5}, 0, np.asarray(m.look_down)[:, None])
+    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, c.gait["lean"][:, None])
+    return _bent(target, {"neck": 0.5, "head": 0.5}, 0, c.gait["gaze_pitch"][:, None])
 
 
 def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -> Array:
@@ -711,7 +651,7 @@ def upper_body(state: State, p: Plan, c: Commands, target: Array) -> Array:
     shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
     values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
     # A turn begins with the head.
-    turn = np.where(c.among(TURN), 1.0, 0.5) * (p.yaw - state.yaw)
+    turn = c.gait["gaze_turn"] * (p.yaw - state.yaw)
     shares = {"spine2": 0.05, "spine3": 0.08, "neck": 0.1, "head": 0.12}
     return _bent(values, shares, 1, turn[:, None] * bump(1.1 * GRID))
 
@@ -800,7 +740,7 @@ def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
 
 def _bobbing(root: Array, p: Plan, c: Commands) -> Array:
     """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
-    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * (c.among(WALK, BACK) & ~p.stride)
+    stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * (c.does("stride") & ~c.stairs & ~p.stride)
     sunk = root.copy()
     sunk[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
     return sunk
@@ -876,10 +816,10 @@ def play(
 
     They begin in a quiet stance, a share `rested` of them in `rest_pose`.
     """
-    n = len(series[0].skill)
+    n = len(series[0].yaw)
     style = _style(profiles, n, rng)
     next_foot = rng.integers(0, 2, n)
-    state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.of([("stop", {})] * n), style)
+    state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.standing(n), style)
     resting = rng.random(n) < rested
     state = State.resting(next_foot).where(resting, state)
     rest = rest_pose(HISTORY)
@@ -898,9 +838,9 @@ def play(
 def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
     """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
 
-    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters named as in
-    chunks.PARAMETERS, in metres and radians. What a command asks for is what `outcome` measures, but for a stair straight out of a
-    seat, where the pelvis rises by both. Raises ValueError for unknown skills and parameters.
+    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their names behind
+    the contract. What a command asks for is what its measures say, but for a stair straight out of a seat, where the pelvis rises
+    by both. Raises HumanclawError for unknown parameters and skills without gait.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))

@@ -5,7 +5,7 @@ A window belongs to a skill where the clip's spans name the skill and the window
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
 from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, forward_kinematics, heading
-from humanclaw_train.chunks import PARAMETERS, Chunks, Clip, cut
+from humanclaw.recipes import WindowTravel
+from humanclaw_train.chunks import Chunks, Clip, cut
+from humanclaw_train.commands import Trained
 
 Mask = NDArray[np.bool_]
 STRIDE: Final = 3
@@ -29,67 +31,17 @@ _FEET, _HANDS, _SHOULDERS = (
 
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Travel:
-    """What the pelvis does from the last history frame to the last: across, up, forward (N,) metres, yaw (N,) radians.
-
-    feet: (N,) mean horizontal path of the two feet, metres.
-    composed: (N,) whether it ends upright with the hands below the shoulders.
-    level: (N,) whether the toes keep to one floor, as they do not on stairs.
-    """
-
-    across: Array
-    up: Array
-    forward: Array
-    yaw: Array
-    feet: Array
-    composed: Mask
-    level: Mask
-
-    @classmethod
-    def of(cls, root: Array, rotations: Array) -> Travel:
-        """Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
-        moved = root[:, -1] - root[:, HISTORY - 1]
-        joints = forward_kinematics(root, rotations)[0]
-        feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
-        path = np.linalg.norm(np.diff(feet, axis=1), axis=-1).sum(axis=1).mean(axis=-1)
-        last = joints[:, -1, :, 1]
-        composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (
-            last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1)
-        )
-        toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
-        level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
-        return cls(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed, level)
-
-    @property
-    def flat(self) -> Array:
-        """(N,) horizontal distance, metres."""
-        return np.hypot(self.across, self.forward)
-
-
-def idle(travel: Travel) -> Mask:
-    """Which chunks stand still, whatever the arms do."""
-    return (travel.flat < 0.05) & (np.abs(travel.yaw) < 0.14) & (travel.feet < 0.06) & (np.abs(travel.up) < 0.03)
-
-
-RULES: Final[Mapping[str, Callable[[Travel], Mask]]] = MappingProxyType(
-    {
-        "walk": lambda t: (
-            (t.forward > 0.1) & (t.forward < 0.95) & (np.abs(t.across) < 0.7 * t.forward) & (np.abs(t.up) < 0.05)
-        ),
-        "side_step": lambda t: (
-            (np.abs(t.across) > 0.1) & (np.abs(t.forward) < 0.6 * np.abs(t.across)) & (np.abs(t.yaw) < 0.7)
-        ),
-        "step_back": lambda t: (t.forward < -0.1) & (np.abs(t.across) < 0.6 * -t.forward) & (np.abs(t.yaw) < 0.5),
-        "turn_in_place": lambda t: (t.flat < 0.18) & (np.abs(t.yaw) > 0.2) & (t.feet > 0.03),
-        "climb_upstairs": lambda t: (t.forward > 0.12) & (t.up > 0.05),
-        "walk_downstairs": lambda t: (t.forward > 0.12) & (t.up < -0.05),
-        "stop": lambda t: idle(t) & t.composed,
-    }
-)
-"""The geometry of each skill that the data shows; sitting is not among it."""
-
-STAIRS: Final = ("climb_upstairs", "walk_downstairs")
+def travel(root: Array, rotations: Array) -> WindowTravel:
+    """What recipes judge windows by. Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    moved = root[:, -1] - root[:, HISTORY - 1]
+    joints = forward_kinematics(root, rotations)[0]
+    feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
+    path = np.linalg.norm(np.diff(feet, axis=1), axis=-1).sum(axis=1).mean(axis=-1)
+    last = joints[:, -1, :, 1]
+    composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
+    toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
+    level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
+    return WindowTravel(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed, level)
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------
@@ -133,13 +85,13 @@ _DROPS: Final = (("ankle", SOLE), ("foot", TOE_SOLE))
 
 
 # -- building ----------------------------------------------------------------------------------------------------------
-def build_real(clips: Iterable[Clip]) -> dict[str, Chunks]:
+def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Chunks]:
     """The real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at IDLE_SHARE."""
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, STRIDE)
         if len(starts):
-            for skill, chunks in _of_clip(clip, starts).items():
+            for skill, chunks in _of_clip(clip, starts, skills).items():
                 parts.setdefault(skill, []).append(chunks)
     joined = {skill: Chunks.join(chunks) for skill, chunks in parts.items()}
     if "base" in joined:
@@ -147,21 +99,21 @@ def build_real(clips: Iterable[Clip]) -> dict[str, Chunks]:
     return {skill: chunks for skill, chunks in joined.items() if len(chunks)}
 
 
-def _of_clip(clip: Clip, starts: NDArray[np.int_]) -> dict[str, Chunks]:
+def _of_clip(clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]) -> dict[str, Chunks]:
     root, rotations = cut(clip.motion, starts)
-    travel = Travel.of(root, rotations)
-    stairs = any(skill in clip.spans for skill in STAIRS)
-    good = sane(root, rotations, flat=not stairs)
-    chosen = {skill: rule(travel) & covered(clip, skill, starts) for skill, rule in RULES.items()}
-    if stairs:  # a step onto the next block is neither a walk nor a turn
-        chosen = {skill: mask if skill in STAIRS else mask & travel.level for skill, mask in chosen.items()}
-    chosen["base"] = covered(clip, "base", starts)
+    windows = travel(root, rotations)
+    uneven = any(skill.declaration.climbs and skill.tag in clip.spans for skill in skills)
+    good = sane(root, rotations, flat=not uneven)
     name = f"{clip.source}: {clip.name}"
-    return {
-        skill: Chunks.of(skill, root[mask & good], rotations[mask & good], name, clip.real)
-        for skill, mask in chosen.items()
-        if (mask & good).any()
-    }
+    found = {}
+    for skill in skills:
+        mask = good & skill.shown(windows) & covered(clip, skill.tag, starts)
+        if uneven and not skill.declaration.climbs:  # a step onto the next block is neither a walk nor a turn
+            mask &= windows.level
+        found[skill.name] = Chunks.of(skill.declaration.parameters, root[mask], rotations[mask], name, clip.real)
+    mask = good & covered(clip, "base", starts)
+    found["base"] = Chunks.of((), root[mask], rotations[mask], name, clip.real)
+    return {skill: chunks for skill, chunks in found.items() if len(chunks)}
 
 
 def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3) -> Mask:
@@ -175,7 +127,7 @@ def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3
 
 def _less_idle(base: Chunks) -> Chunks:
     """Evenly spaced idle chunks are kept until they make up IDLE_SHARE of the set."""
-    still = idle(Travel.of(base.root.astype(float), base.rotations.astype(float)))
+    still = travel(base.root.astype(float), base.rotations.astype(float)).idle
     moving, idling = np.flatnonzero(~still), np.flatnonzero(still)
     most = int(len(moving) * IDLE_SHARE / (1 - IDLE_SHARE)) if len(moving) else len(idling)
     if len(idling) > most:
@@ -198,13 +150,13 @@ class Statistics:
 
 def statistics(chunks: Mapping[str, Chunks], stride: int = STRIDE) -> dict[str, Statistics]:
     """What each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are counted."""
-    return {skill: _statistics(skill, found, stride) for skill, found in chunks.items()}
+    return {skill: _statistics(found, stride) for skill, found in chunks.items()}
 
 
-def _statistics(skill: str, chunks: Chunks, stride: int) -> Statistics:
+def _statistics(chunks: Chunks, stride: int) -> Statistics:
     real = int(chunks.real.sum())
     spread = np.percentile(chunks.params, [0, 5, 50, 95, 100], axis=0).T if len(chunks) else np.zeros((0, 5))
-    params = {name: tuple(map(float, row)) for name, row in zip(PARAMETERS[skill], spread, strict=False)}
+    params = {name: tuple(map(float, row)) for name, row in zip(chunks.names.tolist(), spread, strict=True)}
     return Statistics(
         len(chunks), real, len(set(chunks.source.tolist())), real * stride / FPS, MappingProxyType(params)
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -36,6 +36,10 @@ class ChunkTensors:
     rotations: Tensor
     params: Tensor
     statistics: dict[str, Any]
+    names: tuple[str, ...] = ()
+    """Of the parameters (k,),"""
+    measures: tuple[str, ...] = ()
+    """and what they command."""
 
     def __len__(self) -> int:
         return len(self.root)
@@ -43,7 +47,7 @@ class ChunkTensors:
     def to(self, device: torch.device) -> ChunkTensors:
         """The same chunks on another device."""
         moved = (self.root.to(device), self.rotations.to(device), self.params.to(device))
-        return ChunkTensors(self.name, *moved, self.statistics)
+        return replace(self, root=moved[0], rotations=moved[1], params=moved[2])
 
 
 def load(folders: Sequence[Path], name: str) -> ChunkTensors:
@@ -60,12 +64,13 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
         torch.from_numpy(np.concatenate([part[key] for part in arrays]).astype(np.float32))
         for key in ("root", "rotations", "params")
     )
-    return ChunkTensors(name, root, rotations, params, _statistics(arrays))
+    names, measures = (tuple(arrays[0][key].tolist()) for key in ("names", "measures"))
+    return ChunkTensors(name, root, rotations, params, _statistics(arrays), names, measures)
 
 
 def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
     with np.load(file, allow_pickle=False) as content:
-        found = {key: content[key] for key in ("root", "rotations", "params", "real", "source")}
+        found = {key: content[key] for key in ("root", "rotations", "params", "real", "source", "names", "measures")}
     if found["root"].shape[1:] != (CHUNK, 3):
         raise HumanclawError(f"{file} holds root {found['root'].shape}, not (N, {CHUNK}, 3).", "Make the chunks again.")
     return found
@@ -96,15 +101,17 @@ def normaliser(chunks: ChunkTensors) -> Normaliser:
 
 
 def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
-    """Of chunks of standing, the history that moves least and stands most typically: root (5, 3), rotations (5, 24, 3)."""
+    """Of chunks that stand, the history that moves least and stands most typically: root (5, 3), rotations (5, 24, 3)."""
     root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     positions = kinematics.joints(root, rotations)
+    moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2)) + (chunks.root[:, -1] - chunks.root[:, 0]).norm(dim=-1)
     upright = positions[:, -1, 15, 1]
-    tall = upright > upright.quantile(0.5) - 0.05
-    typical = positions[tall, -1].median(0).values
+    calm = moving <= moving.quantile(0.1)
+    still = calm & (upright > upright[calm].quantile(0.5) - 0.05)
+    typical = positions[still, -1].median(0).values
     far = (positions[:, -1] - typical).norm(dim=-1).mean(-1)
-    moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2))
-    best = int((far / far.median() + moving / moving.median() + 1e3 * ~tall).argmin())
+    usual_far, usual_moving = (values[still].median().clamp(min=1e-6) for values in (far, moving))
+    best = int((far / usual_far + moving / usual_moving + 1e3 * ~still).argmin())
     return root[best], rotations[best]
 
 
@@ -134,16 +141,18 @@ def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
 
 
-def commanded(skill: str, params: Tensor, clean: Tensor, root: Tensor) -> Tensor:
+_FROM_HISTORY: Final = {"hips.rise": 1.0, "hips.drop": -1.0}
+"""Measures that are told from where the history has the pelvis, and the sign of a rise in them."""
+
+
+def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tensor) -> Tensor:
     """(B, k) parameters of chunks after their histories were spoilt; root (B, 20, 3) before (clean) and after.
 
     Where a body ends is as it was; only a rise is measured from where the spoilt history now has the pelvis.
     """
-    sign = {"climb_upstairs": 1.0, "walk_downstairs": -1.0}.get(skill)
-    if sign is None:
-        return params
     lifted = root[:, HISTORY - 1, 1] - clean[:, HISTORY - 1, 1]
-    return torch.cat([params[:, :1] - sign * lifted[:, None], params[:, 1:]], 1)
+    signs = torch.tensor([_FROM_HISTORY.get(one, 0.0) for one in measures], device=params.device)
+    return params - signs * lifted[:, None]
 
 
 def _curves() -> tuple[Tensor, Tensor, Tensor]:

@@ -11,6 +11,7 @@
 * Life: 120 random calls in a row, as the model feeds on its own motion.
 * Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
   generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end up.
+* Uncommanded: how far skills travel and turn on axes that they do not command, from standing and after walking.
 * First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
@@ -28,7 +29,7 @@ import numpy as np
 
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
-from humanclaw.measures import Declaration, suited
+from humanclaw.measures import MEASURES, Declaration, suited
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
@@ -240,11 +241,11 @@ _STRAIGHT: Final = 0.96
 """Least ratio of the way from end to end over the path of a walk that counts as straight."""
 
 
-def real_gaits(clips: Iterable[Clip]) -> dict[str, Gait]:
-    """Clip to the gait of its longest straight walk, for clips that show one of two steps and a second."""
+def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
+    """Clip to the gait of its longest straight span of a tag, for clips that show one of two steps and a second."""
     found = {}
     for clip in clips:
-        spans = sorted(clip.spans.get("walk", ()), key=lambda span: span[0] - span[1])
+        spans = sorted(clip.spans.get(tag, ()), key=lambda span: span[0] - span[1])
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
             gait = Gait.of(walk)
@@ -328,6 +329,32 @@ def first_steps(
         )
         slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
         found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
+    return found
+
+
+# -- travel that nobody commanded --------------------------------------------------------------------------------------
+_FREE: Final = ("hips.left", "hips.forward", "heading.left")
+
+
+def uncommanded(
+    generator: DiTGenerator, commands: Sequence[Command], walks: Command, bodies: int = 30, seed: int = 0
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Skill to measure to what happens of it though the skill does not command it: (from standing, after walking at 1 m/s).
+
+    Means over bodies, in metres and radians. A skill that commands `hips.back` commands `hips.forward`.
+    """
+    before = ([generator.start() for _ in range(bodies)], straight_walks(generator, walks, 1.0, bodies, 2, seed))
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    for command in commands:
+        told = {one.measure.replace("back", "forward") for one in command.parameters}
+        values = command.draw(bodies, np.random.default_rng(seed))
+        rows = []
+        for motions in map(list, before):
+            extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
+            last = [motion[-HISTORY - FUTURE :] for motion in motions]
+            local = canonical(*(np.stack([getattr(one, part) for one in last]) for part in ("root", "rotations")))
+            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in told})
+        found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
     return found
 
 
@@ -469,7 +496,7 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
     """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over seeds."""
     heads = (
-        "walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
+        "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
     )  # fmt: skip
     rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
     for name, gaits in made.items():
@@ -483,6 +510,17 @@ def drift_line(found: Drift) -> str:
         f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
         f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
     )
+
+
+def uncommanded_table(found: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
+    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands it."""
+
+    def cell(row: Mapping[str, tuple[float, float]], name: str) -> str:
+        scale = 180 / np.pi if name.startswith("heading") else 100.0
+        return " / ".join(f"{scale * value:+.1f}" for value in row[name]) if name in row else "-"
+
+    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in found.items()]
+    return _table(("uncommanded, from standing / after walking", "left cm", "ahead cm", "turn degrees"), rows)
 
 
 def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
@@ -533,7 +571,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if (walks := walker(commands)) is not None:
             made = generated_gaits(generator, walks, seed=options.seed)
             clips = load_pack(options.clips) if options.clips else []
-            print("\n" + gait_table(real_gaits(clips), made), flush=True)
+            print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
+            print("\n" + uncommanded_table(uncommanded(generator, commands, walks, seed=options.seed)), flush=True)
             print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(

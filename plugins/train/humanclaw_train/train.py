@@ -31,7 +31,6 @@ from humanclaw.pose import CHUNK, FUTURE, HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Base, Normaliser, load_adapter, load_base, save_adapter, save_base
-from humanclaw_train.chunks import PARAMETERS
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
@@ -186,7 +185,7 @@ class Trainer(Generic[M]):
         clean = self.chunks.root[chosen]
         root, rotations = data.spoilt(clean, self.chunks.rotations[chosen], generator, self.recipe.spoil)
         states = kinematics.encode(root, rotations)
-        values = data.commanded(self.chunks.name, self.chunks.params[chosen], clean, root)
+        values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
         # Not uniform: the noisy joints of 15 frames together betray the outcome from tau 0.1 on, so what a model makes of its
@@ -284,7 +283,7 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
     """Train the prior on `base.npz` and the skills' chunks; the path of its checkpoint, out/base.safetensors."""
     chunks = data.load_all(folders)
     normaliser = data.normaliser(chunks).to(device)
-    start = data.standing(data.load(folders, "stop"))
+    start = data.standing(chunks)
     torch.manual_seed(recipe.seed)
     model = DiT(SIZES[recipe.size]).to(device)
     trainer = Trainer(model, chunks.to(device), recipe)
@@ -319,7 +318,7 @@ def train_adapter(
     chunks = data.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
     if init is None:
-        adapter = Adapter(base.model, adapter_config(skill, chunks.params))
+        adapter = Adapter(base.model, adapter_config(chunks))
     else:
         adapter = load_adapter(init, base, skill).train().requires_grad_()
         recipe = replace(recipe, init=str(read_header(init)["card"]["recipe_digest"]))
@@ -340,18 +339,15 @@ def train_adapter(
     return path
 
 
-def adapter_config(skill: str, params: Tensor) -> AdapterConfig:
-    """The encoder of a skill, built in or your own, centred and scaled to the range of its data."""
-    width = params.shape[1]
-    names = PARAMETERS.get(skill, tuple(f"p{index}" for index in range(width)))
+def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
+    """The encoder of a skill, centred and scaled to the range of its data."""
+    params, width = chunks.params, chunks.params.shape[1]
     # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
-    if len(names) != width:
-        raise HumanclawError(f"{skill} has {len(names)} parameters; its chunks have {width}.", "Make the chunks again.")
     # Not the extremes: standing up from a seat into a step is in the data, and is a rise that no command asks for.
     low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
     scale = ((high - low) / 2).clamp(min=1e-3)
-    return AdapterConfig(skill, encoder, names, _rounded((low + high) / 2), _rounded(scale))
+    return AdapterConfig(chunks.name, encoder, chunks.names, _rounded((low + high) / 2), _rounded(scale))
 
 
 def _rounded(values: Tensor) -> tuple[float, ...]:

@@ -5,14 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from declared import STROLL
 
-from humanclaw import Motion
+from humanclaw import HumanclawError, Motion, Plugins
 from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
+from humanclaw.measures import Declaration
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, rest_pose
+from humanclaw.recipes import Draw, GaitParameters, Recipe
+from humanclaw_train import composer
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
-from humanclaw_train.chunks import PARAMETERS, outcome
-from humanclaw_train.composer import SKILLS, compose
-from humanclaw_train.edited import edited_chunks, sample_commands
+from humanclaw_train.chunks import outcome
+from humanclaw_train.commands import Trained, named, trained
+from humanclaw_train.edited import edited_chunks, sample_calls
 
 DEGREE = np.pi / 180
 ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
@@ -29,6 +33,21 @@ def profiles():
     gait[:, 1, channel("left_shoulder", 1)] = gait[:, 1, channel("right_shoulder", 1)] = 0.3
     sway = 0.02 * np.sin(np.linspace(0, 20, 300))[:, None] * np.eye(CHANNELS)[channel("spine2", 2)]
     return Profiles(gait, np.array([1.2, 1.2]), stance, sway)
+
+
+SKILLS = named(trained(Plugins.discover()))
+
+
+def compose(profiles, commands, seed):
+    return composer.compose(profiles, [(SKILLS[name], given) for name, given in commands], seed)
+
+
+def _outcome(skill, chunk):
+    return outcome(SKILLS[skill].declaration.parameters, chunk)
+
+
+def _wanted(skill, given):
+    return [given.get(one.name, 0.0) for one in SKILLS[skill].declaration.parameters]
 
 
 def _chunks(motion):
@@ -59,15 +78,26 @@ EXTREMES = [
 def test_a_command_moves_the_body_by_exactly_what_it_asks_for(profiles, before, command):
     skill, given = command
     last = _chunks(compose(profiles, [before, before, command], 1))[-1]
-    wanted = [given[name] for name in PARAMETERS[skill]]
-    np.testing.assert_allclose(outcome(skill, last), wanted, atol=1e-3)
+    np.testing.assert_allclose(_outcome(skill, last), _wanted(skill, given), atol=1e-3)
+
+
+def test_a_skill_that_nobody_here_knows_is_synthesised_from_what_it_declares(profiles):
+    recipe = Recipe(
+        "stroll", gait=GaitParameters(exit=1.0), feet="stride", commands={"ahead": Draw(0.1, 0.5), "veer": Draw(0, 0)}
+    )
+    stroll = Trained(recipe, Declaration.of("stroll", STROLL))
+    last = _chunks(composer.compose(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
+    np.testing.assert_allclose(outcome(stroll.declaration.parameters, last), [0.2, 0.4], atol=1e-3)
+    found = edited_chunks(profiles, [stroll], 4.0, 0)["stroll"]
+    assert found.names.tolist() == ["veer", "ahead"]
+    assert found.params[:, 1].min() > 0.09
 
 
 @pytest.mark.parametrize("skill", ["walk", "side_step", "turn_in_place"])
 def test_who_rises_from_a_seat_arrives_where_the_command_says(profiles, skill):
     given = {"walk": {"x": 0.05, "z": 0.5, "yaw": 0.1}, "side_step": {"x": 0.2}, "turn_in_place": {"yaw": 0.6}}[skill]
     motion = compose(profiles, [("sit_in_place", {"h": 0.5}), (skill, given)], 0)
-    np.testing.assert_allclose(outcome(skill, _chunks(motion)[-1]), list(given.values()), atol=1e-3)
+    np.testing.assert_allclose(_outcome(skill, _chunks(motion)[-1]), _wanted(skill, given), atol=1e-3)
     assert motion.root[-1, 1] > 0.9
 
 
@@ -97,11 +127,9 @@ def test_one_foot_at_least_is_on_the_floor_and_none_is_below_it(profiles):
 
 
 def test_nothing_jumps_where_one_command_follows_another(profiles):
-    rng = np.random.default_rng(4)
-    series = [
-        (SKILLS[c.skill[0]], dict(zip(("x", "z", "yaw", "h", "d"), _row(c), strict=True)))
-        for c in sample_commands(1, 40, rng)
-    ]
+    skills = list(SKILLS.values())
+    calls = sample_calls(skills, 1, 40, np.random.default_rng(4))
+    series = [_command(skills[call.skill[0]], call.values[0]) for call in calls]
     joints = compose(profiles, series, 5).joints()
     acceleration = np.linalg.norm(np.diff(joints, 2, axis=0), axis=-1).max(1) * 30**2  # at frames 1, 2, ...
 
@@ -112,8 +140,8 @@ def test_nothing_jumps_where_one_command_follows_another(profiles):
     assert np.linalg.norm(np.diff(joints, axis=0), axis=-1).max() < 0.4  # 12 m/s: a foot in a fast walk
 
 
-def _row(commands):
-    return (float(value[0]) for value in (commands.x, commands.z, commands.yaw, commands.h, commands.d))
+def _command(skill, values):
+    return skill.name, {one.name: float(x) for one, x in zip(skill.declaration.parameters, values, strict=False)}
 
 
 def test_a_chunk_knows_nothing_of_the_command_after_it(profiles):
@@ -199,28 +227,29 @@ def test_knees_and_ankles_stay_within_what_a_body_can_do(profiles):
     assert np.abs(ankles[..., 0]).max() < 50 * DEGREE
 
 
-def test_an_unknown_skill_or_parameter_is_named(profiles):
-    with pytest.raises(ValueError, match="skill hop"):
-        compose(profiles, [("hop", {})], 0)
-    with pytest.raises(ValueError, match="parameter z_cm"):
+def test_an_unknown_parameter_and_a_skill_without_gait_are_named(profiles):
+    with pytest.raises(HumanclawError, match="walk has no parameter z_cm"):
         compose(profiles, [("walk", {"z_cm": 40})], 0)
+    silent = Trained(Recipe("stroll"), Declaration.of("stroll", STROLL))
+    with pytest.raises(HumanclawError, match="recipe of stroll has no gait"):
+        composer.compose(profiles, [(silent, {})], 0)
 
 
 def test_every_change_of_skill_is_practised():
-    series = sample_commands(200, 40, np.random.default_rng(0))
+    series = sample_calls(list(SKILLS.values()), 200, 40, np.random.default_rng(0))
     pairs = {(a, b) for one, two in pairwise(series) for a, b in zip(one.skill, two.skill, strict=True)}
     assert len(pairs) == len(SKILLS) ** 2
 
 
 def test_edited_chunks_fill_every_skill_and_say_what_they_are(profiles):
     heard = []
-    chunks = edited_chunks(profiles, 20.0, 3, heard.append, base_share=2.0)
+    chunks = edited_chunks(profiles, list(SKILLS.values()), 20.0, 3, heard.append, base_share=2.0)
     assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(SKILLS, 40) | {"base": 80}
     assert heard[-1] == 1.0
     for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
         found = chunks[name]
         assert not found.real.any()
-        measured = [outcome(name, found.motion(i)) for i in range(len(found))]
+        measured = [_outcome(name, found.motion(i)) for i in range(len(found))]
         np.testing.assert_allclose(found.params, measured, atol=1e-3)
     half = len(chunks["side_step"]) // 2
     np.testing.assert_allclose(chunks["side_step"].params[half:], -chunks["side_step"].params[:half], atol=1e-6)
@@ -247,3 +276,28 @@ def test_profiles_are_read_off_real_walks(profiles):
 def test_profiles_without_the_clips_they_need_are_refused():
     with pytest.raises(ValueError, match="02_01"):
         Profiles.of([_Clip("somebody", rest_pose(40))])
+
+
+def test_who_walks_brakes_where_no_travel_is_commanded(profiles):
+    # At 1 m/s a body that stops within half a second at an even rate goes on for 25 cm.
+    for command in (("stop", {}), ("turn_in_place", {"yaw": 0.8}), ("side_step", {"x": 0.3})):
+        last = _chunks(compose(profiles, [("walk", {"z": 0.5})] * 4 + [command], 3))[-1]
+        moved = (last.root[-1] - last.root[HISTORY - 1])[2]
+        assert 0.0 < moved < 0.15
+
+
+@pytest.mark.parametrize(("skill", "share"), [("climb_upstairs", 0.92), ("walk_downstairs", 1.0)])
+def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_two(profiles, skill, share):
+    random = np.random.default_rng(0)
+    heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
+    calls = [(SKILLS[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
+    missing = composer.play(profiles, [composer.Commands.of(calls)] * 4, random)[2]  # of 2 cm
+    assert (missing < 0.01).mean() >= share
+    assert (missing < 0.0025).mean() >= share - 0.07
+
+
+def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt_from(profiles):
+    climbs = [SKILLS["climb_upstairs"]]
+    asked = edited_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
+    assert len(asked) == 80
+    assert asked.params[:, 0].max() < 0.27

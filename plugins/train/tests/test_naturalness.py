@@ -7,7 +7,7 @@ from tiny_motion import write_adapter
 
 from humanclaw import pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
-from humanclaw_train.chunks import PARAMETERS, Chunks
+from humanclaw_train.chunks import Chunks
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     SEQUENCES,
@@ -24,6 +24,7 @@ from humanclaw_train.naturalness import (
     real_peak,
     sequence_jerks,
     transitions,
+    uncommanded,
     walker,
 )
 from humanclaw_train.rollouts import Command, adapters
@@ -37,8 +38,9 @@ def still(tmp_path_factory, still_base):
     folder = tmp_path_factory.mktemp("still")
     base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
-        width = len(PARAMETERS[skill])
-        config = AdapterConfig(skill, "mlp", PARAMETERS[skill], (0.0,) * width, (0.2,) * width)
+        names = tuple(one.name for one in declaration(skill).parameters)
+        width = len(names)
+        config = AdapterConfig(skill, "mlp", names, (0.0,) * width, (0.2,) * width)
         write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
         declare(folder / skill)
     return folder
@@ -59,7 +61,9 @@ def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
     random = np.random.default_rng(seed)
     rest = pose.rest_pose(20)
     drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15
-    return Chunks.of("walk", rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True)
+    return Chunks.of(
+        declaration("walk").parameters, rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True
+    )
 
 
 def test_the_halves_of_the_data_share_no_clip():
@@ -94,6 +98,13 @@ def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator,
     assert first_steps(generator, commands[:1], bodies=3) == {"walk": pytest.approx((0, 0, 0), abs=1e-3)}
     assert walker(commands) is commands[0]
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
+
+
+def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands):
+    found = uncommanded(generator, commands, commands[0], bodies=2)
+    assert set(found["walk"]) == set()
+    assert set(found["step_back"]) == {"hips.left", "heading.left"}
+    assert found["turn_in_place"]["hips.forward"] == pytest.approx((0, 0), abs=1e-3)
 
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):

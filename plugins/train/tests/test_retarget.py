@@ -7,17 +7,21 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
+from declared import declaration
 
-from humanclaw import Motion
+from humanclaw import Motion, Plugins
 from humanclaw.body import JOINT_INDEX, JOINTS, SOLE, STANDING_HEIGHT, TOE_SOLE
 from humanclaw.pose import FPS, Pose2D, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
-from humanclaw_train.curate import IDLE_SHARE, Travel, build_real, idle, statistics
+from humanclaw_train.commands import trained
+from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
 from humanclaw_train.mocap import MocapError, SourceMotion, load
 from humanclaw_train.retarget import leg_length, resample, retarget
 
 HUMANOID3D = Path(pybullet_data.getDataPath()) / "data/motions/humanoid3d_walk.txt"
 LEG = 0.405 + 0.415
+SKILLS = trained(Plugins.discover())
+WALK = declaration("walk").parameters
 
 
 @pytest.fixture(scope="module")
@@ -183,12 +187,14 @@ def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
     ],
 )
 def test_an_outcome_is_what_the_last_pose_shows_from_the_last_history_pose(heading, skill, how, expected):
-    np.testing.assert_allclose(outcome(skill, moving(**how, heading=heading)), expected, atol=1e-6)
+    np.testing.assert_allclose(
+        outcome(declaration(skill).parameters, moving(**how, heading=heading)), expected, atol=1e-6
+    )
 
 
 def test_an_outcome_needs_a_whole_chunk():
     with pytest.raises(ValueError, match="20 frames; got 19"):
-        outcome("walk", moving()[:19])
+        outcome(WALK, moving()[:19])
 
 
 def test_cut_chunks_lie_in_the_canonical_frame_of_their_history(walk):
@@ -202,7 +208,7 @@ def test_cut_chunks_lie_in_the_canonical_frame_of_their_history(walk):
 
 
 def test_chunks_come_back_from_their_file(walk, tmp_path):
-    chunks = Chunks.of("walk", *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True)
+    chunks = Chunks.of(WALK, *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True)
     chunks.save(tmp_path / "deep" / "walk.npz")
     again = Chunks.load(tmp_path / "deep" / "walk.npz")
     np.testing.assert_array_equal(again.rotations, chunks.rotations)
@@ -218,9 +224,9 @@ def test_a_file_that_holds_no_chunks_is_refused(tmp_path):
 
 
 def test_mirrored_chunks_realise_the_mirrored_parameters(walk):
-    chunks = Chunks.of("walk", *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True).mirrored("walk")
+    chunks = Chunks.of(WALK, *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True).mirrored()
     for index in range(len(chunks)):
-        np.testing.assert_allclose(outcome("walk", chunks.motion(index)), chunks.params[index], atol=1e-4)
+        np.testing.assert_allclose(outcome(WALK, chunks.motion(index)), chunks.params[index], atol=1e-4)
     assert not chunks.real.any()
 
 
@@ -237,7 +243,7 @@ def looped(walk, times):
 
 def test_a_walk_becomes_walk_chunks_with_its_speed(walk):
     clip = Clip("walk", walk, {"walk": ((0, 38),), "base": ((0, 38),)}, "Some", "MIT")
-    chunks = build_real([clip])
+    chunks = build_real([clip], SKILLS)
     speed = np.linalg.norm((walk.root[-1] - walk.root[0])[[0, 2]]) / (walk.seconds - 1 / FPS)
     assert set(chunks) == {"walk", "base"}
     assert chunks["walk"].params[:, 1].mean() == pytest.approx(speed / 2, rel=0.1)
@@ -246,7 +252,7 @@ def test_a_walk_becomes_walk_chunks_with_its_speed(walk):
 
 def test_only_what_a_span_covers_is_taken(walk):
     clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
-    assert set(build_real([clip])) == {"base"}
+    assert set(build_real([clip], SKILLS)) == {"base"}
 
 
 def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
@@ -254,9 +260,9 @@ def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
     still = replace(still, root=rest_pose(2000).root)
     idling = Clip("idle", still, {"stop": ((0, 1999),), "base": ((0, 1999),)}, "Some", "MIT")
     walking = Clip("walk", looped(walk, 3), {"base": ((0, 116),)}, "Some", "MIT")
-    chunks = build_real([idling, walking])
+    chunks = build_real([idling, walking], SKILLS)
     base = chunks["base"]
-    share = idle(Travel.of(base.root.astype(float), base.rotations.astype(float))).mean()
+    share = travel(base.root.astype(float), base.rotations.astype(float)).idle.mean()
     assert len(chunks["stop"]) > 600
     assert 0.5 * IDLE_SHARE < share <= IDLE_SHARE
 
@@ -267,8 +273,8 @@ def test_a_glitch_of_one_frame_drops_the_chunks_that_hold_it(walk):
     clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
     broken = replace(clip, motion=Motion(walk.root, rotations))
     # Windows begin at 0, 3 ... 18; those from 12 on hold frame 30.
-    assert len(build_real([clip])["base"]) == 7
-    assert len(build_real([broken])["base"]) == 4
+    assert len(build_real([clip], SKILLS)["base"]) == 7
+    assert len(build_real([broken], SKILLS)["base"]) == 4
 
 
 def test_a_source_must_have_a_rotation_for_every_joint(source):

@@ -30,10 +30,12 @@ def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np
 
 
 def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = False) -> None:
+    names, measures = (np.array(text[: params.shape[1]], np.str_) for text in (["z"], ["hips.back"]))
     root, rotations = _gliding(distance, moving)
     real = np.arange(len(distance)) % 4 == 0
     source = np.array(["a studio: clip"] * len(distance))
-    np.savez(path, root=root, rotations=rotations, params=params, real=real, source=source)
+    content = {"root": root, "rotations": rotations, "params": params, "names": names, "measures": measures}
+    np.savez(path, **content, real=real, source=source)
 
 
 @pytest.fixture(scope="module")
@@ -207,12 +209,12 @@ def test_a_rise_is_measured_from_where_the_spoilt_pelvis_is():
     clean, spoilt_root = torch.zeros(1, 20, 3), torch.zeros(1, 20, 3)
     clean[:, 4, 1], spoilt_root[:, 4, 1] = 0.95, 0.93
 
-    def asked(skill: str, *params: float) -> list[float]:
-        return commanded(skill, torch.tensor([params]), clean, spoilt_root)[0].tolist()
+    def asked(measures: list[str], *params: float) -> list[float]:
+        return commanded(measures, torch.tensor([params]), clean, spoilt_root)[0].tolist()
 
-    assert asked("climb_upstairs", 0.15, 0.3) == pytest.approx([0.17, 0.3])
-    assert asked("walk_downstairs", 0.15, 0.3) == pytest.approx([0.13, 0.3])
-    assert asked("walk", 0.1, 0.3, 0.2) == pytest.approx([0.1, 0.3, 0.2])
+    assert asked(["hips.rise", "hips.forward"], 0.15, 0.3) == pytest.approx([0.17, 0.3])
+    assert asked(["hips.forward", "hips.drop"], 0.3, 0.15) == pytest.approx([0.3, 0.13])
+    assert asked(["hips.left", "hips.forward", "heading.left"], 0.1, 0.3, 0.2) == pytest.approx([0.1, 0.3, 0.2])
 
 
 # -- the loss ----------------------------------------------------------------------------------------------------------

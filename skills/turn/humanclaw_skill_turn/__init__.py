@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
-from humanclaw.hookspecs import RegisterSkill
+from humanclaw.hookspecs import RegisterRecipe, RegisterSkill
 
 __version__ = "0.1.0"
 
@@ -11,3 +11,10 @@ __version__ = "0.1.0"
 @hookimpl
 def humanclaw_skills(register: RegisterSkill) -> None:
     register(Path(__file__).parent / "turn_in_place")
+
+
+@hookimpl
+def humanclaw_recipes(register: RegisterRecipe) -> None:
+    from humanclaw_skill_turn.turn_in_place.recipe import RECIPE
+
+    register(RECIPE)

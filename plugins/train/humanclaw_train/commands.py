@@ -1,0 +1,149 @@
+"""Trained skills as synthesis sees them: a recipe, the measures that the skill's parameters command, and commands of many bodies.
+
+What a command asks of the pelvis follows from the measures alone; no skill is known by name. Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw import HumanclawError
+from humanclaw.measures import Declaration
+from humanclaw.pose import Array
+from humanclaw.recipes import Feet, GaitParameters, Recipe, WindowTravel
+
+if TYPE_CHECKING:
+    from humanclaw import Plugins
+
+Ints = NDArray[np.int_]
+Mask = NDArray[np.bool_]
+
+AXES: Final[Mapping[str, tuple[str, float]]] = {
+    "hips.left": ("x", 1.0),
+    "hips.forward": ("z", 1.0),
+    "hips.back": ("z", -1.0),
+    "heading.left": ("yaw", 1.0),
+    "hips.rise": ("rise", 1.0),
+    "hips.drop": ("rise", -1.0),
+    "hips.height": ("height", 1.0),
+}
+"""Measure to the number of Commands that it sets, and the sign."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A skill that is trained: what it says of itself, and its recipe."""
+
+    recipe: Recipe
+    declaration: Declaration
+
+    @property
+    def name(self) -> str:
+        return self.recipe.name
+
+    @property
+    def tag(self) -> str:
+        """Of the spans of clips in which the skill is looked for."""
+        return self.recipe.tag or self.recipe.name
+
+    def shown(self, windows: WindowTravel) -> Mask:
+        """Which windows of real motion show the skill."""
+        rule = self.recipe.windows
+        return np.asarray(rule(windows)) if rule is not None else np.zeros(len(windows.yaw), bool)
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether its motion can be synthesised."""
+        return self.recipe.gait is not None
+
+    def axes(self) -> dict[str, tuple[str, float]]:
+        """Parameter to the number of Commands that it sets. Raises HumanclawError for a measure that synthesis does not know."""
+        unknown = [one.measure for one in self.declaration.parameters if one.measure not in AXES]
+        if unknown:
+            hint = f"It knows {', '.join(AXES)}; give {self.name} no gait, and real chunks alone."
+            raise HumanclawError(f"Motion cannot be synthesised for the measure {', '.join(unknown)}.", hint)
+        return {one.name: AXES[one.measure] for one in self.declaration.parameters}
+
+
+def trained(plugins: Plugins) -> list[Trained]:
+    """Every skill with a recipe. Raises PluginError for the recipe of a skill that is not there."""
+    recipes = [one.value for one in plugins.registered("recipes")]
+    return [Trained(recipe, plugins.skill(recipe.name).declaration) for recipe in recipes]
+
+
+_GAIT: Final = tuple(one.name for one in fields(GaitParameters))
+
+
+@dataclass(frozen=True)
+class Commands:
+    """One command for each of N bodies, all (N,), metres and radians.
+
+    x, z: travel to the left and ahead; yaw: turn to the left; NaN where the command leaves them open. rise: of the floor. height:
+    of the pelvis at the end, NaN where that is to stand. feet: index into FEET. stays_seated: a body that sits goes on sitting.
+    gait: the skills' gait parameters, by name.
+    """
+
+    x: Array
+    z: Array
+    yaw: Array
+    rise: Array
+    height: Array
+    feet: Ints
+    stays_seated: Mask
+    gait: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, commands: Sequence[tuple[Trained, Mapping[str, float]]]) -> Commands:
+        """Raises HumanclawError for a parameter that a skill does not have and for a skill without gait."""
+        rows = [_row(skill, given) for skill, given in commands]
+        numbers = {key: np.array([row[key] for row in rows], float) for key in ("x", "z", "yaw", "rise", "height")}
+        gaits = [skill.recipe.gait for skill, _ in commands]
+        return cls(
+            **numbers,
+            feet=np.array([FEET.index(skill.recipe.feet) for skill, _ in commands], int),
+            stays_seated=np.array([skill.recipe.stays_seated for skill, _ in commands], bool),
+            gait={name: np.array([getattr(gait, name) for gait in gaits], float) for name in _GAIT},
+        )
+
+    @classmethod
+    def standing(cls, count: int) -> Commands:
+        """Nothing is asked of `count` bodies."""
+        nan, zero = np.full(count, np.nan), np.zeros(count)
+        gait = {name: np.full(count, getattr(GaitParameters(), name)) for name in _GAIT}
+        return cls(nan, nan, nan, zero, nan, np.full(count, FEET.index("settle")), np.ones(count, bool), gait)
+
+    def does(self, feet: Feet) -> Mask:
+        """(N,) whose feet do so."""
+        return np.asarray(self.feet == FEET.index(feet))
+
+    @property
+    def stairs(self) -> Mask:
+        return np.asarray(self.rise != 0)
+
+    @property
+    def sits(self) -> Mask:
+        """(N,) who is told a height of the pelvis."""
+        return np.isfinite(self.height)
+
+
+FEET: Final[tuple[Feet, ...]] = ("stride", "shuffle", "settle")
+
+
+def _row(skill: Trained, given: Mapping[str, float]) -> dict[str, float]:
+    if not skill.synthetic:
+        raise HumanclawError(f"The recipe of {skill.name} has no gait.", "Give it one to synthesise its motion.")
+    axes = skill.axes()
+    if unknown := sorted(set(given) - set(axes)):
+        raise HumanclawError(f"{skill.name} has no parameter {', '.join(unknown)}.", f"It has: {', '.join(axes)}.")
+    row = {"x": np.nan, "z": np.nan, "yaw": np.nan, "rise": 0.0, "height": np.nan}
+    return row | {key: sign * given.get(name, 0.0) for name, (key, sign) in axes.items()}
+
+
+def named(skills: Iterable[Trained]) -> dict[str, Trained]:
+    """By name."""
+    return {skill.name: skill for skill in skills}

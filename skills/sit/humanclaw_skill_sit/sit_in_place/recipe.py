@@ -1,0 +1,12 @@
+"""How the chunks of `sit_in_place` are found in clips and synthesised."""
+
+from humanclaw.recipes import Draw, GaitParameters, Recipe
+
+RECIPE = Recipe(
+    name="sit_in_place",
+    description="Sit down.",
+    gait=GaitParameters(width=0.09, clearance=0.03, land=0.3, lift=0.5, lift_pitch=0.5),
+    commands={"h": Draw(0.19, 0.81, usual=0.54, spread=0.05)},
+    share=0.8,
+    repeats=0.45,
+)
