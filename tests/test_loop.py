@@ -62,6 +62,22 @@ def test_an_active_stop_ends_the_episode(play):
     assert [step.status for step in episode.steps] == ["stopped"]
 
 
+@pytest.mark.parametrize("before", [(), (STEP,), (Call("sit_in_place", {"h_cm": 50}),), (Call("walk", {"z_cm": 400}),) * 3])
+def test_an_active_stop_ends_the_episode_where_the_body_is(play, body, before):
+    """Whatever came before it, also in full stride: the body stays, and what is measured is measured there."""
+    episode, _ = play(*before, STOP)
+    *rest, stop = episode.steps
+    assert (stop.status, stop.call.skill) == ("stopped", "stop")
+    assert (stop.motion_frames, stop.contacts, stop.touches) == (0, (), ())
+    assert (stop.start, stop.yaw_start) == (stop.end, stop.yaw_end)
+    assert len(episode.motion()) == 5 + sum(step.motion_frames for step in rest)
+    assert np.array_equal(episode.motion().root[-1], body.state().body.root[-1])
+    assert stop.target_distance is not None
+    if rest:
+        assert (stop.start, stop.target_distance) == (rest[-1].end, rest[-1].target_distance)
+        assert stop.pelvis_contacts == rest[-1].pelvis_contacts
+
+
 def test_an_episode_without_a_stop_runs_out_of_steps(play):
     episode, _ = play(*[Call("turn_in_place", {"yaw_deg": 20})] * 3, max_steps=3)
     assert (episode.record.outcome, episode.record.steps) == ("out_of_steps", 3)
@@ -91,7 +107,7 @@ def test_after_three_unusable_answers_the_step_is_lost_and_nothing_has_moved(pla
     lost = episode.steps[0]
     assert (lost.status, lost.call, lost.motion_frames) == ("invalid", None, 0)
     assert lost.start != (0.0, 0.0, 0.0)
-    assert len(episode.motion()) == 5 + 15  # standing, then the stop
+    assert len(episode.motion()) == 5  # standing
 
 
 def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):

@@ -264,24 +264,31 @@ class Episode:
             return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call
 
     def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
+        """Carry out a call. An active stop ends the episode where the body is: no motion follows."""
         before = self.body.state()
+        if self._stops(call):
+            return self._measure(before, call, verdict)
         done = self.body.execute(call)
         self._trajectory.add(done.chunks)
         self._seconds |= done.seconds
-        return self._measure(before, done, verdict)
+        return self._measure(before, call, verdict, done)
 
     def _measure(
-        self, before: WorldState, done: SkillExecution | None = None, verdict: Verdict | None = None
+        self,
+        before: WorldState,
+        call: Call | None = None,
+        verdict: Verdict | None = None,
+        done: SkillExecution | None = None,
     ) -> StepRecord:
-        """The record of a step: of a call that was executed, or of none."""
+        """The record of a step: of a call with the motion that it led to, or of none."""
         after, chunks = self.body.state(), done.chunks if done else ()
         scene, targets, ids = self.body.scene, self.spec.target_ids, self._look().ids
         return StepRecord(
             step=len(self._steps),
-            status=self._status(done.call) if done else "invalid",
+            status=("stopped" if self._stops(call) else "executed") if call else "invalid",
             attempts=tuple(self._attempts),
             verdict=verdict,
-            call=done.call if done else None,
+            call=call,
             proprioception=done.proprioception if done else None,
             tactile=done.tactile if done else None,
             target_pixels={key: int((ids == key).sum()) for key in targets},
@@ -293,14 +300,18 @@ class Episode:
             yaw_end=yaw(after),
             contacts=contacts(chunks),
             touches=touches(chunks),
-            target_distance=target_distance(scene, targets, chunks[-1].execution.realised) if chunks else None,
-            pelvis_contacts=pelvis_contacts(chunks),
+            target_distance=target_distance(scene, targets, after.body),
+            pelvis_contacts=pelvis_contacts(chunks) if chunks else self._resting(),
             geodesic=self.distance_to_goal(),
             seconds={part: round(seconds, 4) for part, seconds in self._seconds.items()},
         )
 
-    def _status(self, call: Call) -> Literal["executed", "stopped"]:
-        return "stopped" if self.body.skills[call.skill].role == "stop" else "executed"
+    def _stops(self, call: Call) -> bool:
+        return self.body.skills[call.skill].role == "stop"
+
+    def _resting(self) -> tuple[int, ...]:
+        """What the pelvis touches while nothing moves: what it touched when the last motion ended."""
+        return self._steps[-1].pelvis_contacts if self._steps else ()
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
         """A step is over: record it, remember it, tell the observers."""
@@ -320,7 +331,7 @@ class Episode:
         """Carry out a recorded step again, so that body, history and trajectory are as they were after it."""
         self._look()
         self._replay_decisions(step)
-        if step.call:
+        if step.call and step.status != "stopped":
             self._trajectory.add(self.body.execute(step.call).chunks)
         after = self.body.state()
         if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):

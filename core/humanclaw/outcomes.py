@@ -49,15 +49,14 @@ def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
 def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord]) -> bool:
     """Decide whether an episode ended in success: an active stop within reach and, if it was asked for, after sitting.
 
-    What the pelvis rests on is that of the last executed step before the stop.
+    What the pelvis touches at the stop is what it touched in the last physics frame before it.
     """
     if not steps or steps[-1].status != "stopped":
         return False
-    distance = steps[-1].target_distance
-    if distance is None or distance > REACHED:
+    last = steps[-1]
+    if last.target_distance is None or last.target_distance > REACHED:
         return False
-    before = next((step for step in reversed(steps[:-1]) if step.call), None)
-    return not spec.interact or (before is not None and bool(set(before.pelvis_contacts) & set(spec.target_ids)))
+    return not spec.interact or bool(set(last.pelvis_contacts) & set(spec.target_ids))
 
 
 def footing(contact: Contact, ground: Set[int]) -> bool:
@@ -72,12 +71,12 @@ def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[C
 
 
 def end_distance(recorded: RecordedEpisode) -> float:
-    """From the nearest body point to the nearest target's bounding box at the end, metres; infinite if unknown.
+    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if unknown.
 
-    A step without a usable call leaves the body where it is, so the last distance that was recorded holds.
+    A stop moves nothing, so this is where the body was when it was called.
     """
-    known = [step.target_distance for step in recorded.steps if step.target_distance is not None]
-    return known[-1] if known else float("inf")
+    last = recorded.steps[-1].target_distance if recorded.steps else None
+    return float("inf") if last is None else last
 
 
 def reached(recorded: RecordedEpisode) -> bool:

@@ -111,11 +111,11 @@ class StepRecord(Record):
 
     step: int
     status: Literal["executed", "stopped", "invalid"]
-    """stopped: the body executed an active stop. invalid: no usable call came; nothing was executed."""
+    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. In neither anything moves."""
     attempts: tuple[Attempt, ...]
     verdict: Verdict | None = None
     call: Call | None = None
-    """The call that was executed."""
+    """The call that was executed, or the stop."""
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """What the body felt, as far as its senses were on."""
@@ -135,9 +135,9 @@ class StepRecord(Record):
     touches: tuple[tuple[int, int, int], ...] = ()
     """(frame of the step, object, object): a movable object touches another."""
     target_distance: float | None = None
-    """Least distance from any body point to the bounding box of a target in the step's last frame, metres."""
+    """Least distance from any body point to the bounding box of a target when the step ends, metres; None without a target."""
     pelvis_contacts: tuple[int, ...] = ()
-    """Ids that the pelvis touches in the step's last frame."""
+    """Ids that the pelvis touches in the last physics frame up to the end of the step."""
     geodesic: float | None = None
     """Shortest way from the pelvis after the step to a place beside the nearest target, metres; None if not measured."""
     seconds: dict[str, float] = {}

@@ -40,13 +40,10 @@ DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
 """What it asks skills for: measures that their parameters command, whatever the skills are called."""
 _WAY: Final = ("hips.left", "hips.forward", "hips.back")
-REACHED: Final = (0.11, 0.19)
-"""Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
-inside the benchmark's 0.2: limbs that come to rest end up to 0.085 m farther away than COASTING foretells (621 stops)."""
+REACHED: Final = 0.19
+"""Distance to the target's bounding box at which the oracle stops, metres: inside the benchmark's 0.2."""
 TURN_FIRST: Final = float(np.radians(28))
 """Heading error above which it turns on the spot before it walks, radians."""
-COASTING: Final = 0.5
-"""Share of the last step that a body in motion goes on for when it stops: 0.3 m after 0.6 m."""
 STRIDE: Final = 0.6
 """Its longest step, metres in 0.5 s: an easy walk."""
 LOOK_AHEAD: Final = 0.7
@@ -245,7 +242,7 @@ class OracleAgent:
             return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
-        if not self._spec.interact and self._distance(state, pose) <= REACHED[self._memory.blocked > 0]:
+        if not self._spec.interact and self._distance(state) <= REACHED:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
             return self._break_free(pose)
@@ -488,12 +485,9 @@ class OracleAgent:
     def _noun(self) -> str:
         return str(self._spec.target_category).replace("_", " ") or "target"
 
-    def _distance(self, state: WorldState, pose: Pose) -> float:
-        """To the nearest target, now and once the body has come to rest, whichever is more: it may be walking past."""
-        before = self._memory.before or pose
-        way = COASTING * (pose.root - before.root) * [1, 0, 1]
-        joints, boxes = state.body.joints()[-1], [self._scene.aabb(key) for key in self._spec.target_ids]
-        return max(distance_to_nearest(joints, boxes), distance_to_nearest(joints + way, boxes))
+    def _distance(self, state: WorldState) -> float:
+        """From the nearest joint to the nearest target, metres."""
+        return distance_to_nearest(state.body.joints()[-1], map(self._scene.aabb, self._spec.target_ids))
 
     def _goal(self) -> str:
         if not self._spec.target_ids:

@@ -47,9 +47,9 @@ def sat_down(recorded: RecordedEpisode) -> bool:
 
 def stayed_seated(recorded: RecordedEpisode) -> bool:
     """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
-    before = [step for step in recorded.steps if step.status == "executed"]
+    steps = recorded.steps
     stopped = recorded.record.outcome == "stopped"
-    return stopped and any(is_sit(recorded, step) for step in before) and on_target(recorded, before[-1])
+    return stopped and any(is_sit(recorded, step) for step in steps) and on_target(recorded, steps[-1])
 
 
 # -- what the body ran into ------------------------------------------------------------------------------------------------
