@@ -28,6 +28,7 @@ from humanclaw._recorder import (
     distance_to_goal,
     jpeg,
     pelvis_contacts,
+    target_boxes,
     target_distance,
     touches,
     vec3,
@@ -154,7 +155,7 @@ class Episode:
 
     def target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
-        return target_distance(self.body.scene, self.spec.target_ids, self.body.state().body)
+        return target_distance(self.body.scene, self.spec.target_ids, self.body.state())
 
     def distance_to_goal(self) -> float | None:
         """Shortest way to a place beside the nearest target, metres; None if nothing measures it or there is none."""
@@ -300,7 +301,8 @@ class Episode:
             yaw_end=yaw(after),
             contacts=contacts(chunks),
             touches=touches(chunks),
-            target_distance=target_distance(scene, targets, after.body),
+            targets=target_boxes(scene, targets, after),
+            target_distance=target_distance(scene, targets, after),
             pelvis_contacts=pelvis_contacts(chunks) if chunks else self._resting(),
             geodesic=self.distance_to_goal(),
             seconds={part: round(seconds, 4) for part, seconds in self._seconds.items()},

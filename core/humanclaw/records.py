@@ -134,8 +134,10 @@ class StepRecord(Record):
     contacts: tuple[Contact, ...] = ()
     touches: tuple[tuple[int, int, int], ...] = ()
     """(frame of the step, object, object): a movable object touches another."""
+    targets: dict[int, tuple[Vec3, Vec3]] = {}
+    """Target id to its bounding box when the step ends: what can be pushed is not where it was."""
     target_distance: float | None = None
-    """Least distance from any body point to the bounding box of a target when the step ends, metres; None without a target."""
+    """Least distance from any body point to any of these boxes, metres; None without a target."""
     pelvis_contacts: tuple[int, ...] = ()
     """Ids that the pelvis touches in the last physics frame up to the end of the step."""
     geodesic: float | None = None
@@ -201,7 +203,7 @@ class EpisodeRecord(Record):
     licences: tuple[str, ...] = ()
     """'licence: whom to name', of everything in the scene."""
     targets: dict[int, tuple[Vec3, Vec3]] = {}
-    """Target id to its bounding box."""
+    """Target id to its bounding box at the start."""
     movable: tuple[int, ...] = ()
     """Ids of the objects that can be moved."""
     ground: tuple[int, ...] = ()

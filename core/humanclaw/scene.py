@@ -123,20 +123,29 @@ class Scene:
     def of_category(self, category: str) -> tuple[SceneObject, ...]:
         return tuple(thing for thing in self.objects if thing.category == category)
 
-    def vertices(self, object_id: int) -> NDArray[np.float64]:
-        """(N, 3) world positions of an object's mesh vertices, metres."""
+    def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
+        """(N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
         thing = self.by_id[object_id]
+        place = np.array([*thing.position, *thing.rotation]) if pose is None else pose
         local = self.assets[thing.asset].mesh.vertices.astype(float)
-        return np.asarray(local @ matrix_from_quaternion(np.array(thing.rotation)).T + np.array(thing.position))
+        return np.asarray(local @ matrix_from_quaternion(place[3:]).T + place[:3])
 
     @cached_property
     def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
         points = {thing.id: self.vertices(thing.id) for thing in self.objects}
         return {key: (value.min(axis=0), value.max(axis=0)) for key, value in points.items()}
 
-    def aabb(self, object_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest corner of an object's axis-aligned bounding box, metres."""
-        return self._boxes[object_id]
+    def aabb(
+        self, object_id: int, pose: Array | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of an object's axis-aligned bounding box, metres.
+
+        pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene says.
+        """
+        if pose is None:
+            return self._boxes[object_id]
+        points = self.vertices(object_id, pose)
+        return points.min(axis=0), points.max(axis=0)
 
     @cached_property
     def digest(self) -> str:

@@ -311,7 +311,7 @@ class OracleAgent:
         assert stand is not None
         if not self._arrived(pose, stand, 0.2):
             return self._follow(pose, self._last)
-        low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
+        low, high = (corner[[0, 2]] for corner in _box(self._scene, self._state(), stand.target))
         edge = np.clip(pose.point, low, high)
         self._memory.sideways |= self._memory.blocked > 0
         if self._memory.sideways:
@@ -372,7 +372,7 @@ class OracleAgent:
 
     def _on_seat(self, state: WorldState, target: int) -> bool:
         """Whether the hips are over a target and down on its seat."""
-        low, high = self._scene.aabb(target)
+        low, high = _box(self._scene, state, target)
         thing = self._scene.by_id[target]
         seat = self._scene.assets[thing.asset].seat_height
         point = state.body.root[-1]
@@ -487,7 +487,7 @@ class OracleAgent:
 
     def _distance(self, state: WorldState) -> float:
         """From the nearest joint to the nearest target, metres."""
-        return distance_to_nearest(state.body.joints()[-1], map(self._scene.aabb, self._spec.target_ids))
+        return distance_to_nearest(state.body.joints()[-1], [_box(self._scene, state, k) for k in self._spec.target_ids])
 
     def _goal(self) -> str:
         if not self._spec.target_ids:
@@ -563,6 +563,11 @@ def _on_stairs(pose: Pose, run: StairRun) -> tuple[float, float]:
     return float(along @ run.way), float(along @ across)
 
 
+def _box(scene: Scene, state: WorldState, target: int) -> tuple[Array, Array]:
+    """Bounding box of a target where it now is."""
+    return scene.aabb(target, state.objects.get(target))
+
+
 def _hip_bottom(state: WorldState) -> float:
     """Height of the lowest point of the pelvis link, metres."""
     (shape,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
@@ -577,7 +582,7 @@ def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -
     It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
     """
     camera = ego_camera(state.body)
-    low, high = scene.aabb(target)
+    low, high = _box(scene, state, target)
     grid = np.stack(np.meshgrid([0.05, 0.5, 0.95], [0.05, 0.5, 0.95], [0.05, 0.5, 0.95]), -1).reshape(-1, 3)
     points = low + grid * (high - low)
     right = np.cross(camera.forward, camera.up)

@@ -91,7 +91,7 @@ def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
         ([step(away=0.1), step("stop", away=0.21)], False, False, True),
         ([step("stop", away=1.01)], False, False, False),
         ([step(away=0.1)], False, True, False),
-        ([step(away=0.1), step("", away=None)], False, True, False),
+        ([step(away=0.1), step("", away=0.1)], False, True, False),
         ([step(away=0.1), step(away=3.0)], False, False, False),
         ([step("", away=None)], False, False, False),
     ],
@@ -111,8 +111,8 @@ ON, OFF = {"pelvis_contacts": (COUCH,)}, {"pelvis_contacts": (TABLE,)}
     ("steps", "sat", "geo"),
     [
         ([step("sit_in_place", **ON), step("stop", **ON)], True, True),
-        ([step("sit_in_place", **ON), step("stop")], True, True),
-        ([step("sit_in_place", **ON), step("turn_in_place"), step("stop", **ON)], False, True),
+        ([step("sit_in_place", **ON), step("", **ON), step("stop", **ON)], True, True),
+        ([step("sit_in_place", **ON), step("turn_in_place"), step("stop")], False, True),
         ([step("sit_in_place"), step("turn_in_place", **ON), step("stop", **ON)], True, False),
         ([step("walk", **ON), step("stop", **ON)], False, False),
         ([step("sit_in_place", **OFF), step("stop", **OFF)], False, False),
@@ -145,7 +145,8 @@ def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_gr
         step(contacts=(touch(TABLE, height=2.021),)),
         step(contacts=(touch(LAMP, height=3.0),)),
         step("", away=None),
-        step("stop", contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
+        step(contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
+        step("stop"),
     ]
     shares = collisions(rollout(tmp_path, steps, start=Pose2D(x=0, z=0, yaw=0, floor=2.0)))
     assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
@@ -298,7 +299,7 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
     whole = [generated[0], realised[0]]
     for made, real in zip(generated[1:], realised[1:], strict=True):
         whole = [whole[0].then(made), whole[1].then(real)]
-    recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step("stop")], motion=tuple(whole))
+    recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step(), step("stop")], motion=tuple(whole))
     line = generated_trajectory(recorded)
     assert len(line) == 60
     np.testing.assert_allclose(line.root[:, 0], np.arange(1, 61) * 0.4 / 15, atol=1e-9)
