@@ -116,6 +116,54 @@ def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
     assert len(episode.steps) == 1
 
 
+class Broken(Judge):
+    def verify(self, observation, call, skill, goal):
+        raise ZeroDivisionError("a bug")
+
+
+class NeverBegins(Judge):
+    def begin(self, context):
+        raise ZeroDivisionError("a bug")
+
+
+@pytest.mark.parametrize(("judge", "steps"), [(Broken, 0), (NeverBegins, 0)])
+def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, judge, steps):
+    episode, _ = play(STEP, STOP, verifier=judge(None))
+    assert (episode.record.outcome, len(episode.steps)) == ("plugin_error", steps)
+    assert episode.record.error == f"{__name__} raised ZeroDivisionError: a bug"
+
+
+def test_what_a_skill_raises_fails_the_episode_and_names_its_plugin(house, tmp_path):
+    plugin = tmp_path / "breaking.py"
+    plugin.write_text(
+        "from humanclaw import Keyframes, hookimpl, skill\n\n\n@skill()\ndef crack(times: int = 1) -> Keyframes:\n"
+        "    \'Crack.\'\n    if times > 3:\n        raise ZeroDivisionError(\'a bug\')\n"
+        "    return Keyframes.cycle(\'head\', axis=\'x\', degrees=20, seconds=0.5, times=1)\n\n\n"
+        "@hookimpl\ndef humanclaw_skills(register):\n    register(crack)\n"
+    )
+    with Body(house, plugins=Plugins.discover([plugin])) as body:
+        record = run_episode(body, free_episode("crack", house), ScriptedAgent([STEP, Call("crack", {"times": 9})]))
+    assert (record.outcome, record.steps) == ("plugin_error", 1)
+    assert "breaking" in record.error
+    assert "ZeroDivisionError: a bug" in record.error
+
+
+def test_an_observer_that_raises_changes_no_outcome_and_keeps_no_other_from_hearing(house, tmp_path, caplog):
+    for name, body in (("deaf", "raise ZeroDivisionError"), ("hears", "(FOLDER / episode.outcome).touch()")):
+        (tmp_path / f"{name}.py").write_text(
+            "from pathlib import Path\nfrom humanclaw import hookimpl\n\nFOLDER = Path(__file__).parent\n\n\n"
+            f"@hookimpl\ndef humanclaw_step(episode, step):\n    {body}\n\n\n"
+            f"@hookimpl\ndef humanclaw_episode_end(episode, folder):\n    {body}\n"
+        )
+    for order in (("deaf", "hears"), ("hears", "deaf")):
+        plugins = Plugins.discover([tmp_path / f"{name}.py" for name in order])
+        with Body(house, plugins=plugins) as body:
+            assert run_episode(body, free_episode("stop", house), ScriptedAgent([STOP])).outcome == "stopped"
+        for heard in ("running", "stopped"):
+            (tmp_path / heard).unlink()
+    assert "'deaf' failed in humanclaw_step" in caplog.text
+
+
 def test_a_verifier_that_accepts_lets_the_call_through(play):
     judge = Judge(Verdict(True, None, (Answer("path_clear", True),)))
     episode, _ = play(STEP, STOP, verifier=judge)

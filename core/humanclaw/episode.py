@@ -35,7 +35,16 @@ from humanclaw._recorder import (
     yaw,
 )
 from humanclaw.embodiment import Body, SkillExecution
-from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
+from humanclaw.errors import (
+    CallError,
+    HumanclawError,
+    LimitError,
+    PluginFault,
+    ProviderError,
+    ReplayError,
+    SceneError,
+    blaming,
+)
 from humanclaw.interfaces import (
     Agent,
     DistanceFactory,
@@ -105,9 +114,9 @@ class Episode:
         )
         self._record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written: what they refuse leaves nothing behind.
-        for decider in (self._agent, verifier):
-            if decider:
-                decider.begin(self._context(decider))
+        self.fault: PluginFault | None = None
+        """What a plugin raised, if that ended the episode."""
+        self._begin_deciders()
         self._folder = folder
         self._writer = EpisodeWriter(folder, self._record, replay) if folder else None
         self._trajectory = TrajectoryBuffer(body)
@@ -118,6 +127,9 @@ class Episode:
         self._asked: float | None = None
         """When the open question was put; None if none is open."""
         self._begin_step()
+        if self.fault:
+            self._end_by(self.fault)
+            return
         with self._closing():
             for step in replay:
                 self._replay_step(step)
@@ -174,6 +186,15 @@ class Episode:
             self._asked = time.perf_counter()
         return Observation(len(self._steps), self.spec.instruction, view.rgb, self._feedback)
 
+    def ask(self) -> StepRecord | Refusal:
+        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginFault for what the agent raises."""
+        if self._agent is None:
+            raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
+        seen = self.observe()
+        with self._closing(), blaming(_origin(self._agent)):
+            decision = self._agent.decide(seen, self.history)
+        return self.submit(decision)
+
     def submit(self, decision: Decision) -> StepRecord | Refusal:
         """Take a step. A decision that holds no legal call is refused; the last of several in a row costs the step.
 
@@ -207,9 +228,9 @@ class Episode:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        """Close the record. A provider's failure and a limit end the episode; they are in the record and go no further."""
+        """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than this."""
         self._end_by(fault)
-        return isinstance(fault, ProviderError | LimitError)
+        return isinstance(fault, ProviderError | LimitError | PluginFault)
 
     # -- one step ------------------------------------------------------------------------------------------------------
     def _begin_step(self) -> None:
@@ -255,7 +276,8 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
+        with blaming(_origin(self._verifier)):
+            verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
         self._answered("verify", verdict.usage)
         if verdict.accepted or verdict.replacement is None:
             return verdict, call
@@ -323,7 +345,7 @@ class Episode:
         self._feedback = step.feedback
         self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
         self._begin_step()
-        self.body.plugins.hook.humanclaw_step(episode=self._record, step=step)
+        self.body.plugins.notify("humanclaw_step", episode=self._record, step=step)
         if step.status == "stopped" or len(self._steps) == self.spec.max_steps:
             self._close()
         return step
@@ -373,6 +395,9 @@ class Episode:
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, ProviderError):
             self._close("infra_error", str(fault))
+        elif isinstance(fault, PluginFault):
+            self.fault = fault
+            self._close("plugin_error", str(fault))
         elif isinstance(fault, LimitError):
             self._close("limit_reached", str(fault), fault.scope)
         elif isinstance(fault, HumanclawError):
@@ -389,7 +414,7 @@ class Episode:
         self._record = self._record.model_copy(update=ended | counted)
         if self._writer:
             self._writer.end(self._record, self._trajectory.arrays())
-        self.body.plugins.hook.humanclaw_episode_end(episode=self._record, folder=self._folder)
+        self.body.plugins.notify("humanclaw_episode_end", episode=self._record, folder=self._folder)
 
     def _natural_outcome(self) -> Outcome:
         if self._steps and self._steps[-1].status == "stopped":
@@ -397,6 +422,16 @@ class Episode:
         return "out_of_steps" if len(self._steps) >= self.spec.max_steps else "interrupted"
 
     # -- parts ---------------------------------------------------------------------------------------------------------
+    def _begin_deciders(self) -> None:
+        """Tell agent and verifier their task. What they refuse is raised; what they break ends the episode, once it has a record."""
+        for decider in (self._agent, self._verifier):
+            try:
+                with blaming(_origin(decider)):
+                    if decider:
+                        decider.begin(self._context(decider))
+            except PluginFault as fault:
+                self.fault = fault
+
     def _context(self, decider: Agent | Verifier) -> EpisodeContext:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
@@ -408,6 +443,11 @@ class Episode:
         began = time.perf_counter()
         yield
         self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - began
+
+
+def _origin(decider: object) -> str:
+    """The package that an agent or a verifier comes from."""
+    return type(decider).__module__.partition(".")[0]
 
 
 def reset(body: Body, spec: EpisodeSpec) -> None:

@@ -11,6 +11,7 @@ import difflib
 import importlib.metadata
 import importlib.util
 import inspect
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,6 +34,7 @@ from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
 
 T = TypeVar("T")
+_LOG: Final = logging.getLogger("humanclaw")
 PREFIX: Final = "humanclaw_"
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
@@ -192,6 +194,14 @@ class Plugins:
 
     def owner(self, skill: str) -> str:
         return self._found["skills"][skill].owner
+
+    def notify(self, hook: str, **told: Any) -> None:
+        """Tell every implementation of a hook. One that raises is named in the log, and neither the others nor the caller mind."""
+        for implementation in reversed(getattr(self._manager.hook, hook).get_hookimpls()):
+            try:
+                self._only(implementation.plugin, hook)(**told)
+            except Exception:
+                _LOG.exception("plugin %r failed in %s; nothing depends on it", implementation.plugin_name, hook)
 
     def skill(self, name: str) -> Skill:
         """Raises PluginError with the nearest names if there is no such skill."""

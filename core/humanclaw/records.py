@@ -30,7 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
-Outcome = Literal["running", "stopped", "out_of_steps", "infra_error", "limit_reached", "interrupted"]
+Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
 
 
@@ -214,7 +214,7 @@ class EpisodeRecord(Record):
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""
-    """Why it ended as infra_error or limit_reached, or what the user is to mend."""
+    """Why it ended as plugin_error, infra_error or limit_reached, or what the user is to mend."""
     limit: str = ""
     """Whose limit was reached: call, episode or run; after a run's no further episode may begin."""
     usage: Usage = Usage()

@@ -1,11 +1,12 @@
 """What an episode was worth, from its record alone (paper, section 4.2; the tables of section 5).
 
-Rates speak of episodes that ended by themselves. One that the provider broke (infra_error) or that was cut short is counted
-apart and is in no number: it says nothing about the agent.
+Rates speak of episodes that ended: by themselves, by a limit of their own, or because a plugin failed (plugin_error). One that the
+provider or the machine broke (infra_error) or that was cut short is counted apart and is in no number: it says nothing about the agent.
 """
 
 from __future__ import annotations
 
+import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +26,13 @@ from humanclaw_bench.statistics import Difference, Estimate, compare_rates, comp
 
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
-FINISHED: Final = ("stopped", "out_of_steps")
+FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
+_LOG: Final = logging.getLogger("humanclaw")
+
+
+def ended(outcome: str, limit: str) -> bool:
+    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet again."""
+    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
 # -- what the agent says ---------------------------------------------------------------------------------------------------
@@ -175,6 +182,14 @@ class Scores:
     tokens_out: int
     cost: float
     """US dollars."""
+    limit: str = ""
+    """Whose limit ended it, if one did."""
+    error: str = ""
+    """What ended it, if it was no decision: a plugin that failed is named in it."""
+    verified: int = 0
+    """Steps whose call went to a verifier."""
+    unasked: int = 0
+    """Of those, steps whose call was let through without an answer of the verifier that could be used."""
     tier: str = ""
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
@@ -184,7 +199,7 @@ class Scores:
 
     @property
     def finished(self) -> bool:
-        return self.outcome in FINISHED
+        return ended(self.outcome, self.limit)
 
     @property
     def success(self) -> bool | None:
@@ -222,10 +237,23 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         tokens_in=sum(usage.tokens_in for usage in usages),
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
+        limit=record.limit,
+        error=record.error,
+        verified=sum(step.verdict is not None for step in steps),
+        unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
-        extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
+        extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
+    """A plugin's metric; NaN if it raises, which changes nothing else."""
+    try:
+        return float(measure(recorded))
+    except Exception:
+        _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
+        return float("nan")
 
 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
@@ -296,6 +324,8 @@ def _collision(name: str, group: str) -> Metric:
 
 FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("InteractSR", "interact")
 COLLISIONS: Final = _collision("Coll.", "any")
+UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
+"""Share of the calls that a verifier should have checked and that were let through unasked."""
 MAIN: Final = (
     FIND, NAV, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.disturbed, 2),
@@ -305,6 +335,7 @@ MAIN: Final = (
     _mean("in tok/step", lambda s: s.tokens_in / s.steps if s.steps else np.nan, 0),
     _mean("out tok/step", lambda s: s.tokens_out / s.steps if s.steps else np.nan, 0),
     _mean("cost ($)", lambda s: s.cost, 3),
+    UNASKED,
 )  # fmt: skip
 """Columns of the paper's main table, and what an episode cost."""
 VARIANTS: Final = (

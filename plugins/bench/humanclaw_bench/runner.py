@@ -22,10 +22,9 @@ from filelock import FileLock, Timeout
 import humanclaw
 from humanclaw import EpisodeRecord, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.hookspecs import noun
-from humanclaw.records import Outcome
 from humanclaw.storage import write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.metrics import FINISHED
+from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
 
 FORMAT: Final = 1
@@ -109,11 +108,7 @@ def has_ended(folder: Path) -> bool:
     if not path.exists():
         return False
     record = EpisodeRecord.model_validate_json(path.read_bytes())
-    return _ended(record.outcome, record.limit)
-
-
-def _ended(outcome: Outcome, limit: str) -> bool:
-    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
+    return ended(record.outcome, record.limit)
 
 
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
@@ -122,7 +117,7 @@ def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
 
 
 def _counted(status: RunStatus, report: Report, seconds: float) -> RunStatus:
-    done, failed = _ended(report.outcome, report.limit), report.outcome == FAILED
+    done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
         steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
