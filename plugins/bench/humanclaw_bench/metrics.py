@@ -162,6 +162,8 @@ class Scores:
     outcome: Outcome
     find: bool | None
     geo_find: bool | None
+    false_claims: float
+    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such steps."""
     nav: bool | None
     geo_nav: bool | None
     nav_1m: bool | None
@@ -227,6 +229,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         category=spec.target_category,
         outcome=record.outcome,
         **_successes(recorded),
+        false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
         disturbed=len(since),
@@ -245,6 +248,12 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         simulator=record.settings.get("body", {}).get("simulator", ""),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _false_claims(recorded: RecordedEpisode) -> float:
+    category = recorded.record.spec.target_category
+    blind = [step for step in recorded.steps if category and not any(step.target_pixels.values())]
+    return sum(claims(step, category) for step in blind) / len(blind) if blind else float("nan")
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
@@ -341,6 +350,7 @@ MAIN: Final = (
 VARIANTS: Final = (
     FIND, _rate("GeoFindSR", "geo_find"), NAV, _rate("GeoNavSR", "geo_nav"), _rate("NavSR@1m", "nav_1m"),
     INTERACT, _rate("GeoInteractSR", "geo_interact"),
+    _mean("false claims", lambda s: s.false_claims, percent=True),
 )  # fmt: skip
 BODY: Final = (
     COLLISIONS, _collision("Arm/Hand", "arm_hand"), _collision("Torso", "torso"), _collision("Leg/Foot", "leg_foot"),

@@ -50,6 +50,20 @@ METRIC = {metric.name: metric for metric in ALL}
         ("I am in the bedroom beside a bedside table.", "bed", False),
         ("A chair and a table.", "couch", False),
         ("", "couch", False),
+        ("A couch is ahead and nothing blocks the way", "couch", True),
+        ("A couch is ahead, no obstacle between us.", "couch", True),
+        ("I see the couch but not the tv.", "couch", True),
+        ("I see the couch but not the tv.", "tv", False),
+        ("Looking for a couch", "couch", False),
+        ("I am looking at a couch", "couch", True),
+        ("I need to find the couch.", "couch", False),
+        ("The couch might be behind the wall.", "couch", False),
+        ("target_visible: false", "couch", False),
+        ("target_visible: true", "couch", True),
+        ("A grey sectional on the left", "couch", True),
+        ("A large flat screen on the wall", "tv", True),
+        ("A white commode", "toilet", True),
+        ("No table, couch or bed.", "couch", False),
         ("A piano stands there", "piano", True),
     ],
 )
@@ -76,6 +90,12 @@ def test_a_decimal_point_ends_no_sentence() -> None:
 def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, found: bool, in_view: bool) -> None:
     scores = score(rollout(tmp_path, steps))
     assert (scores.find, scores.geo_find) == (found, in_view)
+
+
+def test_false_claims_are_the_share_of_the_views_without_a_target_in_which_it_is_claimed(tmp_path: Path) -> None:
+    steps = [step(says=SEE), step(says="A wall."), step(says="A wall."), step(says=SEE), step(says=SEE, pixels=1)]
+    assert score(rollout(tmp_path, steps)).false_claims == 0.5
+    assert np.isnan(score(rollout(tmp_path, steps[4:], name="seen")).false_claims)
 
 
 def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
