@@ -305,3 +305,10 @@ with OpenAIServer([status(500)]) as server:
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, env=env, check=False
     )
     assert (done.stdout, done.stderr) == ("ProviderError {'127.0.0.1'}\n", "")
+
+
+def test_the_papers_profile_decides_greedily_unless_told_otherwise():
+    paper = {"model": "m", "profile": "paper"}
+    assert Settings.of(paper).temperature == 0.0
+    assert Settings.of({**paper, "temperature": 0.7}).temperature == 0.7
+    assert Settings.of({"model": "m"}).temperature is None
