@@ -24,6 +24,8 @@ from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 
+MOVES: Final = 0.001
+"""Metres in a frame from which on an object moves; less is the trembling of what rests."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
@@ -115,9 +117,11 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Length of the paths of disturbed objects from the frame on in which each was disturbed, metres, all together."""
+    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was disturbed, that
+    moves it."""
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
-    return float(sum(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces))
+    ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
+    return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
 
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
@@ -184,6 +188,11 @@ class Scores:
     tokens_out: int
     cost: float
     """US dollars."""
+    tokens_reasoning: int = 0
+    """Of tokens_out those that the model thought with, as far as its provider tells."""
+    spl: float = float("nan")
+    soft_spl: float = float("nan")
+    """NavSR, and how much of the way was made, each weighted by path length; NaN where no way was measured."""
     limit: str = ""
     """Whose limit ended it, if one did."""
     error: str = ""
@@ -240,6 +249,9 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         tokens_in=sum(usage.tokens_in for usage in usages),
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
+        tokens_reasoning=sum(usage.tokens_reasoning for usage in usages),
+        spl=(spls := path_weighted(recorded))[0],
+        soft_spl=spls[1],
         limit=record.limit,
         error=record.error,
         verified=sum(step.verdict is not None for step in steps),
@@ -248,6 +260,22 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         simulator=record.settings.get("body", {}).get("simulator", ""),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
+    """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
+
+    The way is the geodesic at the start, the path that of the pelvis over the floor from step to step. NaN without a geodesic.
+    """
+    way, steps = recorded.record.geodesic, recorded.steps
+    if way is None or not recorded.record.spec.target_category:
+        return float("nan"), float("nan")
+    path = sum(float(np.hypot(step.end[0] - step.start[0], step.end[2] - step.start[2])) for step in steps)
+    weight = way / max(path, way) if max(path, way) else 1.0
+    left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
+    made = max(0.0, 1 - left / way) if way else float(left == 0)
+    nav = recorded.record.outcome == "stopped" and reached(recorded)
+    return float(nav) * weight, made * weight
 
 
 def _false_claims(recorded: RecordedEpisode) -> float:
@@ -317,7 +345,7 @@ def _rate(name: str, field: str) -> Metric:
 
 
 def _mean(
-    name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["lower", ""] = "lower",
+    name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["higher", "lower", ""] = "lower",
     percent: bool = False,
 ) -> Metric:  # fmt: skip
     def parts(scores: Scores) -> tuple[float, float] | None:
@@ -341,10 +369,13 @@ MAIN: Final = (
     Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("Jerk", lambda s: s.jerk),
     _mean("steps", lambda s: s.steps, better=""),
-    _mean("in tok/step", lambda s: s.tokens_in / s.steps if s.steps else np.nan, 0),
-    _mean("out tok/step", lambda s: s.tokens_out / s.steps if s.steps else np.nan, 0),
+    Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
+    Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
     _mean("cost ($)", lambda s: s.cost, 3),
+    Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
     UNASKED,
+    _mean("SPL", lambda s: s.spl, 3, better="higher"),
+    _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),
 )  # fmt: skip
 """Columns of the paper's main table, and what an episode cost."""
 VARIANTS: Final = (

@@ -260,6 +260,48 @@ def test_the_disturbed_path_is_pooled_over_objects_and_not_over_episodes(tmp_pat
     assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
 
 
+def test_the_path_of_a_thing_counts_from_the_first_frame_that_moves_it(tmp_path: Path) -> None:
+    path = np.zeros((HISTORY + 15, 7))
+    path[:, 0] = np.concatenate([np.arange(HISTORY + 10) * 0.0005, np.full(5, 1.0 + 0.0005 * (HISTORY + 9))])
+    recorded = rollout(tmp_path, [step(contacts=(touch(LAMP, 0),))], objects={LAMP: path})
+    moved = recorded.objects()
+    assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(1.0)
+
+
+# -- length of the path --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("legs", "left", "away", "stops", "spl", "soft"),
+    [
+        (2, 0.0, 0.1, True, 1.0, 1.0),  # 4 m of way, straight there
+        (4, 0.0, 0.1, True, 0.5, 0.5),  # twice as far as need be
+        (4, 1.0, 2.0, True, 0.0, 0.375),  # stopped with a quarter of the way left, after 8 m
+        (2, 0.0, 0.1, False, 0.0, 1.0),  # arrived, and did not notice
+        (1, 6.0, 6.0, True, 0.0, 0.0),  # farther away than before
+    ],
+)
+def test_success_is_weighted_by_the_length_of_the_path(
+    tmp_path: Path, legs: int, left: float, away: float, stops: bool, spl: float, soft: float
+) -> None:
+    ways = [step(start=(2.0 * k, 1, 0), end=(2.0 * k + 2, 0.5, 0), away=away, geodesic=left) for k in range(legs)]
+    end = [step("stop", start=(2.0 * legs, 1, 0), end=(2.0 * legs, 1, 0), away=away, geodesic=left)] if stops else []
+    scores = score(rollout(tmp_path, [*ways, *end], geodesic=4.0))
+    assert (scores.spl, scores.soft_spl) == (pytest.approx(spl), pytest.approx(soft))
+
+
+def test_without_a_measured_way_there_is_no_path_weighted_success(tmp_path: Path) -> None:
+    assert np.isnan(score(rollout(tmp_path, [step("stop", away=0.1)])).spl)
+
+
+def test_tokens_are_pooled_over_steps_and_those_of_reasoning_told_apart(tmp_path: Path) -> None:
+    def spent(tokens: int, thought: int) -> tuple[Attempt, ...]:
+        return (Attempt(Decision(usage=Usage(tokens, tokens, tokens_reasoning=thought))),)
+
+    short = score(rollout(tmp_path, [step("stop", attempts=spent(1000, 600))], name="short"))
+    long = score(rollout(tmp_path, [step(attempts=spent(100, 0))] * 9, name="long"))
+    assert estimate(METRIC["out tok/step"], [short, long]).value == pytest.approx(1900 / 10)
+    assert estimate(METRIC["reasoning tok/step"], [short, long]).value == pytest.approx(60)
+
+
 # -- jerk --------------------------------------------------------------------------------------------------------------
 def track(x: np.ndarray, z: np.ndarray | None = None, yaw: np.ndarray | None = None) -> Motion:
     still = rest_pose(len(x))
