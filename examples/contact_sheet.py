@@ -25,11 +25,11 @@ TILE, VIEW, EYES = (460, 330), 384, 1.55
 def storey(scene: Scene, floor: float) -> Scene:
     """One storey without what is above it, on the ceilings of the one below."""
     kept = []
-    for thing in scene.objects:
-        low, high = (corner[1] for corner in scene.aabb(thing.id))
-        over = low > floor + (1.0 if thing.category.startswith("ceiling") else 2.3)
+    for obj in scene.objects:
+        low, high = (corner[1] for corner in scene.aabb(obj.id))
+        over = low > floor + (1.0 if obj.category.startswith("ceiling") else 2.3)
         if not over and high > floor - 0.4:
-            kept.append(thing)
+            kept.append(obj)
     return replace(scene, objects=tuple(kept))
 
 
@@ -53,9 +53,9 @@ def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
     for k, floor in enumerate(floors):
         renderer.load(storey(scene, floor))
         tile.paste(Image.fromarray(renderer.render(NOBODY, from_above(scene, floor, size)).rgb), (k * size[0], 24))
-    furniture = sum(thing.room != "" and thing.category not in ("wall", "floor", "ceiling") for thing in scene.objects)
+    furniture = sum(obj.room != "" and obj.category not in ("wall", "floor", "ceiling") for obj in scene.objects)
     words = (
-        f"{scene.name}: {len(scene.rooms)} rooms on {len(floors)} floor{'s' * (len(floors) > 1)}, {furniture} things"
+        f"{scene.name}: {len(scene.rooms)} rooms on {len(floors)} floor{'s' * (len(floors) > 1)}, {furniture} objects"
     )
     ImageDraw.Draw(tile).text((6, 4), words, fill="black", font_size=15)
     return tile
@@ -66,19 +66,19 @@ def standing(place: Pose2D) -> WorldState:
 
 
 def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
-    """Somewhere one can walk to, 2 to 4 m from a thing of this category, facing it, with nothing between."""
+    """Somewhere one can walk to, 2 to 4 m from an object of this category, facing it, with nothing between."""
     floors = MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
     places = np.concatenate(floors.starts(start, room=0.4))
-    for thing in scene.of_category(category):
-        goal = _front(scene, thing.id, 1.0)
+    for obj in scene.of_category(category):
+        goal = _front(scene, obj.id, 1.0)
         away = np.linalg.norm(places - goal, axis=1)
         for place in rng.permutation(places[(away > 1.2) & (away < 3.2)])[:200]:
-            towards = np.array(thing.position) - place
+            towards = np.array(obj.position) - place
             yaw = float(np.arctan2(towards[0], towards[2]))
             here = Pose2D(float(place[0]), float(place[2]), yaw, float(place[1]))
             plan = floors.grids[int(floors.level(place))]
-            if in_view(plan, scene, standing(here), thing.id) and np.linalg.norm(towards) < 4.0:
+            if in_view(plan, scene, standing(here), obj.id) and np.linalg.norm(towards) < 4.0:
                 return here
     return scene.start
 
@@ -92,10 +92,10 @@ def at_stairs(scene: Scene, upper: bool) -> Pose2D:
 
 
 def _front(scene: Scene, key: int, distance: float) -> np.ndarray:
-    """(3,) a point so far before the front of a thing."""
-    thing = scene.by_id[key]
-    reach = float(scene.assets[thing.asset].mesh.vertices[:, 2].max()) + distance
-    return np.array(thing.position) + matrix_from_quaternion(np.array(thing.rotation)) @ [0.0, 0.0, reach]
+    """(3,) a point so far before the front of an object."""
+    obj = scene.by_id[key]
+    reach = float(scene.assets[obj.asset].mesh.vertices[:, 2].max()) + distance
+    return np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ [0.0, 0.0, reach]
 
 
 def view_tile(renderer: Renderer, scene: Scene, subject: str, seed: int) -> Image.Image:

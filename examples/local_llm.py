@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from humanclaw import Plugins, RecordedEpisode, Skill, load_run
-from humanclaw.tools import envelope_schema
+from humanclaw.tools import reasoning_schema
 
 Json = dict[str, Any]
 
@@ -50,7 +50,7 @@ def grammar() -> Json:
 
 
 def one_call(skill: Skill) -> Json:
-    said = {key: {"type": "string", "maxLength": WORDS, **part} for key, part in envelope_schema().items()}
+    said = {key: {"type": "string", "maxLength": WORDS, **part} for key, part in reasoning_schema().items()}
     own = {key: skill.schema[key] for key in ("properties", "required") if key in skill.schema}
     called = {"skill": {"const": skill.name}, "parameters": {"type": "object", "additionalProperties": False, **own}}
     properties = {**said, **called}

@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+import socket
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ import pytest
 from humanclaw import Control, Keyframes, Skill, skill
 from humanclaw.errors import CallError, PluginError
 from humanclaw.pose import FUTURE, rest_pose
+from humanclaw.tools import publish
 
 EIGHT = {
     "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
@@ -140,3 +142,48 @@ def test_the_eight_skills_say_what_they_are_and_what_their_parameters_command(pl
 def test_a_skill_made_of_a_function_is_a_gesture_unless_it_says_otherwise():
     assert skill()(nod).role == "gesture"
     assert skill(role="posture")(nod).role == "posture"
+
+
+@pytest.mark.parametrize("name", ["walk\n", "wal k", "", "x" * 65, "../walk"])
+def test_a_name_that_is_not_one_whole_word_is_refused(name):
+    with pytest.raises(PluginError, match="does not match"):
+        Skill(name, "", {"type": "object"}, lambda params: None)
+
+
+@pytest.mark.parametrize("name", ["look", "reset", "verdict"])
+def test_a_name_that_a_harness_uses_for_itself_is_refused(name):
+    with pytest.raises(PluginError, match="is taken"):
+        Skill(name, "", {"type": "object"}, lambda params: None)
+
+
+@pytest.mark.parametrize(
+    "word", ["http://127.0.0.1:9/x", "file:///etc/passwd", "other.json#/$defs/A", "#/properties/a"]
+)
+def test_a_reference_that_leads_elsewhere_is_refused_and_never_fetched(word, monkeypatch):
+    monkeypatch.setattr(socket.socket, "connect", lambda *_: pytest.fail("it was fetched"))
+    with pytest.raises(PluginError, match=r"Refer to #/\$defs/NAME alone"):
+        made_with(part={"$ref": word})
+    with pytest.raises(PluginError, match=r"Refer to #/\$defs/NAME alone"):
+        made_with(part={"type": "array", "items": {"anyOf": [{"$ref": word}]}})
+
+
+def test_what_is_published_is_what_is_checked():
+    """A bound beside a reference: JSON Schema holds a value to both, so one of them alone must not be told."""
+    skill = made_with({"A": {"type": "integer", "maximum": 80}}, part={"$ref": "#/$defs/A", "maximum": 100})
+    with pytest.raises(PluginError, match="'maximum' both of its own and by reference"):
+        publish([skill], "openai")
+
+
+def made_with(defs=None, **properties):
+    schema = {"type": "object", "properties": properties, "$defs": defs or {}}
+    return Skill("made", "", schema, lambda params: None)
+
+
+@pytest.mark.parametrize("seconds", [1e9, 60.5, float("inf"), float("nan"), -1.0])
+def test_keyframes_are_bounded_in_time(seconds):
+    with pytest.raises(ValueError, match=r"at most 60 s|must start at 0 and increase"):
+        Keyframes((0.0, seconds), {"head": ((0.0, 0.0, 0.0),) * 2})
+    with pytest.raises(ValueError, match="at most 60 s"):
+        Keyframes.cycle("head", "x", 10, seconds)
+    with pytest.raises(ValueError, match="at most 60 s"):
+        Keyframes.cycle("head", "x", 10, 0.5, times=10**12)

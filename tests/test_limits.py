@@ -117,8 +117,8 @@ def test_a_limit_ends_the_episode_by_itself_and_every_token_is_in_the_record(pla
 
 
 def test_the_verifiers_answers_count_too(play):
-    class Judge:
-        name = "judge"
+    class RecordingVerifier:
+        name = "verifier"
 
         def begin(self, context):
             assert context.meter is not None
@@ -126,7 +126,7 @@ def test_the_verifiers_answers_count_too(play):
         def verify(self, observation, call, skill, goal):
             return Verdict(True, usage=ANSWER)
 
-    record = play(Meter({"episode.usd": 0.6}), *[STEP] * 4, verifier=Judge()).record
+    record = play(Meter({"episode.usd": 0.6}), *[STEP] * 4, verifier=RecordingVerifier()).record
     assert (record.outcome, record.steps, record.usage.cost) == ("limit_reached", 1, 0.75)
 
 

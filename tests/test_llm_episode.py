@@ -39,8 +39,8 @@ def test_a_model_walks_and_stops(play):
     episode, requests = play(call("walk", **STEP), call("stop"))
     assert [step.call.skill for step in episode.steps] == ["walk", "stop"]
     assert episode.record.outcome == "stopped"
-    attempt = episode.steps[0].attempts[0]
-    assert (attempt.visible_state, attempt.reasoning) == ("A hall, no couch.", "The way is free.")
+    decision = episode.steps[0].decision
+    assert (decision.visible_state, decision.reasoning) == ("A hall, no couch.", "The way is free.")
     assert {"walk", "turn_in_place", "sit_in_place", "stop"} <= set(requests[0].tool_names)
     assert requests[0].images[-1].shape == (512, 512, 3)
 
@@ -85,10 +85,10 @@ def test_a_provider_that_keeps_failing_moves_nobody(play):
 # -- settings and limits -----------------------------------------------------------------------------------------------
 def test_the_settings_in_force_are_in_the_record_with_their_defaults(play):
     episode, _ = play(call("stop"), status(500), verify=True, profile="paper", images=2)
-    maker, judge = episode.record.settings["agent"], episode.record.settings["verifier"]
-    assert (maker["history"], maker["images"], maker["mid_level"], maker["mode"]) == (10, 2, True, "auto")
-    assert (judge["model"], judge["timeout"]) == ("openai/scripted", 30.0)
-    assert json.loads(episode.steps[0].attempts[0].raw)["mode"] == "tools"
+    agent, verifier = episode.record.settings["agent"], episode.record.settings["verifier"]
+    assert (agent["history"], agent["images"], agent["mid_level"], agent["mode"]) == (10, 2, True, "auto")
+    assert (verifier["model"], verifier["timeout"]) == ("openai/scripted", 30.0)
+    assert json.loads(episode.steps[0].decision.raw)["mode"] == "tools"
 
 
 @pytest.mark.parametrize("waits", [[delayed(30, call("stop"))], [status(429, headers={"Retry-After": "30"})] * 9])

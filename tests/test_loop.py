@@ -10,7 +10,7 @@ from humanclaw import Body, Call, Plugins
 from humanclaw.episode import Episode
 from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
 from humanclaw.loop import run_episode
-from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict
+from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict, write_record
 from humanclaw.tasks import free_episode
 from humanclaw.testing import ScriptedAgent
 
@@ -18,10 +18,10 @@ STOP = Call("stop")
 STEP = Call("walk", {"z_cm": 40})
 
 
-class Judge:
+class RecordingVerifier:
     """Says what it is told of every call."""
 
-    name = "judge"
+    name = "verifier"
 
     def __init__(self, verdict):
         self.verdict = verdict
@@ -62,7 +62,9 @@ def test_an_active_stop_ends_the_episode(play):
     assert [step.status for step in episode.steps] == ["stopped"]
 
 
-@pytest.mark.parametrize("before", [(), (STEP,), (Call("sit_in_place", {"h_cm": 50}),), (Call("walk", {"z_cm": 400}),) * 3])
+@pytest.mark.parametrize(
+    "before", [(), (STEP,), (Call("sit_in_place", {"h_cm": 50}),), (Call("walk", {"z_cm": 400}),) * 3]
+)
 def test_an_active_stop_ends_the_episode_where_the_body_is(play, body, before):
     """Whatever came before it, also in full stride: the body stays, and what is measured is measured there."""
     episode, _ = play(*before, STOP)
@@ -116,12 +118,12 @@ def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
     assert len(episode.steps) == 1
 
 
-class Broken(Judge):
+class Broken(RecordingVerifier):
     def verify(self, observation, call, skill, goal):
         raise ZeroDivisionError("a bug")
 
 
-class NeverBegins(Judge):
+class NeverBegins(RecordingVerifier):
     def begin(self, context):
         raise ZeroDivisionError("a bug")
 
@@ -137,8 +139,8 @@ def test_what_a_skill_raises_fails_the_episode_and_names_its_plugin(house, tmp_p
     plugin = tmp_path / "breaking.py"
     plugin.write_text(
         "from humanclaw import Keyframes, hookimpl, skill\n\n\n@skill()\ndef crack(times: int = 1) -> Keyframes:\n"
-        "    \'Crack.\'\n    if times > 3:\n        raise ZeroDivisionError(\'a bug\')\n"
-        "    return Keyframes.cycle(\'head\', axis=\'x\', degrees=20, seconds=0.5, times=1)\n\n\n"
+        "    'Crack.'\n    if times > 3:\n        raise ZeroDivisionError('a bug')\n"
+        "    return Keyframes.cycle('head', axis='x', degrees=20, seconds=0.5, times=1)\n\n\n"
         "@hookimpl\ndef humanclaw_skills(register):\n    register(crack)\n"
     )
     with Body(house, plugins=Plugins.discover([plugin])) as body:
@@ -161,28 +163,28 @@ def test_an_observer_that_raises_changes_no_outcome_and_keeps_no_other_from_hear
             assert run_episode(body, free_episode("stop", house), ScriptedAgent([STOP])).outcome == "stopped"
         for heard in ("running", "stopped"):
             (tmp_path / heard).unlink()
-    assert "'deaf' failed in humanclaw_step" in caplog.text
+    assert "'deaf' failed at humanclaw_step" in caplog.text
 
 
 def test_a_verifier_that_accepts_lets_the_call_through(play):
-    judge = Judge(Verdict(True, None, (Answer("path_clear", True),)))
-    episode, _ = play(STEP, STOP, verifier=judge)
-    assert judge.asked[0] == (Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), "walk", "")
+    verifier = RecordingVerifier(Verdict(True, None, (Answer("path_clear", True),)))
+    episode, _ = play(STEP, STOP, verifier=verifier)
+    assert verifier.asked[0] == (Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), "walk", "")
     assert episode.steps[0].call.skill == "walk"
     assert episode.steps[0].verdict.accepted
 
 
 def test_a_verifier_puts_another_call_in_place(play):
     other = Call("turn_in_place", {"yaw_deg": 30})
-    judge = Judge(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
-    episode, agent = play(STEP, verifier=judge, max_steps=2)
+    verifier = RecordingVerifier(Verdict(False, other, (Answer("path_clear", False, "a wall is near"),)))
+    episode, agent = play(STEP, verifier=verifier, max_steps=2)
     assert episode.steps[0].call.skill == "turn_in_place"
     assert "a wall is near" in str(agent.heard[1].feedback)
 
 
 def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
-    judge = Judge(Verdict(False, Call("fly", {}), (Answer("path_clear", False),)))
-    episode, _ = play(STEP, verifier=judge, max_steps=1)
+    verifier = RecordingVerifier(Verdict(False, Call("fly", {}), (Answer("path_clear", False),)))
+    episode, _ = play(STEP, verifier=verifier, max_steps=1)
     assert episode.steps[0].call.skill == "walk"
     assert "there is no skill 'fly'" in episode.steps[0].verdict.failed_open
 
@@ -219,8 +221,14 @@ def test_the_record_holds_every_frame_and_every_view(play):
     assert episode.record.targets.keys() == set(episode.record.spec.target_ids)
 
 
+def unfinished(episode):
+    """Leave the record as a crash would have."""
+    write_record(episode.folder, episode.record.model_copy(update={"outcome": "running", "files": {}}))
+
+
 def test_a_line_cut_off_by_a_crash_is_not_a_step(play):
     episode, _ = play(STEP, STEP, STOP)
+    unfinished(episode)
     path = episode.folder / "steps.jsonl"
     path.write_text(path.read_text()[:-40])
     assert len(RecordedEpisode(episode.folder).steps) == 2
@@ -228,9 +236,10 @@ def test_a_line_cut_off_by_a_crash_is_not_a_step(play):
 
 def test_a_line_that_is_no_step_is_refused(play):
     episode, _ = play(STOP)
+    unfinished(episode)
     with (episode.folder / "steps.jsonl").open("a") as stream:
         stream.write(json.dumps({"step": 1}) + "\n")
-    with pytest.raises(RecordError, match="holds a line that is not a step"):
+    with pytest.raises(RecordError, match=r"steps\.jsonl:2 holds a line that is not a step"):
         RecordedEpisode(episode.folder)
 
 
@@ -246,10 +255,17 @@ def test_what_a_model_writes_does_not_break_its_record(play, words):
     assert episode.steps[0].decision.visible_state == words.replace("\ud800", "\ufffd")
 
 
-@pytest.mark.parametrize("bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}])
+@pytest.mark.parametrize(
+    "bad", [{"z_cm": nested(400)}, {"z_cm": "\ud800"}, {"\ud800": 1}, {"z_cm": math.inf}, {"z_cm": 10**5000}]
+)
 def test_a_call_that_no_schema_asks_for_is_the_models_own_mistake(play, bad):
     episode, _ = play(Call("walk", bad), STOP)
     assert [bool(attempt.error) for attempt in episode.steps[0].attempts] == [True, False]
+
+
+def test_what_a_model_wrote_at_length_is_not_said_back_to_it_whole(play):
+    episode, _ = play(Call("w" * 90_000, {}), Call("walk", {"z_cm": "4" * 90_000}), STOP)
+    assert all(len(attempt.error) < 1_000 for attempt in episode.steps[0].attempts)
 
 
 def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, house, tmp_path):

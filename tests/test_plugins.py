@@ -1,6 +1,7 @@
 """The plugin host: what is broken is named and disabled, what is ambiguous is refused, what is misspelt is guessed."""
 
 import importlib.metadata
+import sys
 import textwrap
 
 import pytest
@@ -42,6 +43,85 @@ def test_a_plugin_that_fails_to_import_is_named_and_disabled(site):
     info = next(info for info in Plugins.discover().infos if info.name == "hc_broken_import")
     assert "No module named 'a_module_that_nobody_has'" in info.error
     assert (info.origin, info.version) == ("humanclaw-broken", "1.0")
+
+
+@pytest.mark.parametrize(
+    "code", ["raise SystemExit(0)", "class Out(BaseException): ...\nraise Out()", "raise GeneratorExit"]
+)
+def test_no_import_ends_the_program(site, code):
+    write_distribution(site, "humanclaw-quits", f"hc_quits_{len(code)}", code)
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert next(info for info in plugins.infos if info.origin == "humanclaw-quits").error
+
+
+@pytest.mark.parametrize("kind", [SystemExit, GeneratorExit, BaseException, RuntimeError])
+def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
+    heard = []
+
+    class Quits:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            raise kind("enough")
+
+    class Raises:
+        @hookimpl
+        def humanclaw_step(self, episode, step):
+            raise kind("enough")
+
+    class Hears:
+        @hookimpl
+        def humanclaw_step(self, episode, step):
+            heard.append(step)
+
+    plugins = Plugins()
+    with pytest.raises(PluginError, match="plugin 'quits' cannot be used"):
+        plugins.add(Quits(), "quits")
+    for name, observer in (("first", Hears()), ("bad", Raises()), ("last", Hears())):
+        plugins.add(observer, name)
+    plugins.tell("humanclaw_step", episode=None, step=7)
+    assert heard == [7, 7]
+    assert "plugin 'bad' failed at humanclaw_step" in caplog.text
+
+
+def test_the_user_can_still_interrupt_a_plugin():
+    class Slow:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Plugins().add(Slow(), "slow")
+
+
+def test_a_plugin_file_that_exits_names_itself(tmp_path):
+    path = tmp_path / "bad.py"
+    path.write_text("raise SystemExit(3)")
+    with pytest.raises(PluginError, match=r"bad\.py failed to load: SystemExit: 3"):
+        Plugins.discover([path])
+
+
+def test_a_factory_that_exits_is_named():
+    class Exits:
+        @hookimpl
+        def humanclaw_agents(self, register):
+            register("quitter", lambda options: sys.exit(4))
+
+    plugins = Plugins()
+    plugins.add(Exits(), "exits")
+    with pytest.raises(PluginError, match="agent 'quitter' of plugin 'exits' gave up: SystemExit: 4"):
+        plugins.make("agents", "quitter", {})
+
+
+@pytest.mark.parametrize("name", ["house\n", "", "a/b", "../x", "x" * 65, 7])
+def test_a_name_that_could_be_mistaken_for_another_or_for_a_path_is_refused(name):
+    class Names:
+        @hookimpl
+        def humanclaw_scenes(self, register):
+            register(name, lambda argument: None)
+
+    with pytest.raises(PluginError, match="is no name of a scene"):
+        Plugins().add(Names(), "names")
 
 
 def test_the_other_plugins_work_beside_a_broken_one(site):

@@ -98,7 +98,7 @@ def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():
     ("senses", "told"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
 )
 def test_only_the_senses_asked_for_speak(plugins, house, senses, told):
-    with Body(house, plugins=plugins, engines=Backends(senses=senses)) as body:
+    with Body(house, plugins=plugins, backends=Backends(senses=senses)) as body:
         feedback = body.call("turn_in_place", yaw_deg=10).feedback
     assert (feedback.proprioception is not None, feedback.tactile is not None) == told
     assert str(feedback).startswith("Executed turn_in_place(yaw_deg=10).")

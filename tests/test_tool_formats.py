@@ -13,7 +13,7 @@ from humanclaw import Plugins
 from humanclaw.cli import build
 
 SAID = ("visible_state", "progress", "mid_level_change", "mid_level_goal", "reasoning")
-"""The envelope, in the order in which a model shall think."""
+"""The reasoning, in the order in which a model shall think."""
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_gemini_takes_the_list(printed):
 
 
 def test_gemini_is_sent_no_object_without_properties(printed):
-    (tool,) = printed("gemini", "--no-envelope")
+    (tool,) = printed("gemini", "--no-reasoning")
     assert "parameters" not in named(tool["functionDeclarations"], "stop")
 
 
@@ -88,6 +88,6 @@ def test_mcp_gets_the_result_of_a_listing(printed):
 
 
 @pytest.mark.parametrize("form", ["openai", "anthropic", "gemini", "mcp"])
-def test_the_envelope_can_be_had_or_left_out_in_every_format(printed, form):
-    assert '"visible_state"' in json.dumps(printed(form, "--envelope"))
-    assert '"visible_state"' not in json.dumps(printed(form, "--no-envelope"))
+def test_the_reasoning_can_be_had_or_left_out_in_every_format(printed, form):
+    assert '"visible_state"' in json.dumps(printed(form, "--reasoning"))
+    assert '"visible_state"' not in json.dumps(printed(form, "--no-reasoning"))

@@ -1,6 +1,7 @@
 """Skills as the tools of a model: what is published in each format, and how an answer is read back."""
 
 import json
+import time
 
 import jsonschema
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from humanclaw import Keyframes, Skill, skill
 from humanclaw.errors import CallError, PluginError
 from humanclaw.records import Call
-from humanclaw.tools import ENVELOPE, answer_schema, openai_tools, publish, read_answer, read_call, read_text
+from humanclaw.tools import REASONING_FIELDS, answer_schema, openai_tools, publish, read_answer, read_call, read_text
 
 SAID = {
     "visible_state": "a door",
@@ -32,17 +33,25 @@ TURN = made("turn", "Turn.", ["yaw_deg"], yaw_deg={"type": "integer", "minimum":
 BACK = made("back", "Go back.", ["z_cm"], z_cm={"type": "integer", "minimum": 5, "maximum": 100})
 
 
+def nested(levels):
+    """A dictionary in a dictionary in a dictionary..."""
+    inner = 1
+    for _ in range(levels):
+        inner = {"in": inner}
+    return inner
+
+
 # -- publishing --------------------------------------------------------------------------------------------------------
-def test_the_envelope_comes_first_and_is_required():
+def test_the_reasoning_comes_first_and_is_required():
     (tool,) = openai_tools([STEP])
     parameters = tool["function"]["parameters"]
-    assert list(parameters["properties"]) == [*ENVELOPE, "z_cm"] == parameters["required"]
+    assert list(parameters["properties"]) == [*REASONING_FIELDS, "z_cm"] == parameters["required"]
     assert parameters["properties"]["mid_level_change"]["enum"] == ["keep", "revise"]
     assert parameters["properties"]["z_cm"] == STEP.schema["properties"]["z_cm"]
 
 
-def test_without_the_envelope_a_tool_is_the_skills_own_schema():
-    (tool,) = openai_tools([STEP], envelope=False)
+def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
+    (tool,) = openai_tools([STEP], reasoning=False)
     assert tool == {
         "type": "function",
         "function": {"name": "step", "description": "Take a step.", "parameters": dict(STEP.schema)},
@@ -64,7 +73,7 @@ def test_without_the_mid_level_its_fields_are_not_asked_for():
     ],
 )
 def test_every_format_holds_every_skill_with_its_bounds(form, read):
-    found = read(publish([STEP, TURN], form, envelope=False))
+    found = read(publish([STEP, TURN], form, reasoning=False))
     assert [name for name, _ in found] == ["step", "turn"]
     assert found[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
     json.dumps(found, allow_nan=False)
@@ -72,7 +81,7 @@ def test_every_format_holds_every_skill_with_its_bounds(form, read):
 
 def test_gemini_gets_no_word_that_it_does_not_know():
     odd = made("odd", n={"type": "integer", "enum": [1, 2], "default": 1, "$comment": "x", "title": "N"})
-    (tools,) = publish([odd], "gemini", envelope=False)
+    (tools,) = publish([odd], "gemini", reasoning=False)
     parameters = tools["functionDeclarations"][0]["parameters"]
     assert "additionalProperties" not in parameters
     assert parameters["properties"]["n"] == {"type": "integer", "description": "One of 1, 2."}
@@ -89,7 +98,7 @@ def test_optional_and_referenced_types_are_flattened():
         """Wave."""
         return Keyframes.cycle("left_wrist", "x", 10, 1.0)
 
-    (tool,) = openai_tools([wave], envelope=False)
+    (tool,) = openai_tools([wave], reasoning=False)
     properties = tool["function"]["parameters"]["properties"]
     assert properties["times"] == {"type": "integer"}
     assert properties["hand"] == {"type": "string", "default": "left"}
@@ -99,7 +108,7 @@ def test_optional_and_referenced_types_are_flattened():
         {"type": "object", "properties": {"a": {"$ref": "#/$defs/A"}}, "$defs": {"A": {"type": "integer"}}},
         STEP.plan,
     )
-    assert openai_tools([shared], envelope=False)[0]["function"]["parameters"]["properties"] == {
+    assert openai_tools([shared], reasoning=False)[0]["function"]["parameters"]["properties"] == {
         "a": {"type": "integer"}
     }
 
@@ -117,14 +126,14 @@ def test_a_parameter_that_not_every_provider_keeps_is_refused_by_name(part, word
         openai_tools([made("odd", n=part)])
 
 
-def test_a_parameter_with_the_name_of_an_envelope_field_is_refused():
-    with pytest.raises(PluginError, match="'reasoning', a name of the envelope"):
+def test_a_parameter_with_the_name_of_a_reasoning_field_is_refused():
+    with pytest.raises(PluginError, match="'reasoning', the name of a reasoning field"):
         openai_tools([made("odd", reasoning={"type": "string"})])
 
 
 def test_one_schema_for_all_skills_holds_the_widest_bounds():
     schema = answer_schema([STEP, BACK, TURN])
-    assert list(schema["properties"]) == [*ENVELOPE, "skill", "parameters"]
+    assert list(schema["properties"]) == [*REASONING_FIELDS, "skill", "parameters"]
     assert schema["properties"]["skill"]["enum"] == ["step", "back", "turn"]
     shared = schema["properties"]["parameters"]["properties"]
     assert (shared["z_cm"]["minimum"], shared["z_cm"]["maximum"]) == (0, 100)
@@ -132,9 +141,9 @@ def test_one_schema_for_all_skills_holds_the_widest_bounds():
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
-def test_a_call_is_parted_from_its_envelope():
-    envelope, call = read_call("step", json.dumps({**SAID, "z_cm": 40}))
-    assert vars(envelope) == SAID
+def test_a_call_is_parted_from_its_reasoning():
+    reasoning, call = read_call("step", json.dumps({**SAID, "z_cm": 40}))
+    assert vars(reasoning) == SAID
     assert call == Call("step", {"z_cm": 40})
 
 
@@ -155,6 +164,12 @@ def test_a_change_that_is_neither_keep_nor_revise_is_nothing():
         ("[]", "got list"),
         ('{"z_cm": NaN}', "plain numbers"),
         ("[" * 100_000, "not valid JSON"),
+        ('{"z_cm": ' + "9" * 100_000 + "}", "longer than 100000 letters"),
+        ('{"z_cm": 1' + "0" * 400 + "}", "plain numbers"),
+        ('{"z_cm": ' + '{"a":' * 400 + "1" + "}" * 401, "nested more than 16 levels"),
+        ({"z_cm": nested(5_000)}, "nested more than 16 levels"),
+        ('{"z_cm": 4, "z_cm": 40}', "'z_cm' is there twice"),
+        ('{"z_cm": {"a": 1, "a": 2}}', "'a' is there twice"),
     ],
 )
 def test_arguments_that_cannot_be_read_are_explained(arguments, words):
@@ -185,6 +200,29 @@ def test_every_call_of_a_text_is_found_and_repetition_is_not_another():
 @pytest.mark.parametrize("text", ["", "I walk.", '{"skill": "step", "parameters": {"z_cm": 4', '{"thought": "none"}'])
 def test_a_text_without_a_whole_call_holds_none(text):
     with pytest.raises(CallError, match="no complete JSON object"):
+        read_text(text)
+
+
+@pytest.mark.parametrize(
+    "opening", ["{", '{"a":', '{"a":[', "{ ", '{"skill": "step", "parameters": ', "<think>", "```{"]
+)
+def test_a_text_that_never_closes_what_it_opens_is_read_in_no_time(opening):
+    began = time.perf_counter()
+    with pytest.raises(CallError, match="no complete JSON object"):
+        read_text(opening * (100_000 // len(opening)))
+    assert time.perf_counter() - began < 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"skill": "step", "skill": "turn", "parameters": {"skill": "step", "z_cm": 40}}', "'skill' is there twice"),
+        ('{"skill": "step", "parameters": {"z_cm": 4, "z_cm": 40}}', "'z_cm' is there twice"),
+        ('{"skill": "step", "parameters": {"z_cm": 40}}' + " " * 100_000, "longer than 100000 letters"),
+    ],
+)
+def test_of_two_meanings_of_a_text_none_is_executed(text, words):
+    with pytest.raises(CallError, match=words):
         read_text(text)
 
 

@@ -36,7 +36,7 @@ class Cache:
         self._limit = limit
 
     def get(self, key: str) -> bytes | None:
-        """What was put under a key; None if there is nothing, or nothing whole."""
+        """Return what was put under a key; None if there is nothing, or nothing whole."""
         path = self._path(key)
         try:
             content = path.read_bytes()

@@ -21,10 +21,10 @@ def check(decision: Decision, skills: Mapping[str, Skill]) -> Call:
 def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
     """Fill the defaults of a call in. Raises CallError, written for the model."""
     if call.skill not in skills:
-        near = difflib.get_close_matches(call.skill, skills, n=1)
+        near = difflib.get_close_matches(call.skill[:64], skills, n=1)
         hint = f" Did you mean {near[0]}?" if near else ""
         raise CallError(
-            f"Nothing was executed: there is no skill {call.skill!r}.{hint} The skills are {', '.join(skills)}."
+            f"Nothing was executed: there is no skill {call.skill[:64]!r}.{hint} The skills are {', '.join(skills)}."
         )
     skill = skills[call.skill]
     if not skill.trained:

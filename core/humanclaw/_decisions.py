@@ -8,10 +8,12 @@ from typing import Any, ClassVar, Final, TypeVar
 
 STRICT = {"extra": "forbid"}
 """For pydantic, which reads these classes from records: an unknown field is an error."""
-_DEEPEST: Final = 16
+DEEPEST: Final = 16
 """Levels of nesting in a parameter; what lies deeper no schema asks for."""
-_LONGEST: Final = 100_000
-"""Letters of one text."""
+LONGEST: Final = 100_000
+"""Letters of one text, or of an answer."""
+LARGEST: Final = 2**53
+"""Of an integer: what every reader of JSON keeps exactly."""
 T = TypeVar("T")
 
 
@@ -132,10 +134,12 @@ def recordable(value: T) -> T:
 
 def _bounded(value: Any, depth: int = 0) -> Any:
     if isinstance(value, str):
-        return value[:_LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+        return value[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    if isinstance(value, int) and abs(value) > LARGEST:
+        return float("inf") if value > 0 else float("-inf")  # A reader of the record would stumble over its digits.
     if value is None or isinstance(value, bool | int | float | Usage):
         return value
-    if depth > _DEEPEST:
+    if depth > DEEPEST:
         return "..."
     if isinstance(value, Call):
         return Call(_bounded(str(value.skill)), _bounded(value.params))

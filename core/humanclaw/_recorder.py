@@ -56,8 +56,8 @@ class TrajectoryBuffer:
 
     def _path(self, key: int) -> Array:
         """(T, 7) pose of an object in every frame; between recorded pieces it rests where the last one left it."""
-        thing = self._scene.by_id[key]
-        full = np.tile(np.array([*thing.position, *thing.rotation], float), (self._length, 1))
+        obj = self._scene.by_id[key]
+        full = np.tile(np.array([*obj.position, *obj.rotation], float), (self._length, 1))
         for first, path in self._paths[key]:
             full[first : first + len(path)] = path
             full[first + len(path) :] = path[-1]
@@ -75,7 +75,7 @@ def begin_record(
         options: of the run, as they were given.
         settings: what is in force of agent, verifier and limits; empty ones are left out.
     """
-    in_force = {**settings, "body": asdict(body.engines) | {"senses": list(body.senses)}}
+    in_force = {**settings, "body": asdict(body.backends) | {"senses": list(body.senses)}}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,

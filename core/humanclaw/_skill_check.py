@@ -11,7 +11,7 @@ from typing import Any, Final, get_args
 
 import jsonschema
 
-from humanclaw.contract import Skill
+from humanclaw.contract import OFFLINE, Skill
 from humanclaw.errors import CheckpointError, PluginError
 from humanclaw.measures import MEASURES, Measure, Parameter, from_si
 from humanclaw.motion.checkpoint import read_checkpoint, read_header
@@ -77,7 +77,7 @@ def _bad_defaults(skill: Skill) -> Iterator[PluginError]:
     for key, part in _properties(skill).items():
         if "default" not in part:
             continue
-        validator = jsonschema.Draft202012Validator({"$defs": skill.schema.get("$defs", {}), **part})
+        validator = jsonschema.Draft202012Validator({"$defs": skill.schema.get("$defs", {}), **part}, registry=OFFLINE)
         for fault in validator.iter_errors(part["default"]):
             message = f"the default of {key!r} of skill {skill.name!r} is refused by its own schema: {fault.message}."
             yield PluginError(message, "Mend the default or the bounds.")

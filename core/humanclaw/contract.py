@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -17,13 +17,23 @@ from typing import Any, Final, TypeVar
 import jsonschema
 import numpy as np
 from pydantic import TypeAdapter
+from referencing import Registry
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import CallError, PluginError
 from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, role_of, si_name, to_si
 from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
-NAME_PATTERN: Final = re.compile(r"^[a-zA-Z0-9_-]{1,64}$")
+NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
+RESERVED: Final = frozenset({"look", "reset", "verdict"})
+"""Tools that harnesses offer beside the skills."""
+OFFLINE: Final[Registry[Any]] = Registry()
+"""For jsonschema, which would otherwise fetch what a $ref names."""
+_LONGEST_FAULT: Final = 300
+_LONGEST_PLAY: Final = 60.0
+"""Seconds of keyframes that one call may play."""
+_LOCAL: Final = re.compile(r"#/\$defs/[\w.-]+")
+_NO_WORDS: Final = frozenset({"$id", "$anchor", "$dynamicRef", "$dynamicAnchor", "$recursiveRef"})
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class Control:
 class Keyframes:
     """Rotations laid over the pose in which the body is, played without the motion model.
 
-    times: seconds, increasing from 0. rotations: joint name to one rotation vector (radians, joint frame) a time.
+    times: seconds, increasing from 0 to at most 60. rotations: joint name to one rotation vector (radians, joint frame) a time.
     """
 
     times: tuple[float, ...]
@@ -58,17 +68,23 @@ class Keyframes:
         unknown = sorted(set(self.rotations) - set(JOINT_INDEX))
         if unknown:
             raise ValueError(f"unknown joint {unknown[0]!r}; the joints are {', '.join(JOINT_INDEX)}")
-        if len(self.times) < 2 or self.times[0] != 0 or any(np.diff(self.times) <= 0):
-            raise ValueError(f"key times must start at 0 and increase; got {self.times}")
+        if len(self.times) < 2 or self.times[0] != 0 or not all(np.diff(self.times) > 0):
+            raise ValueError(f"key times must start at 0 and increase; got {self.times[:9]}")
+        if not self.times[-1] <= _LONGEST_PLAY:  # Also NaN.
+            raise ValueError(f"keyframes last at most {_LONGEST_PLAY:g} s; got {self.times[-1]:g} s")
         for joint, keys in self.rotations.items():
             if len(keys) != len(self.times):
                 raise ValueError(f"{joint} has {len(keys)} keys for {len(self.times)} times")
+            if not np.isfinite(keys).all():
+                raise ValueError(f"{joint} has keys that are not finite")
 
     @classmethod
     def cycle(cls, joint: str, axis: str, degrees: float, seconds: float, times: int = 1) -> Keyframes:
         """Turn one joint about its own x, y or z axis and back again, `times` times, `seconds` each."""
         if axis not in ("x", "y", "z"):
             raise ValueError(f"axis must be x, y or z; got {axis!r}")
+        if not 0 < seconds * times <= _LONGEST_PLAY:
+            raise ValueError(f"keyframes last more than 0 s and at most {_LONGEST_PLAY:g} s; got {seconds * times:g} s")
         peak = tuple(np.radians(degrees) * (name == axis) for name in "xyz")
         rest = (0.0, 0.0, 0.0)
         marks = tuple(seconds / 2 * index for index in range(2 * times + 1))
@@ -117,8 +133,12 @@ class Skill:
     """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
 
     def __post_init__(self) -> None:
-        if not NAME_PATTERN.match(self.name):
+        if not NAME_PATTERN.fullmatch(self.name):
             raise PluginError(f"skill name {self.name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
+        if self.name in RESERVED:
+            raise PluginError(
+                f"skill name {self.name!r} is taken: a harness has a tool of that name.", "Rename the skill."
+            )
         if self.schema.get("type") != "object":
             raise PluginError(f"the schema of skill {self.name!r} must have type 'object'.", "Mend its schema.json.")
         if self.role not in ROLES:
@@ -127,6 +147,8 @@ class Skill:
             jsonschema.Draft202012Validator.check_schema(dict(self.schema))
         except jsonschema.SchemaError as error:
             raise PluginError(f"the schema of skill {self.name!r} is not valid: {error.message}.") from error
+        if foreign := next(_foreign(self.schema), ""):
+            raise PluginError(f"the schema of skill {self.name!r} has {foreign}.", "Refer to #/$defs/NAME alone.")
 
     @property
     def trained(self) -> bool:
@@ -144,10 +166,13 @@ class Skill:
         return self.declaration.parameters
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        """The parameters with defaults filled in. Raises CallError, written for the model, if the schema refuses them."""
+        """Return the parameters with defaults filled in.
+
+        Raises CallError, written for the model, if the schema refuses them.
+        """
         properties = self.schema.get("properties", {})
         filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
-        validator = jsonschema.Draft202012Validator(dict(self.schema))
+        validator = jsonschema.Draft202012Validator(dict(self.schema), registry=OFFLINE)
         faults = sorted(validator.iter_errors(filled), key=lambda fault: list(map(str, fault.absolute_path)))
         if faults:
             lines = "; ".join(_explain(fault) for fault in faults)
@@ -155,7 +180,7 @@ class Skill:
         return {key: filled[key] for key in properties if key in filled}
 
     def usage(self) -> str:
-        """One line that says how to call the skill."""
+        """Write one line that says how to call the skill."""
         parts = [
             f"{key}: {part.get('type', 'value')} {bounds(part, '..')}".strip()
             for key, part in self.schema.get("properties", {}).items()
@@ -206,13 +231,28 @@ def _bad_checklist(path: Path, why: str) -> PluginError:
     )
 
 
+def _foreign(schema: Any) -> Iterator[str]:
+    """References that lead out of a schema, or that change what others mean: what is checked must be what is published."""
+    if isinstance(schema, list):
+        for part in schema:
+            yield from _foreign(part)
+    if not isinstance(schema, Mapping):
+        return
+    for key, value in schema.items():
+        if key in _NO_WORDS or (key == "$ref" and not _LOCAL.fullmatch(str(value))):
+            yield f"{key} {value!r}"
+        yield from _foreign(value)
+
+
 def _explain(fault: jsonschema.ValidationError) -> str:
+    """One fault in words; what a model wrote at length is not said back to it whole."""
     where = ".".join(map(str, fault.absolute_path))
-    return f"{where}: {fault.message}" if where else fault.message
+    message = fault.message if len(fault.message) <= _LONGEST_FAULT else f"{fault.message[:_LONGEST_FAULT]}..."
+    return f"{where}: {message}" if where else message
 
 
 def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
-    """The bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
+    """Write the bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
     return f"{part['minimum']}{between}{part['maximum']}" if {"minimum", "maximum"} <= part.keys() else ""
 
 

@@ -50,12 +50,12 @@ class Backends:
     """What an observation tells of the last call (humanclaw.senses); vision is the picture, and always on."""
 
     def chosen(self, plugins: Plugins) -> Self:
-        """The same with every name filled in: what records and versions name."""
+        """Return the same with every name filled in: what records and versions name."""
         return replace(self, simulator=self.simulator or default_simulator(plugins))
 
 
 def default_simulator(plugins: Plugins) -> str:
-    """The first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
+    """Choose the first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
     installed = [offer.name for offer in plugins.registered("simulators")]
     preferred = [name for name in SIMULATORS if name in installed] or installed
     if not preferred:
@@ -98,23 +98,23 @@ class Body:
         *,
         seed: int = 0,
         plugins: Plugins | None = None,
-        engines: Backends | None = None,
+        backends: Backends | None = None,
     ) -> None:
         """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
 
         seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
         """
         self.plugins = plugins or Plugins.discover()
-        self.engines = (engines or Backends()).chosen(self.plugins)
-        self.senses = check_senses(self.engines.senses)
-        self._generator: MotionGenerator = self._make("motion_generators", self.engines.generator)
-        self._simulator: Simulator = self._make("simulators", self.engines.simulator)
-        self._renderer: Renderer = self.plugins.make("renderers", self.engines.renderer)
+        self.backends = (backends or Backends()).chosen(self.plugins)
+        self.senses = check_senses(self.backends.senses)
+        self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
+        self._simulator: Simulator = self._make("simulators", self.backends.simulator)
+        self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
         self.reset(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:
-        return self.plugins.make(kind, name, profile=self.engines.profile)
+        return self.plugins.make(kind, name, profile=self.backends.profile)
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
         """Stand in a scene, everything in it at rest."""
@@ -146,11 +146,11 @@ class Body:
         return self._generator.digest
 
     def state(self) -> WorldState:
-        """The true state of the world: for scoring and for privileged agents, never for models."""
+        """Return the true state of the world: for scoring and for privileged agents, never for models."""
         return self._state
 
     def view(self) -> View:
-        """What the eyes see: colours, depth and object ids."""
+        """Render what the eyes see: colours, depth and object ids."""
         return self._renderer.render(self._state, ego_camera(self._state.body))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
@@ -215,7 +215,7 @@ class Body:
 
 
 def require_trained(skill: Skill) -> None:
-    """Raises CheckpointError if the skill's adapter has not been trained."""
+    """Refuse a skill without an adapter. Raises CheckpointError if it has not been trained."""
     if not skill.trained:
         raise CheckpointError(
             f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",

@@ -39,7 +39,7 @@ from humanclaw.errors import (
     CallError,
     HumanclawError,
     LimitError,
-    PluginFault,
+    PluginRunError,
     ProviderError,
     ReplayError,
     SceneError,
@@ -114,7 +114,7 @@ class Episode:
         )
         self._record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written: what they refuse leaves nothing behind.
-        self.fault: PluginFault | None = None
+        self.fault: PluginRunError | None = None
         """What a plugin raised, if that ended the episode."""
         self._begin_deciders()
         self._folder = folder
@@ -187,7 +187,7 @@ class Episode:
         return Observation(len(self._steps), self.spec.instruction, view.rgb, self._feedback)
 
     def ask(self) -> StepRecord | Refusal:
-        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginFault for what the agent raises."""
+        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent raises."""
         if self._agent is None:
             raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
         seen = self.observe()
@@ -230,7 +230,7 @@ class Episode:
     ) -> bool:
         """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than this."""
         self._end_by(fault)
-        return isinstance(fault, ProviderError | LimitError | PluginFault)
+        return isinstance(fault, ProviderError | LimitError | PluginRunError)
 
     # -- one step ------------------------------------------------------------------------------------------------------
     def _begin_step(self) -> None:
@@ -345,7 +345,7 @@ class Episode:
         self._feedback = step.feedback
         self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
         self._begin_step()
-        self.body.plugins.notify("humanclaw_step", episode=self._record, step=step)
+        self.body.plugins.tell("humanclaw_step", episode=self._record, step=step)
         if step.status == "stopped" or len(self._steps) == self.spec.max_steps:
             self._close()
         return step
@@ -395,7 +395,7 @@ class Episode:
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, ProviderError):
             self._close("infra_error", str(fault))
-        elif isinstance(fault, PluginFault):
+        elif isinstance(fault, PluginRunError):
             self.fault = fault
             self._close("plugin_error", str(fault))
         elif isinstance(fault, LimitError):
@@ -414,7 +414,7 @@ class Episode:
         self._record = self._record.model_copy(update=ended | counted)
         if self._writer:
             self._writer.end(self._record, self._trajectory.arrays())
-        self.body.plugins.notify("humanclaw_episode_end", episode=self._record, folder=self._folder)
+        self.body.plugins.tell("humanclaw_episode_end", episode=self._record, folder=self._folder)
 
     def _natural_outcome(self) -> Outcome:
         if self._steps and self._steps[-1].status == "stopped":
@@ -423,13 +423,13 @@ class Episode:
 
     # -- parts ---------------------------------------------------------------------------------------------------------
     def _begin_deciders(self) -> None:
-        """Tell agent and verifier their task. What they refuse is raised; what they break ends the episode, once it has a record."""
+        """Tell agent and verifier their task. What they refuse is raised; what breaks ends the episode, once it has a record."""
         for decider in (self._agent, self._verifier):
             try:
                 with blaming(_origin(decider)):
                     if decider:
                         decider.begin(self._context(decider))
-            except PluginFault as fault:
+            except PluginRunError as fault:
                 self.fault = fault
 
     def _context(self, decider: Agent | Verifier) -> EpisodeContext:

@@ -50,7 +50,7 @@ class LimitError(Exception):
         self.scope = scope
 
 
-class PluginFault(Exception):
+class PluginRunError(Exception):
     """A plugin's code raised something in an episode. It ends as plugin_error: a failure, counted, with the plugin's name."""
 
 
@@ -63,7 +63,7 @@ def blaming(plugin: str) -> Iterator[None]:
     """Name the plugin whose code runs in the block in what it raises; what already says who can mend it goes on as it is."""
     try:
         yield
-    except (HumanclawError, CallError, LimitError, ProviderError, PluginFault):
+    except (HumanclawError, CallError, LimitError, ProviderError, PluginRunError):
         raise
     except Exception as fault:
-        raise PluginFault(f"{plugin} raised {type(fault).__name__}: {fault}") from fault
+        raise PluginRunError(f"{plugin} raised {type(fault).__name__}: {fault}") from fault

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 
 def noun(kind: str) -> str:
-    """What a person calls one of a kind: "motion generator" for "motion_generators"."""
+    """Return what a person calls one of a kind: "motion generator" for "motion_generators"."""
     return kind.removesuffix("s").replace("_", " ")
 
 

@@ -99,7 +99,10 @@ GAZE_PITCH: Final = np.radians(-20.0)
 
 
 def ego_camera(body: Motion, size: int = 512) -> Camera:
-    """The camera at the eyes of the last frame of a motion; it turns with the head and keeps the horizon level."""
+    """Return the camera at the eyes of the last frame of a motion.
+
+    It turns with the head and keeps the horizon level.
+    """
     positions, orientations = forward_kinematics(body.root[-1], body.rotations[-1])
     head = orientations[JOINT_INDEX["head"]]
     eye = positions[JOINT_INDEX["head"]] + head @ np.array(EYE)
@@ -128,7 +131,7 @@ class MotionGenerator(Protocol):
     """A motion prior with skill adapters (paper, section 3.3)."""
 
     def start(self) -> Motion:
-        """The five frames of standing that every episode begins from, at the origin facing +Z."""
+        """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
 
     def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
         """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.

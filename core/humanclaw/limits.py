@@ -25,7 +25,10 @@ Limits = Mapping[str, float]
 
 
 def check_limits(limits: Limits) -> Limits:
-    """The limits themselves. Raises HumanclawError for a name that is not scope.unit or a number that is not above 0."""
+    """Return the limits themselves.
+
+    Raises HumanclawError for a name that is not scope.unit or a number that is not above 0.
+    """
     known = [f"{scope}.{unit}" for scope in SCOPES for unit in UNITS]
     for name, most in limits.items():
         if name not in known:
@@ -76,7 +79,10 @@ class Meter:
         return self._total
 
     def check(self) -> None:
-        """Raises LimitError if a limit has been crossed; a run's before an episode's before a call's."""
+        """Hold what was spent against the limits.
+
+        Raises LimitError if a limit has been crossed; a run's before an episode's before a call's.
+        """
         now = self._clock()
         for scope in reversed(SCOPES):
             for unit in UNITS:

@@ -110,7 +110,7 @@ class Declaration:
         return cls.of(folder.name, read_schema(folder))
 
     def commands(self, measure: str) -> Parameter | None:
-        """The parameter that commands a measure, or None."""
+        """Return the parameter that commands a measure, or None."""
         return next((one for one in self.parameters if one.measure == measure), None)
 
     @property
@@ -119,7 +119,7 @@ class Declaration:
         return any(one.measure in ("hips.rise", "hips.drop") for one in self.parameters)
 
     def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
-        """The parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
+        """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
         known = {one.name: one for one in self.parameters}
         if sorted(known) != sorted(names):
             raise PluginError(
@@ -137,7 +137,7 @@ def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "lo
 
 
 def read_schema(folder: Path) -> dict[str, Any]:
-    """The schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
+    """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
         schema = json.loads((folder / "schema.json").read_text("utf-8"))
     except (OSError, ValueError) as error:
@@ -148,7 +148,10 @@ def read_schema(folder: Path) -> dict[str, Any]:
 
 
 def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
-    """The role that a schema declares; a skill that declares none is a gesture. Raises PluginError for an unknown one."""
+    """Return the role that a schema declares.
+
+    A skill that declares none is a gesture. Raises PluginError for an unknown one.
+    """
     role: Role = schema.get("x-role", "gesture")
     if role not in ROLES:
         raise PluginError(
@@ -158,7 +161,7 @@ def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
 
 
 def parameters_of(schema: Mapping[str, Any]) -> tuple[Parameter, ...]:
-    """The parameters of a schema, in its order."""
+    """Return the parameters of a schema, in its order."""
     return tuple(_parameter(key, part) for key, part in schema.get("properties", {}).items())
 
 
@@ -168,17 +171,17 @@ def _parameter(key: str, part: Mapping[str, Any]) -> Parameter:
 
 
 def si_name(key: str) -> str:
-    """The name of a parameter without its unit: z for z_cm, yaw for yaw_deg."""
+    """Return the name of a parameter without its unit: z for z_cm, yaw for yaw_deg."""
     return next((key.removesuffix(unit) for unit in _UNITS if key.endswith(unit)), key)
 
 
 def to_si(key: str, value: float) -> float:
-    """A parameter in SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
+    """Convert a parameter to SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
     return float(value) * _scale(key)
 
 
 def from_si(key: str, value: float) -> float:
-    """A parameter in the unit of its name: the inverse of to_si."""
+    """Convert a parameter to the unit of its name: the inverse of to_si."""
     return float(value) * next((scale for unit, scale in _PER_SI.items() if key.endswith(unit)), 1.0)
 
 
@@ -189,7 +192,7 @@ def _scale(key: str) -> float:
 def outcomes(
     parameters: Sequence[Parameter], root: Array, rotations: Array, measures: Mapping[str, Measure] = MEASURES
 ) -> Array:
-    """What chunks achieve of each parameter: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k), SI.
+    """Return what chunks achieve of each parameter: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k), SI.
 
     Raises PluginError for a parameter that commands no known measure.
     """
@@ -198,7 +201,7 @@ def outcomes(
 
 
 def find(parameter: Parameter, measures: Mapping[str, Measure] = MEASURES) -> Measure:
-    """The measure that a parameter commands. Raises PluginError if there is none of that name."""
+    """Find the measure that a parameter commands. Raises PluginError if there is none of that name."""
     if parameter.measure not in measures:
         raise PluginError(
             f"parameter {parameter.key!r} commands {parameter.measure or 'no measure'!r}, which nothing here measures.",

@@ -46,18 +46,21 @@ def acknowledges(text: str, category: str) -> bool:
 
 
 def in_view(step: StepRecord) -> bool:
-    """Whether the targets together cover enough of the view that the step was decided from."""
+    """Tell whether the targets together cover enough of the view that the step was decided from."""
     return sum(step.target_pixels.values()) >= SEEN_PIXELS
 
 
 def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
-    """The role of the skill that a step called; empty for a step without a call, or of a skill that the record does not know."""
+    """Return the role of the skill that a step called.
+
+    Empty for a step without a call, or of a skill that the record does not know.
+    """
     info = recorded.record.skills.get(step.call.skill) if step.call else None
     return info.role if info else ""
 
 
 def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
-    """Whether the pelvis touches a target in the last frame of a step."""
+    """Tell whether the pelvis touches a target in the last frame of a step."""
     return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
 
 
@@ -75,7 +78,7 @@ def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord]) -> bool:
 
 
 def footing(contact: Contact, ground: Set[int]) -> bool:
-    """Whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
+    """Tell whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 
@@ -95,5 +98,5 @@ def end_distance(recorded: RecordedEpisode) -> float:
 
 
 def reached(recorded: RecordedEpisode) -> bool:
-    """Whether the body ends within reach of a target, stopped or not."""
+    """Tell whether the body ends within reach of a target, stopped or not."""
     return end_distance(recorded) <= REACHED

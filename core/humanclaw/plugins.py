@@ -12,6 +12,7 @@ import importlib.metadata
 import importlib.util
 import inspect
 import logging
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -34,8 +35,10 @@ from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
 
 T = TypeVar("T")
-_LOG: Final = logging.getLogger("humanclaw")
 PREFIX: Final = "humanclaw_"
+_LOG: Final = logging.getLogger(__name__)
+_LONGEST_REASON: Final = 500
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
 """Hooks whose plugins come before those that need what they bring."""
@@ -85,6 +88,10 @@ class Registry:
                 if value is None:
                     return
                 named, description = value.name, value.description
+            if not isinstance(named, str) or not _NAME.fullmatch(named):
+                raise PluginError(
+                    f"{named!r} is no name of a {noun(kind)}.", f"Use a name that matches {_NAME.pattern}."
+                )
             self.found.setdefault(kind, []).append(Registration(named, self.owner, value, description))
 
         return register
@@ -173,10 +180,17 @@ class Plugins:
     def infos(self) -> tuple[PluginInfo, ...]:
         return tuple(self._infos)
 
-    @property
-    def hook(self) -> Any:
-        """The hook callers, for the observers and for humanclaw_commands."""
-        return self._manager.hook
+    def tell(self, hook: str, **event: Any) -> None:
+        """Call a hook of every plugin that has it. One that raises is told of in the log; the others hear of it all the same."""
+        for name, plugin in self._manager.list_name_plugin():
+            if not hasattr(plugin, hook):
+                continue
+            try:
+                self._only(plugin, hook)(**event)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                _LOG.warning("plugin %r failed at %s: %s", name, hook, _reason(error))
 
     @property
     def measures(self) -> dict[str, Measure]:
@@ -195,14 +209,6 @@ class Plugins:
     def owner(self, skill: str) -> str:
         return self._found["skills"][skill].owner
 
-    def notify(self, hook: str, **told: Any) -> None:
-        """Tell every implementation of a hook. One that raises is named in the log, and neither the others nor the caller mind."""
-        for implementation in reversed(getattr(self._manager.hook, hook).get_hookimpls()):
-            try:
-                self._only(implementation.plugin, hook)(**told)
-            except Exception:
-                _LOG.exception("plugin %r failed in %s; nothing depends on it", implementation.plugin_name, hook)
-
     def skill(self, name: str) -> Skill:
         """Raises PluginError with the nearest names if there is no such skill."""
         return self._find("skills", name).value  # type: ignore[no-any-return]
@@ -219,6 +225,8 @@ class Plugins:
         found = self._find(kind, name)
         try:
             return found.value(*args, **options)
+        except (SystemExit, GeneratorExit) as error:
+            raise PluginError(f"{noun(kind)} {name!r} of plugin {found.owner!r} gave up: {_reason(error)}.") from error
         except ModuleNotFoundError as error:
             needed = f"{noun(kind)} {name!r} of plugin {found.owner!r} needs {error.name!r}, which is not installed."
             raise PluginError(needed, f"Run `pip install {error.name}`.") from error
@@ -269,8 +277,10 @@ class Plugins:
     def _try(self, point: importlib.metadata.EntryPoint, use: Callable[[], T]) -> T | None:
         try:
             return use()
-        except (Exception, SystemExit) as error:
-            reason = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # A plugin is code of somebody else: not even its SystemExit ends the program.
+            reason = str(error) if isinstance(error, PluginError) else _reason(error)
             self._infos.append(PluginInfo(*_origin(point), error=reason.rstrip(".")))
             return None
 
@@ -281,10 +291,10 @@ class Plugins:
             self._only(plugin, EXTENSION)(register=self._extend)
             self._manager.check_pending()
             return self._call_hooks(plugin, name)
-        except Exception as error:
+        except BaseException as error:
             if self._manager.has_plugin(name):
                 self._manager.unregister(name=name)
-            if isinstance(error, PluginError):
+            if isinstance(error, PluginError | KeyboardInterrupt):
                 raise
             raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", self._hint(error)) from error
 
@@ -321,7 +331,7 @@ class Plugins:
                         "Uninstall one of the two or rename it.",
                     )
 
-    def _hint(self, error: Exception) -> str:
+    def _hint(self, error: BaseException) -> str:
         """For a misspelt hook, the hook that was probably meant."""
         known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
         specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
@@ -358,10 +368,14 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
             )
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
+    """The kind of an error and its words, on one line; an error of somebody else may fail even at saying them."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
-    return f"{type(error).__name__}: {error}"
+    try:
+        return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
+    except Exception:
+        return type(error).__name__
 
 
 def load_file(path: Path) -> ModuleType:
@@ -374,6 +388,8 @@ def load_file(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise PluginError(f"plugin file {path} failed to load: {type(error).__name__}: {error}.") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise PluginError(f"plugin file {path} failed to load: {_reason(error)}.") from error
     return module

@@ -30,7 +30,7 @@ _FEET: Final = (
 
 # -- rotations ---------------------------------------------------------------------------------------------------------
 def matrix_from_vector(vector: Array) -> Array:
-    """(..., 3) rotation vectors to (..., 3, 3) matrices (Rodrigues)."""
+    """Map (..., 3) rotation vectors to (..., 3, 3) matrices (Rodrigues)."""
     vector = np.asarray(vector, float)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     safe = np.where(angle < 1e-8, 1.0, angle)
@@ -43,12 +43,12 @@ def matrix_from_vector(vector: Array) -> Array:
 
 
 def vector_from_matrix(matrix: Array) -> Array:
-    """(..., 3, 3) matrices to (..., 3) rotation vectors of length at most pi."""
+    """Map (..., 3, 3) matrices to (..., 3) rotation vectors of length at most pi."""
     return vector_from_quaternion(quaternion_from_matrix(matrix))
 
 
 def quaternion_from_matrix(matrix: Array) -> Array:
-    """(..., 3, 3) matrices to (..., 4) unit quaternions x, y, z, w with w >= 0."""
+    """Map (..., 3, 3) matrices to (..., 4) unit quaternions x, y, z, w with w >= 0."""
     m = np.asarray(matrix, float)
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     # One column per choice of the largest component: dividing by it is what keeps every case well conditioned.
@@ -71,7 +71,7 @@ def quaternion_from_matrix(matrix: Array) -> Array:
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:
-    """(..., 4) quaternions x, y, z, w to (..., 3, 3) matrices."""
+    """Map (..., 4) quaternions x, y, z, w to (..., 3, 3) matrices."""
     q = np.asarray(quaternion, float)
     x, y, z, w = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     return np.stack(
@@ -85,7 +85,7 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 
 
 def vector_from_quaternion(quaternion: Array) -> Array:
-    """(..., 4) quaternions x, y, z, w to (..., 3) rotation vectors along the shortest arc."""
+    """Map (..., 4) quaternions x, y, z, w to (..., 3) rotation vectors along the shortest arc."""
     q = np.asarray(quaternion, float)
     q = np.where(q[..., 3:] < 0, -q, q)
     length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
@@ -105,7 +105,7 @@ def yaw_matrix(yaw: float | Array) -> Array:
 
 
 def heading(root_rotation: Array) -> Array:
-    """(..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave alone."""
+    """Map (..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave alone."""
     left = matrix_from_vector(root_rotation)[..., :, 0]
     return np.asarray(np.arctan2(-left[..., 2], left[..., 0]))
 
@@ -139,11 +139,11 @@ class Motion:
         return len(self) / FPS
 
     def joints(self) -> Array:
-        """(T, 24, 3) joint positions by forward kinematics."""
+        """Compute (T, 24, 3) joint positions by forward kinematics."""
         return forward_kinematics(self.root, self.rotations)[0]
 
     def yaw(self) -> Array:
-        """(T,) heading in radians."""
+        """Compute (T,) heading in radians."""
         return heading(self.rotations[:, 0])
 
     def then(self, other: Motion) -> Motion:
@@ -152,7 +152,7 @@ class Motion:
 
 
 def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
-    """(..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3) orientations."""
+    """Map (..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3) orientations."""
     local = matrix_from_vector(rotations)
     positions: list[Array] = [np.asarray(root, float)]
     orientations: list[Array] = [local[..., 0, :, :]]
@@ -173,7 +173,7 @@ def rest_pose(frames: int = 1) -> Motion:
 
 
 def support_height(joints: Array) -> Array:
-    """(..., 24, 3) joint positions to the height of the lowest sole, metres."""
+    """Map (..., 24, 3) joint positions to the height of the lowest sole, metres."""
     return np.asarray(np.min(np.stack([joints[..., joint, 1] - drop for joint, drop in _FEET], -1), axis=-1))
 
 
@@ -191,7 +191,7 @@ class Pose2D:
 
     @classmethod
     def of(cls, motion: Motion, index: int = -1, floor: float | None = None) -> Pose2D:
-        """The floor-projected hip frame of one pose; without a floor the height of that pose's lowest sole."""
+        """Return the floor-projected hip frame of one pose; without a floor the height of that pose's lowest sole."""
         one = motion[index:] if index == -1 else motion[index : index + 1]
         if floor is None:
             floor = float(support_height(one.joints())[0])
@@ -199,7 +199,7 @@ class Pose2D:
 
     @classmethod
     def of_history(cls, history: Motion) -> Pose2D:
-        """The canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest sole."""
+        """Return the canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest sole."""
         return cls.of(history, -1, float(support_height(history.joints()).min()))
 
     def to_local(self, motion: Motion) -> Motion:
@@ -208,12 +208,12 @@ class Pose2D:
         return _turned(replace(motion, root=motion.root - [self.x, self.floor, self.z]), turn)
 
     def to_world(self, motion: Motion) -> Motion:
-        """The inverse of to_local."""
+        """Apply the inverse of to_local."""
         turned = _turned(motion, yaw_matrix(self.yaw))
         return replace(turned, root=turned.root + [self.x, self.floor, self.z])
 
     def point_to_local(self, point: Array) -> Array:
-        """(..., 3) points of the outer frame in this one."""
+        """Return (..., 3) points of the outer frame in this one."""
         return np.asarray((np.asarray(point, float) - [self.x, self.floor, self.z]) @ yaw_matrix(self.yaw))
 
 
@@ -249,7 +249,10 @@ def encode(motion: Motion) -> Array:
 
 
 def decode(state: Array) -> Motion:
-    """(T, 219) states to the motion that their root and rotations describe; the redundant joint positions are not read."""
+    """Map (T, 219) states to the motion that their root and rotations describe.
+
+    The redundant joint positions are not read.
+    """
     state = np.asarray(state, float)
     if state.ndim != 2 or state.shape[1] != STATE_SIZE:
         raise ValueError(f"a state sequence needs shape (T, {STATE_SIZE}); got {state.shape}")

@@ -6,6 +6,7 @@ A folder (episode.json, steps.jsonl, motion.npz, frames/) is enough to score an 
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,12 +27,13 @@ from humanclaw.pose import Array, Motion, Pose2D
 __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
     "EpisodeWriter", "Feedback", "Outcome", "Proprioception", "Record", "RecordedEpisode", "Refusal", "SkillInfo",
-    "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "load_run", "name_of",
+    "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of", "write_record",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
+_AGAIN = "Run the episode again, or remove its folder."
 
 
 class Record(BaseModel):
@@ -60,7 +62,7 @@ class Difficulty(Record):
 class EpisodeSpec(Record):
     """One episode: an instruction, a scene and a start."""
 
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,100}$")]
+    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$")]
     instruction: Annotated[str, Field(min_length=1)]
     scene: str
     """Scheme and name, such as house:0."""
@@ -111,7 +113,7 @@ class StepRecord(Record):
 
     step: int
     status: Literal["executed", "stopped", "invalid"]
-    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. In neither anything moves."""
+    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. Neither moves anything."""
     attempts: tuple[Attempt, ...]
     verdict: Verdict | None = None
     call: Call | None = None
@@ -121,7 +123,7 @@ class StepRecord(Record):
     """What the body felt, as far as its senses were on."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view that this decision was made from."""
-    frame_file: str = ""
+    frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
     motion_frames: int = 0
     """How many frames of motion.npz belong to this step."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -220,6 +222,16 @@ class EpisodeRecord(Record):
     usage: Usage = Usage()
     """All that the episode's answers took, those included that no step holds because the episode ended first."""
     steps: Annotated[int, Field(ge=0)] = 0
+    files: dict[str, str] = {}
+    """SHA-256 of every other file of the record, by path in its folder; none as long as it is being written."""
+    seal: str = ""
+    """SHA-256 of this record without this line."""
+
+    @property
+    def sealed(self) -> EpisodeRecord:
+        """The same with the seal that belongs to it."""
+        content = self.model_dump_json(exclude={"seal"}).encode()
+        return self.model_copy(update={"seal": hashlib.sha256(content).hexdigest()})
 
 
 # -- the folder --------------------------------------------------------------------------------------------------------
@@ -232,7 +244,9 @@ class EpisodeWriter:
         lines = "".join(step.model_dump_json() + "\n" for step in kept)
         try:
             (folder / "frames").mkdir(parents=True, exist_ok=True)
-            write_atomically(folder / "episode.json", record.model_dump_json(indent=1).encode())
+            write_record(folder, record.model_copy(update={"files": {}}))
+            for old in ("motion.npz", *_frames(folder)):
+                (folder / old).unlink(missing_ok=True)  # Of an earlier run: what is kept of it is drawn again.
             write_atomically(folder / "steps.jsonl", lines.encode())
             self._steps = (folder / "steps.jsonl").open("a", encoding="utf-8")
         except OSError as error:
@@ -252,22 +266,41 @@ class EpisodeWriter:
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
         """Close the record: motion.npz, then the final episode.json."""
         self._steps.close()
-        partial = self.folder / "motion.partial.npz"
-        np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]
-        partial.replace(self.folder / "motion.npz")
-        write_atomically(self.folder / "episode.json", record.model_dump_json(indent=1).encode())
+        motion = io.BytesIO()
+        np.savez_compressed(motion, **arrays)  # type: ignore[arg-type]
+        write_atomically(self.folder / "motion.npz", motion.getvalue())
+        close_record(self.folder, record)
+
+
+def write_record(folder: Path, record: EpisodeRecord) -> None:
+    """Write episode.json with its seal."""
+    write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
+
+
+def close_record(folder: Path, record: EpisodeRecord) -> None:
+    """Write the last episode.json, which holds the digest of every other file: from then on damage is found."""
+    there = [name for name in ("steps.jsonl", "motion.npz") if (folder / name).exists()]
+    digests = {name: hashlib.sha256(_read(folder / name)).hexdigest() for name in (*there, *_frames(folder))}
+    write_record(folder, record.model_copy(update={"files": digests}))
+
+
+def _frames(folder: Path) -> list[str]:
+    return sorted(f"frames/{path.name}" for path in (folder / "frames").glob("*.jpg"))
 
 
 class RecordedEpisode:
-    """An episode folder, read back."""
+    """An episode folder, read back. Raises RecordError, which names the file and the line, if anything in it is damaged."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.record = EpisodeRecord.model_validate_json(_read(folder / "episode.json"))
+        self.record = _read_record(folder / "episode.json")
+        _verify(folder, self.record)
         self.steps = tuple(_read_steps(folder / "steps.jsonl"))
+        if self.record.files and len(self.steps) != self.record.steps:
+            raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
 
     def motion(self, kind: Literal["generated", "realised"] = "realised") -> Motion:
-        """All frames of the episode: the five of standing first, then motion_frames a step. World frame."""
+        """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
         with np.load(self.folder / "motion.npz") as data:
             return Motion(data[f"{kind}_root"].astype(float), data[f"{kind}_rotations"].astype(float))
 
@@ -282,11 +315,11 @@ class RecordedEpisode:
 
         When it was and how long it took is left out, as is what was made of the record later on.
         """
-        state = hashlib.sha256(self.record.model_dump_json(exclude={"created"}).encode())
+        state = hashlib.sha256(self.record.model_dump_json(exclude={"created", "files", "seal"}).encode())
         for step in self.steps:
             state.update(step.model_dump_json(exclude={"seconds"}).encode())
             if step.frame_file:
-                state.update((self.folder / step.frame_file).read_bytes())
+                state.update(_read(_within(self.folder, step.frame_file)))
         if (self.folder / "motion.npz").exists():
             with np.load(self.folder / "motion.npz") as data:
                 for key in sorted(data.files):
@@ -295,14 +328,49 @@ class RecordedEpisode:
 
 
 def load_run(folder: Path) -> list[RecordedEpisode]:
-    """All episodes under a folder, by name. Raises RecordError if there are none."""
+    """Read all episodes under a folder, by name. Raises RecordError if there are none."""
     found = sorted(path.parent for path in folder.rglob("episode.json"))
     if not found:
         raise RecordError(
             f"there is no episode record in {folder}.",
             "Name a folder that `humanclaw run` or `humanclaw bench run` wrote.",
         )
-    return [RecordedEpisode(path) for path in found]
+    episodes = [RecordedEpisode(path) for path in found]
+    for run in {path.parent for path in found if (path.parent / "run.json").exists()}:
+        _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
+    return episodes
+
+
+def _refuse_copies(episodes: Sequence[RecordedEpisode]) -> None:
+    """In a run every episode lies in the folder of its name; a copy beside it would count twice."""
+    for episode in episodes:
+        if episode.folder.name != episode.record.spec.id:
+            raise RecordError(f"{episode.folder} holds the record of {episode.record.spec.id!r}.", "Remove the copy.")
+
+
+def _read_record(path: Path) -> EpisodeRecord:
+    try:
+        record = EpisodeRecord.model_validate_json(_read(path))
+    except ValidationError as error:
+        raise RecordError(f"{path}{_where(error)} is no record: {_told(error)}.", _AGAIN) from error
+    if record.seal and record.sealed.seal != record.seal:
+        raise RecordError(f"{path} has been changed since it was written.", _AGAIN)
+    return record
+
+
+def _verify(folder: Path, record: EpisodeRecord) -> None:
+    """Hold every file to the digest that the record has of it."""
+    for name, digest in record.files.items():
+        if hashlib.sha256(_read(_within(folder, name))).hexdigest() != digest:
+            raise RecordError(f"{folder / name} has been changed since it was written.", _AGAIN)
+
+
+def _within(folder: Path, name: str) -> Path:
+    """A file of a record; what a record says must not lead out of its folder."""
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", _AGAIN)
+    return path
 
 
 def _read_steps(path: Path) -> Iterator[StepRecord]:
@@ -310,19 +378,34 @@ def _read_steps(path: Path) -> Iterator[StepRecord]:
     if not path.exists():
         return
     # Only this byte ends a line: str.splitlines would also break at what a model may write, such as U+2028.
-    for line in _read(path).split(b"\n")[:-1]:
-        yield _parse(line, path)
+    for number, line in enumerate(_read(path).split(b"\n")[:-1], 1):
+        step = _parse(line, f"{path}:{number}")
+        if step.step != number - 1:
+            raise RecordError(f"{path}:{number} holds step {step.step}: lines are missing or in another order.", _AGAIN)
+        yield step
 
 
-def _parse(line: bytes, path: Path) -> StepRecord:
+def _parse(line: bytes, where: str) -> StepRecord:
     try:
         return StepRecord.model_validate_json(line)
     except ValidationError as error:
-        raise RecordError(f"{path} holds a line that is not a step: {error.errors()[0]['msg']}.") from error
+        raise RecordError(f"{where} holds a line that is not a step: {_told(error)}.", _AGAIN) from error
+
+
+def _told(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, first["loc"]))
+    return f"{where}: {first['msg']}" if where else first["msg"]
+
+
+def _where(error: ValidationError) -> str:
+    """':line' where the text stops being JSON."""
+    found = re.search(r"at line (\d+)", error.errors()[0]["msg"])
+    return f":{found[1]}" if found else ""
 
 
 def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise RecordError(f"cannot read {path}: {error.strerror}.") from error
+        raise RecordError(f"cannot read {path}: {error.strerror}.", _AGAIN) from error

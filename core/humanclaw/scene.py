@@ -53,7 +53,7 @@ class Asset:
     category: str
     mesh: Mesh
     hulls: tuple[NDArray[np.float32], ...]
-    """Convex collision pieces, each the (K, 3) vertices of its hull. Empty for things without a body, such as rugs."""
+    """Convex collision pieces, each the (K, 3) vertices of its hull. Empty for objects without a body, such as rugs."""
     seat_height: float | None = None
     """Height of the sitting surface over the bottom, metres; None for what is not sat on."""
     source: str = "generated"
@@ -62,7 +62,7 @@ class Asset:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One thing in the scene."""
+    """One object in the scene."""
 
     id: int
     """Positive and unique in the scene; the value of its pixels in the id image."""
@@ -103,41 +103,39 @@ class Scene:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        ids = [thing.id for thing in self.objects]
+        ids = [obj.id for obj in self.objects]
         if len(set(ids)) != len(ids) or min(ids, default=1) < 1:
             raise SceneError(f"the object ids of scene {self.name!r} must be positive and unique.")
-        missing = sorted({thing.asset for thing in self.objects} - set(self.assets))
+        missing = sorted({obj.asset for obj in self.objects} - set(self.assets))
         if missing:
             raise SceneError(f"scene {self.name!r} uses assets that it does not hold: {', '.join(missing)}.")
 
     @cached_property
     def licences(self) -> tuple[str, ...]:
         """What the assets in use are under and whom to name for them: 'licence: source', each once, in order."""
-        used = {thing.asset for thing in self.objects}
+        used = {obj.asset for obj in self.objects}
         return tuple(sorted({f"{asset.licence}: {asset.source}" for key, asset in self.assets.items() if key in used}))
 
     @cached_property
     def by_id(self) -> Mapping[int, SceneObject]:
-        return {thing.id: thing for thing in self.objects}
+        return {obj.id: obj for obj in self.objects}
 
     def of_category(self, category: str) -> tuple[SceneObject, ...]:
-        return tuple(thing for thing in self.objects if thing.category == category)
+        return tuple(obj for obj in self.objects if obj.category == category)
 
     def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
-        """(N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
-        thing = self.by_id[object_id]
-        place = np.array([*thing.position, *thing.rotation]) if pose is None else pose
-        local = self.assets[thing.asset].mesh.vertices.astype(float)
+        """Compute (N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
+        obj = self.by_id[object_id]
+        place = np.array([*obj.position, *obj.rotation]) if pose is None else pose
+        local = self.assets[obj.asset].mesh.vertices.astype(float)
         return np.asarray(local @ matrix_from_quaternion(place[3:]).T + place[:3])
 
     @cached_property
     def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        points = {thing.id: self.vertices(thing.id) for thing in self.objects}
+        points = {obj.id: self.vertices(obj.id) for obj in self.objects}
         return {key: (value.min(axis=0), value.max(axis=0)) for key, value in points.items()}
 
-    def aabb(
-        self, object_id: int, pose: Array | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def aabb(self, object_id: int, pose: Array | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest corner of an object's axis-aligned bounding box, metres.
 
         pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene says.
@@ -165,7 +163,7 @@ class Scene:
 
 
 def distance_to_box(points: Array, low: Array, high: Array) -> Array:
-    """(..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
+    """Map (..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
     outside = np.maximum(np.maximum(low - points, points - high), 0.0)
     return np.asarray(np.linalg.norm(outside, axis=-1))
 

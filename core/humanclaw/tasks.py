@@ -1,4 +1,4 @@
-"""What can be asked for: the words that name things, the episode that an instruction means, and files of episodes."""
+"""What can be asked for: the words that name objects, the episode that an instruction means, and files of episodes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def category_of(instruction: str) -> str:
-    """The target category that an instruction names, by the longest alias in it; empty if it names none."""
+    """Find the target category that an instruction names, by the longest alias in it; empty if it names none."""
     words = instruction.lower()
     found = [
         (len(alias), category)
@@ -44,7 +44,10 @@ def wants_to_sit(instruction: str) -> bool:
 
 
 def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:
-    """An episode for an instruction of one's own, in a scene as it stands. Not scored if it names no target category."""
+    """Make an episode for an instruction of one's own, in a scene as it stands.
+
+    Not scored if it names no target category.
+    """
     category = category_of(instruction)
     return EpisodeSpec(
         id=name or f"free-{seed}",
@@ -53,7 +56,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         scene_digest=scene.digest,
         start=scene.start,
         target_category=category,
-        target_ids=tuple(thing.id for thing in scene.of_category(category)) if category else (),
+        target_ids=tuple(obj.id for obj in scene.of_category(category)) if category else (),
         interact=category in SEATS and wants_to_sit(instruction),
         max_steps=max_steps,
         seed=seed,
@@ -61,7 +64,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
 
 
 def instruction(category: str) -> str:
-    """What an agent is asked to do with the nearest object of a category, in the words of the paper (section 4.1)."""
+    """Write what an agent is asked to do with the nearest object of a category, in the words of the paper (section 4.1)."""
     noun = ALIASES.get(category, (category.replace("_", " "),))[0]
     if category in SEATS:
         return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
@@ -69,7 +72,7 @@ def instruction(category: str) -> str:
 
 
 def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
-    """The episodes of a file, one a line. Raises HumanclawError if it cannot be read or a line is none."""
+    """Read the episodes of a file, one a line. Raises HumanclawError if it cannot be read or a line is none."""
     try:
         lines = path.read_text("utf-8").splitlines()
     except OSError as error:

@@ -1,6 +1,6 @@
 """Skills as the tools of a language model: how they are published, and how a call is read back.
 
-Every published tool is the skill's own schema inside an envelope. The envelope comes first, so that one tool call carries
+Every published tool is the skill's own schema behind the reasoning fields. These come first, so that one tool call carries
 perception, high-, mid- and low-level reasoning in that order (paper, section 3.2). Bounds that a model ignored are not mended
 here: Skill.check refuses them, and the refusal goes back to the model.
 """
@@ -10,10 +10,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
+from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
@@ -22,7 +24,7 @@ from humanclaw.records import Call
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]
 
-ENVELOPE: Final[Mapping[str, Json]] = {
+REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "visible_state": {
         "type": "string",
         "description": "Objects in view from left to right, each with its distance in metres; whether the target is among "
@@ -40,9 +42,13 @@ ENVELOPE: Final[Mapping[str, Json]] = {
     "mid_level_goal": {"type": "string", "description": "The objective of the next few seconds."},
     "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
 }
-"""What a model must say before a skill's parameters; the fields of Envelope."""
+"""What a model must say before a skill's parameters; the fields of Reasoning."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
+_TRIES: Final = 200
+"""Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_ABOUT: Final = frozenset({"title", "description", "default", "type"})
+"""Words of which the nearer one goes before that of a referenced schema."""
 _GEMINI_WORDS: Final = frozenset(
     [
         "type",
@@ -64,7 +70,7 @@ _GEMINI_WORDS: Final = frozenset(
 
 
 @dataclass(frozen=True)
-class Envelope:
+class Reasoning:
     """What a model said around a call. The fields are those of Decision; what was not said is empty."""
 
     visible_state: str = ""
@@ -75,25 +81,27 @@ class Envelope:
 
 
 # -- publishing --------------------------------------------------------------------------------------------------------
-def envelope_schema(mid_level: bool = True, described: bool = True) -> Json:
-    """The envelope's properties in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
+def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
+    """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
     described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool again.
     """
-    kept = {key: part for key, part in ENVELOPE.items() if mid_level or key not in _MID_LEVEL}
+    kept = {key: part for key, part in REASONING_FIELDS.items() if mid_level or key not in _MID_LEVEL}
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
 
 
-def tool_spec(skill: Skill, mid_level: bool = True, envelope: bool = True, described: bool = True) -> Json:
-    """A skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
+def tool_spec(skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True) -> Json:
+    """Describe a skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
-    Raises PluginError if a parameter has the name of an envelope field or several types.
+    Raises PluginError if a parameter has the name of a reasoning field or several types.
     """
     properties = parameter_schema(skill)
-    clash = sorted(set(properties) & set(ENVELOPE))
+    clash = sorted(set(properties) & set(REASONING_FIELDS))
     if clash:
-        raise PluginError(f"skill {skill.name!r} has a parameter {clash[0]!r}, a name of the envelope.", "Rename it.")
-    said = envelope_schema(mid_level, described) if envelope else {}
+        raise PluginError(
+            f"skill {skill.name!r} has a parameter {clash[0]!r}, the name of a reasoning field.", "Rename it."
+        )
+    said = reasoning_schema(mid_level, described) if reasoning else {}
     parameters: Json = {
         "type": "object",
         "properties": {**said, **properties},
@@ -107,20 +115,20 @@ def publish(
     skills: Iterable[Skill],
     format: Format,  # noqa: A002
     mid_level: bool = True,
-    envelope: bool = True,
+    reasoning: bool = True,
     described: bool = True,
 ) -> list[Json]:
-    """The tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
+    """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
-    return _wrap([tool_spec(skill, mid_level, envelope, described) for skill in skills], format)
+    return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in skills], format)
 
 
 def openai_tools(
-    skills: Iterable[Skill], envelope: bool = True, mid_level: bool = True, described: bool = True
+    skills: Iterable[Skill], reasoning: bool = True, mid_level: bool = True, described: bool = True
 ) -> list[Json]:
-    """The tool list of OpenAI's chat completions, which most other servers and clients take too."""
-    return publish(skills, "openai", mid_level, envelope, described)
+    """Write the tool list of OpenAI's chat completions, which most other servers and clients take too."""
+    return publish(skills, "openai", mid_level, reasoning, described)
 
 
 def _wrap(specs: list[Json], form: Format) -> list[Json]:
@@ -133,18 +141,18 @@ def _wrap(specs: list[Json], form: Format) -> list[Json]:
 
 
 def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bool = True) -> Json:
-    """One object that holds the envelope, the skill's name and its parameters: for models without tool calling.
+    """Return one object that holds the reasoning fields, the skill's name and its parameters: for models without tool calling.
 
     The parameters of all skills share one object, with the widest bounds of each name, because providers drop alternatives.
     """
     pool = list(skills)
-    said = envelope_schema(mid_level, described)
+    said = reasoning_schema(mid_level, described)
     properties = {**said, **call_schema(pool)}
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
 
 def call_schema(skills: Sequence[Skill]) -> Json:
-    """The properties `skill` and `parameters` of an answer that names a call."""
+    """Return the properties `skill` and `parameters` of an answer that names a call."""
     merged: Json = {}
     for skill in skills:
         for key, part in parameter_schema(skill).items():
@@ -154,7 +162,10 @@ def call_schema(skills: Sequence[Skill]) -> Json:
 
 
 def parameter_schema(skill: Skill) -> Json:
-    """The skill's own parameters, rewritten in the words that every provider keeps. Raises PluginError where that fails."""
+    """Return the skill's own parameters, rewritten in the words that every provider keeps.
+
+    Raises PluginError where that fails.
+    """
     defs = skill.schema.get("$defs", {})
     properties = skill.schema.get("properties", {})
     return {key: _plain(part, defs, f"parameter {key!r} of skill {skill.name!r}") for key, part in properties.items()}
@@ -191,6 +202,8 @@ def _merge_alternatives(part: Json, defs: Mapping[str, Any], where: str) -> Json
             raise PluginError(f"{where} refers to {inner!r}, which is not among its $defs.", "Mend the reference.")
         if len(options) != 1 or not isinstance(options[0], Mapping):
             raise PluginError(f"{where} has several types, which not every provider keeps.", "Give it one type.")
+        if twice := sorted(set(options[0]) & set(part) - _ABOUT):
+            raise PluginError(f"{where} has {twice[0]!r} both of its own and by reference.", "Give it one.")
         part = {**options[0], **part}
     raise PluginError(f"{where} refers to itself.", "Give it a flat type.")
 
@@ -256,21 +269,21 @@ def _for_gemini(part: Mapping[str, Any]) -> Json:
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
-def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Envelope, Call]:
-    """Split the arguments of a tool call into envelope and call. Nothing is converted: "40" stays a string.
+def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
+    """Split the arguments of a tool call into reasoning and call. Nothing is converted: "40" stays a string.
 
-    Raises CallError, written for the model, if the arguments are not a JSON object of finite numbers.
+    Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key once.
     """
     values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
-    if not all(map(_finite, values.values())):
-        raise CallError(f"{name} was not executed: NaN and Infinity are not numbers; give plain numbers.")
-    said = {key: _text(values.pop(key)) for key in ENVELOPE if key in values}
+    if fault := _fault(values):
+        raise CallError(f"{name} was not executed: {fault}.")
+    said = {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
     change = said.get("mid_level_change", "").strip().lower()
-    said["mid_level_change"] = change if change in ENVELOPE["mid_level_change"]["enum"] else ""
-    return Envelope(**said), Call(name, values)
+    said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
+    return Reasoning(**said), Call(name, values)
 
 
-def read_answer(answer: Mapping[str, Any]) -> tuple[Envelope, Call]:
+def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Read an object with `skill` and `parameters`, the form of answer_schema. Raises CallError, written for the model.
 
     `name` and `arguments` are read too, as some models write them. Parameters that are null were not given.
@@ -286,30 +299,54 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Envelope, Call]:
     return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
 
 
-def read_text(text: str) -> list[tuple[Envelope, Call]]:
-    """Every call in a text: JSON objects that name a skill, with anything around them. Raises CallError if there is none."""
-    found = [read_answer(item) for item in json_objects(text) if isinstance(item.get("skill", item.get("name")), str)]
+def read_text(text: str) -> list[tuple[Reasoning, Call]]:
+    """Read every call in a text: JSON objects that name a skill, with anything around them.
+
+    Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too long.
+    """
+    if len(text) > LONGEST:
+        raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
+    items = _objects(text, _once)
+    found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
     if not found:
         raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
     return [item for index, item in enumerate(found) if item not in found[:index]]
 
 
 def json_objects(text: str) -> Iterator[Json]:
-    """The complete outermost JSON objects in a text; thoughts between <think> tags are skipped, fences ignored."""
+    """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
+
+    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is not read.
+    """
+    return _objects(text[:LONGEST], dict)
+
+
+def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
     text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
-    decoder, place = json.JSONDecoder(), text.find("{")
-    while place >= 0:
+    decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
+    while place >= 0 and failed < _TRIES:
         try:
             value, place = decoder.raw_decode(text, place)
             yield value
         except (ValueError, RecursionError):
-            place += 1
+            place, failed = place + 1, failed + 1
         place = text.find("{", place)
 
 
+def _once(pairs: list[tuple[str, Any]]) -> Json:
+    """An object, each of whose keys is there once: of two values nobody knows which was meant."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise CallError(f"Nothing was executed: the key {twice[:64]!r} is there twice; give it once.")
+    return values
+
+
 def _parse(arguments: str, name: str) -> Json:
+    if len(arguments) > LONGEST:
+        raise CallError(f"{name} was not executed: its arguments are longer than {LONGEST} letters; be brief.")
     try:
-        values = json.loads(arguments or "{}")
+        values = json.loads(arguments or "{}", object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
         raise CallError(
             f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"
@@ -319,12 +356,22 @@ def _parse(arguments: str, name: str) -> Json:
     return values
 
 
-def _finite(value: Any) -> bool:
+def _fault(values: Json) -> str:
+    """Why nothing can be called with these values; empty if it can. It looks at a level at a time: recursion has an end."""
+    level: list[Any] = list(values.values())
+    for _ in range(DEEPEST):
+        if any(isinstance(value, float) and not math.isfinite(value) for value in level):
+            return "NaN and Infinity are not numbers; give plain numbers"
+        if any(isinstance(value, int) and abs(value) > LARGEST for value in level):
+            return f"an integer lies beyond {LARGEST}; give plain numbers"
+        level = [inner for value in level for inner in _inside(value)]
+    return f"its arguments are nested more than {DEEPEST} levels deep; give flat parameters" if level else ""
+
+
+def _inside(value: Any) -> Iterable[Any]:
     if isinstance(value, Mapping):
-        return all(map(_finite, value.values()))
-    if isinstance(value, list | tuple):
-        return all(map(_finite, value))
-    return not isinstance(value, float) or math.isfinite(value)
+        return value.values()
+    return value if isinstance(value, list | tuple) else ()
 
 
 def _text(value: Any) -> str:

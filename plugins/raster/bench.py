@@ -37,13 +37,13 @@ def tiny_renderer(scene: Scene) -> Draw:
 
     p.connect(p.DIRECT)
     with tempfile.TemporaryDirectory() as folder:
-        for thing in scene.objects:
-            mesh = scene.assets[thing.asset].mesh
+        for obj in scene.objects:
+            mesh = scene.assets[obj.asset].mesh
             shape = p.createVisualShape(
                 p.GEOM_MESH, vertices=mesh.vertices.tolist(), indices=mesh.faces.ravel().tolist(), uvs=mesh.uv.tolist(),
                 normals=np.tile([0.0, 1.0, 0.0], (len(mesh.vertices), 1)).tolist(),
             )  # fmt: skip
-            body = p.createMultiBody(0, -1, shape, thing.position, thing.rotation)
+            body = p.createMultiBody(0, -1, shape, obj.position, obj.rotation)
             Image.fromarray(mesh.texture).save(Path(folder) / "t.png")
             p.changeVisualShape(body, -1, textureUniqueId=p.loadTexture(str(Path(folder) / "t.png")))
     projection = p.computeProjectionMatrixFOV(90, 1, NEAR, FAR)
@@ -87,8 +87,8 @@ def panda3d(scene: Scene) -> Draw:
     size = pc.WindowProperties.size(512, 512)
     window = engine.make_output(pipe, "view", 0, buffer, size, pc.GraphicsPipe.BF_refuse_window)
     root, lens, picture = pc.NodePath("root"), pc.PerspectiveLens(), pc.Texture()
-    for thing in scene.objects:
-        _panda_node(pc, root, scene, thing.id)
+    for obj in scene.objects:
+        _panda_node(pc, root, scene, obj.id)
     lens.set_fov(90)
     lens.set_near_far(NEAR, FAR)
     eye = root.attach_new_node(pc.Camera("eye", lens))
@@ -112,7 +112,7 @@ def _panda_node(pc, root, scene: Scene, key: int) -> None:  # type: ignore[no-un
     data.modify_array_handle(0).copy_data_from(corners.astype(np.float32).tobytes())
     triangles = pc.GeomTriangles(pc.Geom.UH_static)
     triangles.add_next_vertices(len(corners))
-    shape, node, texture = pc.Geom(data), pc.GeomNode("thing"), pc.Texture()
+    shape, node, texture = pc.Geom(data), pc.GeomNode("object"), pc.Texture()
     shape.add_primitive(triangles)
     node.add_geom(shape)
     path = root.attach_new_node(node)
@@ -168,9 +168,9 @@ def vtk(scene: Scene) -> Draw:
 
 def _soup(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """All meshes as one: (N, 3) float32 world positions and (M, 3) int32 faces."""
-    vertices = [scene.vertices(thing.id) for thing in scene.objects]
+    vertices = [scene.vertices(obj.id) for obj in scene.objects]
     starts = np.cumsum([0, *map(len, vertices)])[:-1]
-    faces = [scene.assets[thing.asset].mesh.faces + start for thing, start in zip(scene.objects, starts, strict=True)]
+    faces = [scene.assets[obj.asset].mesh.faces + start for obj, start in zip(scene.objects, starts, strict=True)]
     return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
 
 
@@ -201,7 +201,7 @@ def cpu_times(draw: Draw, states: list[WorldState]) -> list[float]:
 def main(houses: list[int]) -> None:
     for house in houses:
         scene = Plugins.discover().scene(f"house:{house}")
-        triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
+        triangles = sum(len(scene.assets[obj.asset].mesh.faces) for obj in scene.objects)
         print(f"house:{house}: {len(scene.objects)} objects, {triangles} triangles, {len(scene.rooms)} views")
         for contender in (raster, tiny_renderer, embree, panda3d, vtk):
             try:

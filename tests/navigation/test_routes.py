@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
+from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw.navigation import (
     CELL,
@@ -94,23 +94,25 @@ def test_there_is_no_way_through_a_closed_wall() -> None:
 
 def test_what_hangs_above_the_head_or_lies_flat_is_no_obstacle() -> None:
     lamp, rug = asset("lamp", "lamp", block(0.4, 0.4, 0.4)), asset("rug", "rug", block(2, 0.02, 2))
-    plan = OccupancyGrid.of(two_rooms(0.9, (lamp, thing(30, lamp, 2, 2, y=2.0)), (rug, thing(31, rug, 2, 2))))
+    plan = OccupancyGrid.of(
+        two_rooms(0.9, (lamp, scene_object(30, lamp, 2, 2, y=2.0)), (rug, scene_object(31, rug, 2, 2)))
+    )
     assert not plan.at(plan.blocked, np.array([2.0, 2.0]))
 
 
-def test_movable_things_are_walked_around_but_do_not_close_a_way() -> None:
+def test_movable_objects_are_walked_around_but_do_not_close_a_way() -> None:
     stool = asset("stool", "stool", block(0.4, 0.4, 0.4))
-    free = OccupancyGrid.of(two_rooms(0.9, (stool, thing(30, stool, 2.5, 1.0, movable=True, mass=2.0))))
+    free = OccupancyGrid.of(two_rooms(0.9, (stool, scene_object(30, stool, 2.5, 1.0, movable=True, mass=2.0))))
     path = route(free, BEDROOM, np.array([3.5, 1.0]))
     assert path is not None
     assert length(path) > 2.55
-    in_door = OccupancyGrid.of(two_rooms(0.9, (stool, thing(30, stool, 4.0, 4.5, movable=True, mass=2.0))))
+    in_door = OccupancyGrid.of(two_rooms(0.9, (stool, scene_object(30, stool, 4.0, 4.5, movable=True, mass=2.0))))
     assert route(in_door, BEDROOM, LIVING) is not None
 
 
-def test_a_movable_thing_is_where_the_state_says_it_is() -> None:
+def test_a_movable_object_is_where_the_state_says_it_is() -> None:
     stool = asset("stool", "stool", block(0.4, 0.4, 0.4))
-    scene = two_rooms(0.9, (stool, thing(30, stool, 2.5, 1.0, movable=True, mass=2.0)))
+    scene = two_rooms(0.9, (stool, scene_object(30, stool, 2.5, 1.0, movable=True, mass=2.0)))
     plan = OccupancyGrid.of(scene, moved={30: np.array([3.0, 0, 3.0, 0, 0, 0, 1])})
     assert plan.at(plan.movable, np.array([3.0, 3.0]))
     assert not plan.at(plan.movable, np.array([2.5, 1.0]))
@@ -133,7 +135,7 @@ def test_one_stands_in_front_of_a_couch_with_the_back_to_it() -> None:
 
 def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:
     box = asset("box", "table", block(0.5, 0.5, 0.5))
-    scene = two_rooms(0.9, (box, thing(30, box, 6.6, 2.5)))
+    scene = two_rooms(0.9, (box, scene_object(30, box, 6.6, 2.5)))
     stands = viewpoints(MultiFloorMap.of(scene), scene, 20, sit=True)
     assert stands
     assert all(abs(stand.z - 2.5) > 0.45 for stand in stands)
@@ -150,11 +152,11 @@ def test_a_bed_is_sat_on_from_the_foot_and_from_the_side_that_no_wall_closes() -
 
 def test_a_target_is_never_approached_through_a_wall() -> None:
     tall = asset("plant", "potted_plant", block(0.3, 1.0, 0.3))
-    scene = two_rooms(0.9, (tall, thing(30, tall, 4.25, 1.0)))
+    scene = two_rooms(0.9, (tall, scene_object(30, tall, 4.25, 1.0)))
     assert (goals_at(MultiFloorMap.of(scene), scene, 30)[:, 0] > 4.25).all()
 
 
-def test_a_thing_on_the_wall_is_approached_along_its_whole_width() -> None:
+def test_an_object_on_the_wall_is_approached_along_its_whole_width() -> None:
     scene = two_rooms()
     stands = viewpoints(MultiFloorMap.of(scene), scene, 21)
     assert min(stand.gap for stand in stands) < 0.32
@@ -235,8 +237,8 @@ def test_steps_higher_than_a_leg_can_lift_are_no_stairs() -> None:
 def test_stairs_need_no_label() -> None:
     whole = two_storeys()
     plain = {name: type(kind)(kind.name, "stage", kind.mesh, kind.hulls) for name, kind in whole.assets.items()}
-    things = tuple(type(one)(**{**vars(one), "category": "stage"}) for one in whole.objects)
-    unnamed = type(whole)(whole.name, plain, things, whole.rooms, whole.start)
+    objects = tuple(type(one)(**{**vars(one), "category": "stage"}) for one in whole.objects)
+    unnamed = type(whole)(whole.name, plain, objects, whole.rooms, whole.start)
     assert MultiFloorMap.of(unnamed).geodesic(FOOT, HEAD) == MultiFloorMap.of(whole).geodesic(FOOT, HEAD)
 
 
@@ -280,7 +282,7 @@ def test_starts_are_found_on_every_storey_with_room_around_them() -> None:
     assert not ((above[:, 0] < 5.7) & (above[:, 2] < 1.5)).any(), "the hole over the stairs and its rail"
 
 
-def test_the_way_left_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
+def test_the_distance_to_the_goal_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
     way = geodesics(two_storeys(), (32,))
     assert way(FOOT) == pytest.approx(way(FOOT + [0.0, 0.95, 0.0]))
     assert way(HEAD) < 2.2 < 7.0 < way(FOOT)

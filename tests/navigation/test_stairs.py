@@ -55,12 +55,12 @@ def near_stairs(scene: Scene, upper: bool) -> Pose2D:
 def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     """Id of the chair, plant or bed with the shortest way, on one storey."""
     storeys, here = MultiFloorMap.of(scene), np.array([place.x, place.floor, place.z])
-    things = [thing for kind in ("potted_plant", "chair", "bed") for thing in scene.of_category(kind)]
-    there = [thing.id for thing in things if (thing.position[1] > 2) == upper]
+    objects = [obj for kind in ("potted_plant", "chair", "bed") for obj in scene.of_category(kind)]
+    there = [obj.id for obj in objects if (obj.position[1] > 2) == upper]
     return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
 
 
-def test_a_body_climbs_the_stairs_to_a_thing_on_the_upper_floor(body: Body) -> None:
+def test_a_body_climbs_the_stairs_to_an_object_on_the_upper_floor(body: Body) -> None:
     start = near_stairs(body.scene, upper=False)
     target = nearest(body.scene, start, upper=True)
     skills = go(body, start, target)
@@ -71,7 +71,7 @@ def test_a_body_climbs_the_stairs_to_a_thing_on_the_upper_floor(body: Body) -> N
     assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2
 
 
-def test_a_body_walks_down_the_stairs_to_a_thing_on_the_lower_floor(body: Body) -> None:
+def test_a_body_walks_down_the_stairs_to_an_object_on_the_lower_floor(body: Body) -> None:
     start = near_stairs(body.scene, upper=True)
     target = nearest(body.scene, start, upper=False)
     skills = go(body, start, target)

@@ -38,10 +38,10 @@ def picture(step: int) -> bytes:
     return buffer.getvalue()
 
 
-def foot(thing: int, height: float) -> Contact:
-    """The left ankle touches a thing at this height in the world."""
+def foot(obj: int, height: float) -> Contact:
+    """The left ankle touches an object at this height in the world."""
     return Contact(
-        joint="left_ankle", group="leg_foot", object_id=thing, movable=False, frames=(14,), depth=0.004, height=height
+        joint="left_ankle", group="leg_foot", object_id=obj, movable=False, frames=(14,), depth=0.004, height=height
     )
 
 

@@ -27,9 +27,9 @@ COUCH, LAMP, VASE, BOOK, TABLE = 20, 31, 32, 33, 40
 COUCH_BOX = ((5.0, 0.0, -1.0), (6.0, 0.8, 1.0))
 
 
-def touch(thing: int, *frames: int, joint: str = "left_knee", group: str = "leg_foot", height: float = 0.5) -> Contact:
+def touch(obj: int, *frames: int, joint: str = "left_knee", group: str = "leg_foot", height: float = 0.5) -> Contact:
     return Contact(
-        joint=joint, group=group, object_id=thing, movable=thing in (LAMP, VASE, BOOK), frames=frames or (0,), depth=0.001,
+        joint=joint, group=group, object_id=obj, movable=obj in (LAMP, VASE, BOOK), frames=frames or (0,), depth=0.001,
         height=height,
     )  # fmt: skip
 

@@ -24,7 +24,7 @@ def asset(name: str, category: str, *parts: np.ndarray, seat: float | None = Non
     return Asset(name, category, mesh, tuple(parts), seat)
 
 
-def thing(
+def scene_object(
     number: int, kind: Asset, x: float, z: float, yaw: float = 0.0, y: float = 0.0, **more: object
 ) -> SceneObject:
     turn = quaternion_from_matrix(yaw_matrix(yaw))
@@ -49,18 +49,18 @@ def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:
         "wall_a": (block(0.1, 2.5, low), 4.0, low / 2), "wall_b": (block(0.1, 2.5, 6 - high), 4.0, (6 + high) / 2),
     }  # fmt: skip
     walls = [asset(name, "wall", shape) for name, (shape, _, _) in pieces.items()]
-    placed = [(kind, thing(i, kind, *pieces[kind.name][1:])) for i, kind in enumerate(walls, start=1)]
+    placed = [(kind, scene_object(i, kind, *pieces[kind.name][1:])) for i, kind in enumerate(walls, start=1)]
     lintel = asset("lintel", "wall", block(0.1, 0.5, door))
     ground = asset("ground", "floor", block(8.2, 0.1, 6.2))
     couch = asset("couch", "couch", block(2.0, 0.42, 0.9), block(2.0, 0.4, 0.25, (0, 0.42, -0.325)), seat=0.42)
     tv = asset("tv", "tv", block(1.0, 0.6, 0.08))
     bed = asset("bed", "bed", block(1.6, 0.5, 2.0), block(1.6, 0.4, 0.1, (0, 0.5, -0.95)), seat=0.5)
     placed += [
-        (lintel, thing(10, lintel, 4.0, 4.5, y=2.0)),
-        (ground, thing(11, ground, 4.0, 3.0, y=-0.1)),
-        (couch, thing(20, couch, 7.5, 2.5, -np.pi / 2)),
-        (tv, thing(21, tv, 6.0, 0.05, y=0.9)),
-        (bed, thing(22, bed, 1.05, 4.6, np.pi / 2)),
+        (lintel, scene_object(10, lintel, 4.0, 4.5, y=2.0)),
+        (ground, scene_object(11, ground, 4.0, 3.0, y=-0.1)),
+        (couch, scene_object(20, couch, 7.5, 2.5, -np.pi / 2)),
+        (tv, scene_object(21, tv, 6.0, 0.05, y=0.9)),
+        (bed, scene_object(22, bed, 1.05, 4.6, np.pi / 2)),
         *extra,
     ]
     rooms = (Room("bedroom", "bedroom", 0, 0, 4, 6), Room("living room", "living_room", 4, 0, 8, 6))
@@ -93,13 +93,13 @@ def two_storeys(*extra: tuple[Asset, SceneObject]) -> Scene:
     parts += [(rail, 3.875, 1.03, UPSTAIRS), (asset("under", "wall", block(3.75, 2.6, 0.06)), 3.875, 1.03, 0.0)]
     end = asset("end", "stairs", block(0.06, 0.9, 1.0))
     parts += [(end, 2.0 - 0.2, 0.5, UPSTAIRS)]
-    placed = [(kind, thing(number, kind, x, z, y=y)) for number, (kind, x, z, y) in enumerate(parts, start=1)]
+    placed = [(kind, scene_object(number, kind, x, z, y=y)) for number, (kind, x, z, y) in enumerate(parts, start=1)]
     plant = asset("plant", "potted_plant", block(0.3, 1.0, 0.3))
     bed = asset("bed", "bed", block(1.6, 0.5, 2.0), seat=0.5)
     placed += [
-        (plant, thing(30, plant, 1.0, 2.5)),
-        (bed, thing(31, bed, 1.0, 1.95, np.pi, y=UPSTAIRS)),
-        (plant, thing(32, plant, 7.4, 2.6, y=UPSTAIRS)),
+        (plant, scene_object(30, plant, 1.0, 2.5)),
+        (bed, scene_object(31, bed, 1.0, 1.95, np.pi, y=UPSTAIRS)),
+        (plant, scene_object(32, plant, 7.4, 2.6, y=UPSTAIRS)),
         *extra,
     ]
     rooms = (

@@ -115,16 +115,16 @@ class Walker:
 
 
 def play(
-    maker: Agent, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
+    agent: Agent, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
 ) -> list[tuple[Decision, Call]]:
     """The loop, without pictures and records: decisions and the checked calls, up to the active stop."""
     context = EpisodeContext(spec, skills, spec.seed)
-    if maker.privileged:
+    if agent.privileged:
         context = replace(context, scene=walker.scene, state=walker.state)
-    maker.begin(context)
+    agent.begin(context)
     history: list[HistoryEntry] = []
     for step in range(spec.max_steps):
-        decision = maker.decide(Observation(step, spec.instruction, PICTURE), history)
+        decision = agent.decide(Observation(step, spec.instruction, PICTURE), history)
         (proposed,) = decision.calls
         call = Call(proposed.skill, skills[proposed.skill].check(proposed.params))
         walker.execute(call)

@@ -57,7 +57,7 @@ class Commands(click.Group):
 
     def _load(self) -> None:
         if not self._complete:
-            self._plugins().hook.humanclaw_commands(cli=self)
+            self._plugins().tell("humanclaw_commands", cli=self)
             self._complete = True
 
     def invoke(self, ctx: click.Context) -> Any:

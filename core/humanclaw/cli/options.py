@@ -100,7 +100,7 @@ def engine_options(function: F) -> F:
 
 
 def decider_options(function: F) -> F:
-    """The options that say who decides, and with what body; the command gets them as `deciders` and `engines`."""
+    """The options that say who decides, and with what body; the command gets them as `deciders` and `backends`."""
 
     @functools.wraps(function)
     def command(
@@ -131,8 +131,8 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        engines = Backends(simulator, renderer, generator, profile, check_senses(senses))
-        return function(*args, deciders=deciders, engines=engines, **rest)
+        backends = Backends(simulator, renderer, generator, profile, check_senses(senses))
+        return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
 

@@ -36,7 +36,7 @@ def play(
     console: Console,
     status: Status,
     *,
-    engines: Backends,
+    backends: Backends,
     max_steps: int,
     seed: int,
     out: Path | None,
@@ -44,7 +44,7 @@ def play(
 ) -> None:
     """Play one episode; the arguments are the options of `humanclaw run`. Ends the process with 130 after Ctrl-C."""
     plugins = Plugins.discover(files)
-    plugins.require(*_needed(plugins, deciders, engines, reference))
+    plugins.require(*_needed(plugins, deciders, backends, reference))
     agent, verifier = deciders.make(plugins)
     out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"
     status.update("Making the scene")
@@ -57,7 +57,7 @@ def play(
     status.update(
         "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a machine)"
     )
-    with Body(scene, seed=seed, plugins=plugins, engines=engines) as body:
+    with Body(scene, seed=seed, plugins=plugins, backends=backends) as body:
         status.update(f"Playing; the record is in {folder}")
         try:
             record = run_episode(
@@ -76,28 +76,28 @@ def play(
             record = RecordedEpisode(folder).record
     console.print(summary(record, RecordedEpisode(folder).steps))
     status.update("Writing the report")
-    _report(plugins, engines, out, folder, film, console)
+    _report(plugins, backends, out, folder, film, console)
     _exit(record)
 
 
-def _needed(plugins: Plugins, deciders: Deciders, engines: Backends, reference: str) -> Iterator[tuple[str, str]]:
+def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
     """Kind and name of all that an episode is made of."""
     yield "scenes", reference.partition(":")[0]
     # Whatever simulator there is will do where none is named; where there is none, the one that every Python can have.
-    if engines.simulator or not plugins.registered("simulators"):
-        yield "simulators", engines.simulator or SIMULATORS[-1]
-    yield "renderers", engines.renderer
-    yield "motion_generators", engines.generator
+    if backends.simulator or not plugins.registered("simulators"):
+        yield "simulators", backends.simulator or SIMULATORS[-1]
+    yield "renderers", backends.renderer
+    yield "motion_generators", backends.generator
     yield "agents", deciders.agent
     if deciders.verifier:
         yield "verifiers", deciders.verifier
 
 
-def _report(plugins: Plugins, engines: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
+def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
     """What the reporters that are installed make of the record."""
     console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
-        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=engines.renderer)
+        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
             console.print(f"{name}: {path}", soft_wrap=True)
 

@@ -46,16 +46,16 @@ def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
     help="Whose interface: the tools of a request, or for mcp the result of tools/list.",
 )
 @click.option(
-    "--envelope/--no-envelope",
+    "--reasoning/--no-reasoning",
     default=None,
     help="With the fields that a model must say around a call, or without. The default is with; for mcp without.",
 )
 @plugin_files
-def tools(form: Format, envelope: bool | None, files: tuple[Path, ...]) -> None:
+def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...]) -> None:
     """Print the skills as the tool list of a model's interface."""
     found = Plugins.discover(files)
     ready = [skill for skill in found.skills.values() if skill.trained]
-    listed = publish(ready, form, envelope=form != "mcp" if envelope is None else envelope)
+    listed = publish(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
 
 

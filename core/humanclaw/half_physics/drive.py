@@ -71,7 +71,7 @@ class Drive:
         return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
 
     def swings(self, motion: Motion) -> Array:
-        """(T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis, m/s."""
+        """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis, m/s."""
         return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
 
     def _give_way(self, speeds: Array, reflex: Reflex) -> None:

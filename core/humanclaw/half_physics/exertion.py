@@ -2,7 +2,7 @@
 
 A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives to movable
 objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a step gave
-more, the objects take only their share of it, and the body is taken back by as much as they are, so that it waits at a heavy thing
+more, the objects take only their share of it, and the body is taken back by as much as they are, so that it waits at a heavy object
 as it does at a wall.
 """
 
@@ -31,12 +31,10 @@ class Exertion:
 
     def __init__(self, world: World, profile: Profile, scene: Scene) -> None:
         self._world, self._profile = world, profile
-        moving = {thing.id: thing for thing in scene.objects if thing.movable and scene.assets[thing.asset].hulls}
+        moving = {obj.id: obj for obj in scene.objects if obj.movable and scene.assets[obj.asset].hulls}
         self.movable = frozenset(moving)
-        self._mass = {key: thing.mass for key, thing in moving.items()}
-        self._held = {
-            key: GROUND_FRICTION * thing.friction * thing.mass * profile.gravity for key, thing in moving.items()
-        }
+        self._mass = {key: obj.mass for key, obj in moving.items()}
+        self._held = {key: GROUND_FRICTION * obj.friction * obj.mass * profile.gravity for key, obj in moving.items()}
         self._radius = {key: _gyration(scene, key) for key in moving}
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}

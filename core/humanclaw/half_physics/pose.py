@@ -20,11 +20,11 @@ class Pose:
 
 
 def poses_of(motion: Motion) -> tuple[Pose, ...]:
-    """One pose a frame."""
+    """Return one pose a frame."""
     return tuple(Pose(root, from_vector(turn)) for root, turn in zip(motion.root, motion.rotations, strict=True))
 
 
 def motion_of(poses: Sequence[Pose]) -> Motion:
-    """The inverse of poses_of."""
+    """Return the inverse of poses_of."""
     quaternions = np.stack([pose.quaternions for pose in poses])
     return Motion(np.stack([pose.root for pose in poses]), vector_from_quaternion(quaternions))

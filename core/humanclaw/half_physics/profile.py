@@ -76,7 +76,7 @@ ankles, shoulders and wrists are softer and the root is commanded on every other
 
 
 def find_profile(name: str) -> Profile:
-    """The profile of this name. Raises HumanclawError if there is none."""
+    """Find the profile of this name. Raises HumanclawError if there is none."""
     if name not in PROFILES:
         raise HumanclawError(f"there is no half-physics profile {name!r}.", f"Choose one of: {', '.join(PROFILES)}.")
     return PROFILES[name]

@@ -8,7 +8,7 @@ from humanclaw.pose import Array
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """(..., 4) times (..., 4): the rotation b, then the rotation a."""
+    """Multiply (..., 4) by (..., 4): the rotation b, then the rotation a."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
     # Written out, since numpy's cross product spends most of its time on the order of axes.
@@ -24,23 +24,23 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 def conjugate(quaternion: Array) -> Array:
-    """The inverse rotation of each (..., 4) unit quaternion."""
+    """Return the inverse rotation of each (..., 4) unit quaternion."""
     return np.asarray(quaternion * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 def from_vector(vector: Array) -> Array:
-    """(..., 3) rotation vectors to (..., 4) quaternions."""
+    """Map (..., 3) rotation vectors to (..., 4) quaternions."""
     half = np.linalg.norm(vector, axis=-1, keepdims=True) / 2
     return np.concatenate([vector * (0.5 * np.sinc(half / np.pi)), np.cos(half)], -1)
 
 
 def capped(vector: Array, limit: float) -> Array:
-    """(..., 3) rotation vectors (or velocities) shortened to a length of at most limit, direction kept."""
+    """Shorten (..., 3) rotation vectors (or velocities) to a length of at most limit, direction kept."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.asarray(vector * np.minimum(1.0, limit / np.maximum(length, 1e-12)))
 
 
 def blend(a: Array, b: Array, share: float) -> Array:
-    """(..., 4) quaternions on the short way from a to b, nearly at a constant rate: made for neighbours."""
+    """Blend (..., 4) quaternions on the short way from a to b, nearly at a constant rate: made for neighbours."""
     mixed = a + share * (np.where(np.sum(a * b, -1, keepdims=True) < 0, -b, b) - a)
     return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))

@@ -62,7 +62,7 @@ class HalfPhysics:
         (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         self._world = world = self._open(scene, self._profile, pose)
         self._scene, self._reflex = scene, CALM
-        self._building = {thing.id for thing in scene.objects if thing.category in STRUCTURE}
+        self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
         self._objects = world.objects()
         self._refuse_overlap(world, start)
@@ -89,7 +89,10 @@ class HalfPhysics:
         return Execution(motion_of(realised), tuple(contacts), tuple(touches), _moved(began, paths))
 
     def state(self) -> WorldState:
-        """The pose of the body and of every movable object, now. Raises HumanclawError before the first reset."""
+        """Return the pose of the body and of every movable object, now.
+
+        Raises HumanclawError before the first reset.
+        """
         return WorldState(motion_of([self._loaded().pose()]), self._objects)
 
     def close(self) -> None:

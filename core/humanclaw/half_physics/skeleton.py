@@ -68,7 +68,7 @@ _TIPS: Final = np.array([link.shape.centre if isinstance(link.shape, Box) else l
 
 
 def tip_speeds(rotations: Array) -> Array:
-    """(T + 1, 24, 3) rotation vectors to (T,) speeds of the fastest link relative to the pelvis, m/s."""
+    """Map (T + 1, 24, 3) rotation vectors to (T,) speeds of the fastest link relative to the pelvis, m/s."""
     joints, turns = forward_kinematics(np.zeros((len(rotations), 3)), rotations)
     tips = joints[:, _OF_LINK] + np.einsum("tlij,lj->tli", turns[:, _OF_LINK], _TIPS)
     return np.asarray(np.linalg.norm(np.diff(tips, axis=0), axis=-1).max(axis=1) * FPS)

@@ -23,13 +23,13 @@ def box_of(hull: Array) -> tuple[Array, Array] | None:
 
 
 def centre_of_mass(hulls: Sequence[Array]) -> Array:
-    """(3,) centre of the hulls, each counted by the volume of its bounding box."""
+    """Return (3,) centre of the hulls, each counted by the volume of its bounding box."""
     size, middle, _ = _boxes(hulls)
     return np.asarray(size @ middle / size.sum())
 
 
 def inertia(hulls: Sequence[Array], mass: float) -> Array:
-    """(3, 3) inertia about the centre of mass, kg m2, each hull taken for its bounding box."""
+    """Return (3, 3) inertia about the centre of mass, kg m2, each hull taken for its bounding box."""
     size, middle, extent = _boxes(hulls)
     total = np.zeros((3, 3))
     for weight, centre, edges in zip(mass * size / size.sum(), middle - centre_of_mass(hulls), extent, strict=True):

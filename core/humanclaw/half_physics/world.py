@@ -51,10 +51,10 @@ class World(Protocol):
     """
 
     def pose(self) -> Pose:
-        """The body's pose now."""
+        """Return the body's pose now."""
 
     def velocity(self) -> tuple[Array, Array]:
-        """(3,) linear and (3,) angular velocity of the pelvis, world frame."""
+        """Return (3,) linear and (3,) angular velocity of the pelvis, world frame."""
 
     def move(self, root: Array, quaternion: Array, velocity: Array, spin: Array) -> None:
         """Put the pelvis somewhere, moving so; world frame."""
@@ -69,7 +69,7 @@ class World(Protocol):
         """Advance time; what the body touched in it, or came near."""
 
     def overlaps(self) -> Sequence[Touch]:
-        """What the body touches where everything is now; no time passes."""
+        """Return what the body touches where everything is now; no time passes."""
 
     def touching(self) -> Collection[tuple[int, int]]:
         """Pairs of objects that touch one another, lower id first, one of them movable."""
@@ -78,7 +78,7 @@ class World(Protocol):
         """Height of an object's level upper side on the way down from one point to another; None if something else is first."""
 
     def motion(self, object_id: int) -> ObjectMotion:
-        """How a movable object moves now."""
+        """Measure how a movable object moves now."""
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
         """Let it move otherwise."""

@@ -5,7 +5,7 @@ The libraries it needs come with `pip install 'humanclaw[meshes]'` and are loade
 
 from humanclaw.meshes.baking import area, bake
 from humanclaw.meshes.decimation import simplify
-from humanclaw.meshes.hulls import Hollow, convex_pieces
+from humanclaw.meshes.hulls import KeepOutBox, convex_pieces
 from humanclaw.meshes.measure import ANYWHERE, MIDDLE, back_of, seat_of, top_of
 from humanclaw.meshes.reading import Part, bounds, read_mesh, read_model, write_model
 from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, with_lid
@@ -13,7 +13,7 @@ from humanclaw.meshes.shaping import base_of, exact, lightened, moved, turned, w
 __all__ = [
     "ANYWHERE",
     "MIDDLE",
-    "Hollow",
+    "KeepOutBox",
     "Part",
     "area",
     "back_of",

@@ -21,7 +21,7 @@ _REPEATS: Final = 4
 
 
 def bake(parts: Sequence[Part], cell: int = CELL) -> Mesh:
-    """One mesh of some parts: pictures in the cells of an atlas, all plain colours together in one cell more."""
+    """Make one mesh of some parts: pictures in the cells of an atlas, all plain colours together in one cell more."""
     pictures = {id(part.picture): part.picture for part in parts if part.picture is not None}
     colours = sorted({part.colour for part in parts if part.picture is None})
     pieces = [_unrolled(part) for part in parts]

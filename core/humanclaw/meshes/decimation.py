@@ -21,7 +21,7 @@ Indices = NDArray[np.int64]
 
 
 def simplify(mesh: Mesh, triangles: int) -> Mesh:
-    """A mesh with so many triangles or fewer; more where it would lose its shape (by more than 3.5 % of its size).
+    """Make a mesh with so many triangles or fewer; more where it would lose its shape (by more than 3.5 % of its size).
 
     Every vertex that stays keeps its place. It keeps its uv too, but where the picture breaks: there each side of the break
     has the uv of its own vertex that was nearest. Not thread-safe, as the library is not.

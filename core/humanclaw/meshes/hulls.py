@@ -35,7 +35,7 @@ _DEPTH: Final = 6
 
 
 @dataclass(frozen=True)
-class Hollow:
+class KeepOutBox:
     """Room that must stay free: over a rectangle of a mesh, from a height up. Metres."""
 
     x0: float
@@ -46,14 +46,14 @@ class Hollow:
 
 
 def convex_pieces(
-    mesh: Mesh, pieces: int = PIECES, hollow: Hollow | None = None, cache: Cache | None = None
+    mesh: Mesh, pieces: int = PIECES, keep_out: KeepOutBox | None = None, cache: Cache | None = None
 ) -> tuple[NDArray[np.float32], ...]:
     """Convex hulls of a mesh, each (K, 3) points in metres: one box, or at most `pieces` others.
 
     With a cache, the same mesh is decomposed once.
     """
     cache = cache or Cache("hulls", limit=1 << 28)
-    key = _key(mesh, pieces, hollow)
+    key = _key(mesh, pieces, keep_out)
     known = cache.get(key)
     if known is not None:
         try:
@@ -61,27 +61,29 @@ def convex_pieces(
             return tuple(found[str(number)] for number in range(len(found)))
         except (SafetensorError, KeyError) as error:
             cache.drop(key, str(error))
-    hulls = _decompose(mesh, pieces, hollow)
+    hulls = _decompose(mesh, pieces, keep_out)
     cache.put(key, save({str(number): hull for number, hull in enumerate(hulls)}))
     return hulls
 
 
-def _key(mesh: Mesh, pieces: int, hollow: Hollow | None) -> str:
-    state = hashlib.sha256(f"{VERSION} {pieces} {hollow}".encode())
+def _key(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> str:
+    state = hashlib.sha256(f"{VERSION} {pieces} {keep_out}".encode())
     state.update(np.ascontiguousarray(mesh.vertices).tobytes())
     state.update(np.ascontiguousarray(mesh.faces).tobytes())
     return state.hexdigest()
 
 
-def _decompose(mesh: Mesh, pieces: int, hollow: Hollow | None) -> tuple[NDArray[np.float32], ...]:
+def _decompose(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> tuple[NDArray[np.float32], ...]:
     points, faces = mesh.vertices.astype(float), mesh.faces.astype(np.int64)
     low, high = points.min(axis=0), points.max(axis=0)
     box = _box(low, np.maximum(high, low + _THIN))
     if pieces == 1:
         return (_exact(_thinned(points)) if _solid(points) else _exact(box),)
-    if hollow is None and fills_its_box(points, faces):
+    if keep_out is None and fills_its_box(points, faces):
         return (_exact(box),)
-    parts = [(points, faces)] if hollow is None else [part for part in _around(points, faces, hollow) if len(part[1])]
+    parts = (
+        [(points, faces)] if keep_out is None else [part for part in _around(points, faces, keep_out) if len(part[1])]
+    )
     share = _shares([_area(*part) for part in parts], pieces)
     hulls = [hull for part, count in zip(parts, share, strict=True) for hull in _vhacd(*part, count)]
     flush = [_flush(hull, low, high) for hull in hulls]
@@ -109,11 +111,11 @@ def _vhacd(points: Array, faces: NDArray[np.int64], count: int) -> list[Array]:
     return [np.asarray(hull[0], float) for hull in found]
 
 
-def _around(points: Array, faces: NDArray[np.int64], hollow: Hollow) -> Iterator[tuple[Array, NDArray[np.int64]]]:
-    """The parts of a mesh below a hollow and at its four sides; what is inside it is left out."""
-    below, above = _cut(points, faces, 1, hollow.y)
+def _around(points: Array, faces: NDArray[np.int64], keep_out: KeepOutBox) -> Iterator[tuple[Array, NDArray[np.int64]]]:
+    """The parts of a mesh below a keep-out box and at its four sides; what is inside it is left out."""
+    below, above = _cut(points, faces, 1, keep_out.y)
     yield below
-    for axis, at, side in ((2, hollow.z0, 0), (2, hollow.z1, 1), (0, hollow.x0, 0), (0, hollow.x1, 1)):
+    for axis, at, side in ((2, keep_out.z0, 0), (2, keep_out.z1, 1), (0, keep_out.x0, 0), (0, keep_out.x1, 1)):
         halves = _cut(*above, axis, at)
         yield halves[side]
         above = halves[1 - side]
@@ -140,7 +142,7 @@ def _area(points: Array, faces: NDArray[np.int64]) -> float:
 
 
 def surface(points: Array, faces: NDArray[np.int64], spacing: float = 0.012, most: int = 150_000) -> Array:
-    """(N, 3) points all over a mesh, about so far apart; always the same for the same mesh."""
+    """Return (N, 3) points all over a mesh, about so far apart; always the same for the same mesh."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     count = int(np.clip(area.sum() / spacing**2, 2_000, most))

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.meshes.hulls import Hollow, surface
+from humanclaw.meshes.hulls import KeepOutBox, surface
 from humanclaw.scene import Mesh
 
 CELL: Final = 0.025
@@ -26,7 +26,7 @@ Window = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Relief:
+class HeightMap:
     """heights: (columns along x, rows along z) of the highest surface in each cell; 0 where there is none."""
 
     heights: Field
@@ -34,7 +34,7 @@ class Relief:
     z0: float
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Relief:
+    def of(cls, mesh: Mesh) -> HeightMap:
         points = surface(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
         low = points.min(axis=0)
         cells = ((points[:, [0, 2]] - low[[0, 2]]) / CELL).astype(int)
@@ -43,17 +43,20 @@ class Relief:
         return cls(heights, float(low[0]), float(low[2]))
 
     def part(self, x0: float, x1: float, z0: float, z1: float) -> Window:
-        """The cells of a part of the footprint, given in shares of it; at least one."""
+        """Return the cells of a part of the footprint, given in shares of it; at least one."""
         w, d = self.heights.shape
         a, b, c, e = int(x0 * w), int(np.ceil(x1 * w)), int(z0 * d), int(np.ceil(z1 * d))
         return a, max(b, a + 1), c, max(e, c + 1)
 
-    def box(self, window: Window, y: float) -> Hollow:
+    def box(self, window: Window, y: float) -> KeepOutBox:
         a, b, c, d = window
-        return Hollow(self.x0 + a * CELL, self.z0 + c * CELL, self.x0 + b * CELL, self.z0 + d * CELL, y)
+        return KeepOutBox(self.x0 + a * CELL, self.z0 + c * CELL, self.x0 + b * CELL, self.z0 + d * CELL, y)
 
     def grown(self, window: Window, fits: NDArray[np.bool_], share: float) -> Window | None:
-        """The window, made larger at its four sides while that much of each new line fits; None if it does not itself."""
+        """Return the window, made larger at its four sides while that much of each new line fits.
+
+        None if it does not itself.
+        """
         a, b, c, d = window
         if fits[a:b, c:d].mean() < share:
             return None
@@ -71,10 +74,10 @@ class Relief:
 
 
 def back_of(mesh: Mesh) -> str:
-    """The side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
-    relief = Relief.of(mesh)
-    heights = relief.heights
-    a, b, c, d = relief.part(0.3, 0.7, 0.3, 0.7)
+    """Find the side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
+    height_map = HeightMap.of(mesh)
+    heights = height_map.heights
+    a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)
     seat = float(np.median(heights[a:b, c:d]))
     rise = np.clip(heights - seat - 0.08, 0, None)
     if rise.sum() < 1e-6:
@@ -92,24 +95,32 @@ class Seat:
     """Height of a sitting surface, and the part of the footprint over which nothing else rises. Metres."""
 
     height: float
-    room: Hollow | None
+    room: KeepOutBox | None
 
 
 def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
-    """The sitting surface of a mesh whose back is at -Z; middle: where it is surely found, in shares of the depth."""
-    relief = Relief.of(mesh)
-    a, b, c, d = relief.part(0.35, 0.65, *middle)
-    inside = relief.heights[a:b, c:d]
+    """Find the sitting surface of a mesh whose back is at -Z.
+
+    Middle: where it is surely found, in shares of the depth.
+    """
+    height_map = HeightMap.of(mesh)
+    a, b, c, d = height_map.part(0.35, 0.65, *middle)
+    inside = height_map.heights[a:b, c:d]
     height = round(float(np.median(inside[inside > 0.1])), 3) if (inside > 0.1).any() else 0.0
-    low = relief.heights < height + 0.035
-    window = relief.grown((a, b, c, d), low, 0.85) or relief.grown(relief.part(0.42, 0.58, 0.5, 0.75), low, 0.85)
-    return Seat(height, relief.box(window, height) if window else None)
+    low = height_map.heights < height + 0.035
+    window = height_map.grown((a, b, c, d), low, 0.85) or height_map.grown(
+        height_map.part(0.42, 0.58, 0.5, 0.75), low, 0.85
+    )
+    return Seat(height, height_map.box(window, height) if window else None)
 
 
-def top_of(mesh: Mesh) -> Hollow | None:
-    """The largest level rectangle near the top of a mesh, a little smaller than it is; None if nothing can stand there."""
-    relief = Relief.of(mesh)
-    heights = relief.heights
+def top_of(mesh: Mesh) -> KeepOutBox | None:
+    """Find the largest level rectangle near the top of a mesh, a little smaller than it is.
+
+    None if nothing can stand there.
+    """
+    height_map = HeightMap.of(mesh)
+    heights = height_map.heights
     high = heights[heights > 0.55 * heights.max()]
     if not len(high):
         return None
@@ -119,10 +130,10 @@ def top_of(mesh: Mesh) -> Hollow | None:
     flat = np.abs(heights - level) < _LEVEL
     if flat.mean() < 0.3:
         return None
-    window = relief.grown(relief.part(0.4, 0.6, 0.4, 0.6), flat, 0.9)
+    window = height_map.grown(height_map.part(0.4, 0.6, 0.4, 0.6), flat, 0.9)
     if window is None:
         return None
     a, b, c, d = window
     if min(b - a, d - c) * CELL < 0.15:
         return None
-    return relief.box((a + 1, b - 1, c + 1, d - 1), round(level, 3))
+    return height_map.box((a + 1, b - 1, c + 1, d - 1), round(level, 3))

@@ -33,7 +33,7 @@ class Part:
 
 
 def read_model(path: Path) -> list[Part]:
-    """All parts of a model file. Raises SceneError if it cannot be read or holds no triangle."""
+    """Read all parts of a model file. Raises SceneError if it cannot be read or holds no triangle."""
     import trimesh
 
     try:
@@ -98,7 +98,7 @@ def _pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]
 
 
 def write_model(mesh: Mesh) -> bytes:
-    """A GLB of a mesh with its texture, as any viewer opens it."""
+    """Write a GLB of a mesh with its texture, as any viewer opens it."""
     import trimesh
 
     material: Any = trimesh.visual.material
@@ -111,7 +111,7 @@ def write_model(mesh: Mesh) -> bytes:
 
 
 def read_mesh(path: Path) -> Mesh:
-    """What write_model wrote, exactly. Raises SceneError."""
+    """Read what write_model wrote, exactly. Raises SceneError."""
     part, *others = read_model(path)
     if others or part.uv is None or part.picture is None:
         raise SceneError(f"{path} is not one mesh with one texture.", "Import the library again.")

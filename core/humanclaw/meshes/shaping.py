@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from humanclaw.meshes.baking import area
 from humanclaw.meshes.decimation import simplify
-from humanclaw.meshes.hulls import Hollow
+from humanclaw.meshes.hulls import KeepOutBox
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 
@@ -20,7 +20,10 @@ _SURFACE: Final = 0.7
 
 
 def lightened(mesh: Mesh, triangles: int) -> Mesh:
-    """A mesh of about so many triangles; up to four times as many where fewer would cost it its surface, as leaves do."""
+    """Make a mesh of about so many triangles.
+
+    Up to four times as many where fewer would cost it its surface, as leaves do.
+    """
     whole, less = area(mesh), mesh
     for factor in (1, 2, 4):
         less = simplify(mesh, factor * triangles)
@@ -30,18 +33,18 @@ def lightened(mesh: Mesh, triangles: int) -> Mesh:
 
 
 def base_of(points: NDArray[Any]) -> Array:
-    """(3,) centre of the footprint of (N, 3) points, at the height of the lowest."""
+    """Return (3,) centre of the footprint of (N, 3) points, at the height of the lowest."""
     low, high = points.min(axis=0), points.max(axis=0)
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], float)
 
 
 def moved(mesh: Mesh, by: Array) -> Mesh:
-    """A mesh moved by a (3,) vector, metres."""
+    """Return a mesh moved by a (3,) vector, metres."""
     return replace(mesh, vertices=exact(mesh.vertices + by))
 
 
 def turned(mesh: Mesh, quarters: int) -> Mesh:
-    """A mesh turned by quarter turns to the left about y."""
+    """Return a mesh turned by quarter turns to the left about y."""
     x, y, z = mesh.vertices.T
     points = {0: (x, y, z), 1: (z, y, -x), 2: (-x, y, -z), 3: (-z, y, x)}[quarters % 4]
     return replace(mesh, vertices=exact(np.stack(points, axis=-1)))
@@ -52,7 +55,7 @@ def exact(points: Array) -> NDArray[np.float32]:
     return np.asarray(np.round(points, 5) + 0.0, np.float32)
 
 
-def with_lid(pieces: Sequence[NDArray[np.float32]], level: Hollow) -> tuple[NDArray[np.float32], ...]:
+def with_lid(pieces: Sequence[NDArray[np.float32]], level: KeepOutBox) -> tuple[NDArray[np.float32], ...]:
     """Convex pieces and a box whose lid is exactly a level: a seat, or a table's top."""
     low, high = np.array([level.x0, level.y - 0.04, level.z0]), np.array([level.x1, level.y, level.z1])
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

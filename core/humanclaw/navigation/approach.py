@@ -63,7 +63,7 @@ def viewpoints(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = F
 
 
 def goals_at(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = False) -> Array:
-    """(N, 3) places from which a target counts as reached: the goals that geodesic distances are measured to."""
+    """Return (N, 3) places from which a target counts as reached: the goals that geodesic distances are measured to."""
     return np.array([found.place for found in viewpoints(where, scene, target, sit=sit)]).reshape(-1, 3)
 
 
@@ -143,7 +143,7 @@ def _facing3(yaw: float) -> Array:
 
 # -- distance to the nearest target ------------------------------------------------------------------------------------
 def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Callable[[Array], float]:
-    """A function of a world position (3,): length in metres of the shortest way to a place beside the nearest target
+    """Make a function of a world position (3,): length in metres of the shortest way to a place beside the nearest target
     (paper, appendix B).
 
     The way of a body that is RADIUS wide on each side, over the stairs if need be; of a narrower one where that leads nowhere;

@@ -17,12 +17,12 @@ from humanclaw.scene import Scene
 
 CROWDED: Final = 1.0
 """Distance from the way within which an object counts as an obstacle, metres."""
-GROUND: Final = frozenset({"floor", "ceiling", "stairs"})
+NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
 """What one walks on or under is no obstacle."""
 
 
 def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
-    """The difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
+    """Measure the difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
     return Difficulty(
         distance=round(distance, 2),
         turns=turns(way[:, [0, 2]]),
@@ -51,13 +51,13 @@ def _crowd(scene: Scene, way: Array) -> Array:
 @lru_cache(maxsize=1)
 def _boxes(scene: Scene) -> tuple[Array, Array]:
     """(N, 3) corners of the bounding boxes of everyobj solid."""
-    solid = [obj for obj in scene.objects if obj.category not in GROUND and scene.assets[obj.asset].hulls]
+    solid = [obj for obj in scene.objects if obj.category not in NO_OBSTACLES and scene.assets[obj.asset].hulls]
     corners = [scene.aabb(obj.id) for obj in solid]
     return np.array([low for low, _ in corners]), np.array([high for _, high in corners])
 
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
-    """How often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
+    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)
     bearing = np.arctan2(segments[:, 0], segments[:, 1])

@@ -59,7 +59,7 @@ class OccupancyGrid:
 
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
-        """Rasterise a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
+        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
         low, shape = _extent(scene)
         blocked, movable = np.zeros(shape, bool), np.zeros(shape, bool)
         owners, tops = np.zeros(shape, np.int32), np.zeros(shape)
@@ -67,7 +67,7 @@ class OccupancyGrid:
         for obj in scene.objects:
             pose = (moved or {}).get(obj.id)
             for hull in _hulls(scene, obj, pose, floor):
-                mask, where = rasterise(hull[:, [0, 2]], low, shape)
+                mask, where = rasterize(hull[:, [0, 2]], low, shape)
                 bottom, top = hull[:, 1].min() - floor, hull[:, 1].max() - floor
                 if bottom >= OBSTACLE_HEIGHTS[1]:
                     under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
@@ -105,16 +105,16 @@ class OccupancyGrid:
         return np.asarray(np.linalg.norm(np.clip(points, low[[0, 2]], high[[0, 2]]) - points, axis=-1))
 
     def cell(self, points: Array) -> NDArray[np.int64]:
-        """(..., 2) points to (..., 2) cell indices, held inside the grid."""
+        """Map (..., 2) points to (..., 2) cell indices, held inside the grid."""
         index = np.floor((np.asarray(points, float) - self.origin) / CELL).astype(np.int64)
         return np.asarray(np.clip(index, 0, np.array(self.blocked.shape) - 1))
 
     def point(self, cells: NDArray[Any]) -> Array:
-        """(..., 2) cell indices to the (..., 2) centres of the cells."""
+        """Map (..., 2) cell indices to the (..., 2) centres of the cells."""
         return np.asarray((np.asarray(cells) + 0.5) * CELL + self.origin)
 
     def at(self, grid: NDArray[Any], points: Array) -> NDArray[Any]:
-        """(...) values of a grid at (..., 2) points."""
+        """Return (...) values of a grid at (..., 2) points."""
         index = self.cell(points)
         return np.asarray(grid[index[..., 0], index[..., 1]])
 
@@ -143,17 +143,20 @@ class OccupancyGrid:
         return np.ones(self.blocked.shape) if self.slope is None else np.sqrt(1.0 + (self.slope**2).sum(0))
 
     def with_obstacle(self, point: Array, radius: float) -> OccupancyGrid:
-        """The same grid with one more round obstacle: something was found to be in the way."""
+        """Return the same grid with one more round obstacle: something was found to be in the way."""
         centres = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
         disk = np.linalg.norm(centres - point, axis=-1) <= radius
         return replace(self, blocked=self.blocked | disk)
 
     def clear(self, start: Array, end: Array, radius: float = SQUEEZE) -> bool:
-        """Whether a body of this radius can go straight from one point to the other."""
+        """Tell whether a body of this radius can go straight from one point to the other."""
         return bool((self.at(self.clearance, samples(start, end)) >= radius).all())
 
     def sees(self, eyes: Array, points: Array) -> Mask:
-        """(...) whether nothing static stands between (..., 3) eyes and (..., 3) points; the last 10 cm do not count."""
+        """Return (...) whether nothing static stands between (..., 3) eyes and (..., 3) points.
+
+        The last 10 cm do not count.
+        """
         eyes, points = np.broadcast_arrays(np.asarray(eyes, float), np.asarray(points, float))
         far = np.linalg.norm(points - eyes, axis=-1)
         steps = max(2, int(np.max(far, initial=0.0) / CELL))
@@ -174,7 +177,7 @@ def floors_of(scene: Scene) -> tuple[float, ...]:
     return tuple(found)
 
 
-# -- geometry of a floor ------------------------------------------------------------------------------------------------
+# -- geometry of a floor -----------------------------------------------------------------------------------------------
 def room_at(scene: Scene, x: float, z: float, floor: float = 0.0) -> str:
     """Name of the room that a point lies in; empty between rooms."""
     inside: Sequence[str] = [
@@ -186,7 +189,7 @@ def room_at(scene: Scene, x: float, z: float, floor: float = 0.0) -> str:
 
 
 def on_floor(grid: OccupancyGrid, points: Array) -> Array:
-    """(..., 2) points as (..., 3) points on the floor of a grid."""
+    """Return (..., 2) points as (..., 3) points on the floor of a grid."""
     points = np.asarray(points, float)
     return np.stack([points[..., 0], np.full(points.shape[:-1], grid.floor), points[..., 1]], -1)
 
@@ -205,7 +208,7 @@ def yaw_of(direction: Array) -> float:
     return float(np.arctan2(direction[0], direction[1]))
 
 
-# -- rasterising -------------------------------------------------------------------------------------------------------
+# -- rasterizing -------------------------------------------------------------------------------------------------------
 def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     corners = [corner[[0, 2]] for obj in scene.objects for corner in scene.aabb(obj.id)]
     corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]
@@ -224,14 +227,17 @@ def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> 
 
 
 def placed_hulls(scene: Scene, obj: SceneObject, pose: Array | None) -> Iterator[Array]:
-    """The convex pieces of an object, (K, 3) world points each. pose: (7,), by default where the scene says."""
+    """Return the convex pieces of an object, (K, 3) world points each.
+
+    Pose: (7,), by default where the scene says.
+    """
     place = np.array([*obj.position, *obj.rotation]) if pose is None else np.asarray(pose)
     turn = matrix_from_quaternion(place[3:])
     for hull in scene.assets[obj.asset].hulls:
         yield hull.astype(float) @ turn.T + place[:3]
 
 
-def rasterise(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
+def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
     """Cells whose centre is within half a cell of the convex hull of (K, 2) points, and the window that they lie in."""
     first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
     last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)

@@ -51,13 +51,13 @@ class MultiFloorMap:
         return tuple(grid for grid in self.grids if grid.slope is None)
 
     def with_obstacle(self, point: Array, radius: float) -> MultiFloorMap:
-        """The same with one more round obstacle on the grid of a (3,) point."""
+        """Return the same with one more round obstacle on the grid of a (3,) point."""
         k, grids = int(self.level(point)), list(self.grids)
         grids[k] = grids[k].with_obstacle(point[[0, 2]], radius)
         return MultiFloorMap(tuple(grids))
 
     def level(self, points: Array) -> NDArray[np.int64]:
-        """(...) index of the grid that each of (..., 3) points is on: the highest ground that is not above it.
+        """Return (...) index of the grid that each of (..., 3) points is on: the highest ground that is not above it.
 
         The points may be feet or hips: what is above a floor is never so low.
         """
@@ -70,7 +70,7 @@ class MultiFloorMap:
         return np.asarray(len(self.grids) - 1 - below[::-1].argmax(0))
 
     def solid(self) -> MultiFloorMap:
-        """The same, with movable objects in the way where they stand: for those who must not count on pushing."""
+        """Return the same, with movable objects in the way where they stand: for those who must not count on pushing."""
         return MultiFloorMap(tuple(replace(grid, blocked=grid.blocked | grid.movable) for grid in self.grids))
 
     def open(self, radius: float) -> list[Array]:
@@ -78,7 +78,7 @@ class MultiFloorMap:
         return [np.where(grid.fits(radius), grid.steepness, -1.0) for grid in self.grids]
 
     def distances(self, starts: Array, radius: float = RADIUS) -> Array:
-        """(G, x cell, z cell) metres to walk from the nearest of (..., 3) starts to each cell; infinite where there is no way.
+        """Return (G, x cell, z cell) metres to walk from the nearest of (..., 3) starts to each cell; infinite where there is no way.
 
         A start where no body fits begins at the nearest cell where one does.
         """
@@ -117,7 +117,7 @@ class MultiFloorMap:
             yield k, _nearest(self.grids[k], weights[k] > 0, start[[0, 2]])
 
     def at(self, grids: Array, points: Array) -> Array:
-        """(...) values of an array a grid (G, x cell, z cell) at (..., 3) points."""
+        """Return (...) values of an array a grid (G, x cell, z cell) at (..., 3) points."""
         points = np.asarray(points, float)
         index = self.grids[0].cell(points[..., [0, 2]])
         return np.asarray(grids[self.level(points), index[..., 0], index[..., 1]])
@@ -156,11 +156,11 @@ class DistanceField:
         return cls(where, *where.search(weights, reachable))
 
     def at(self, points: Array) -> Array:
-        """(...) metres from (..., 3) points."""
+        """Return (...) metres from (..., 3) points."""
         return self.where.at(self.metres, points)
 
     def path(self, place: Array) -> Array:
-        """(N, 3) points on the ground from (3,) place to the nearest goal, a cell apart."""
+        """Find (N, 3) points on the ground from (3,) place to the nearest goal, a cell apart."""
         grids = self.where.grids
         start = (2 * int(self.where.level(place)), *map(int, grids[0].cell(place[[0, 2]])))
         cells = np.array([cell for cell in self._search.traceback(start) if cell[0] % 2 == 0])[::-1]
@@ -215,11 +215,14 @@ class Routes:
         return cls(where, start, costs, search)
 
     def to(self, points: Array) -> Array:
-        """(..., 3) points to the cost of getting there, metres; infinite if it is impossible."""
+        """Map (..., 3) points to the cost of getting there, metres; infinite if it is impossible."""
         return self.where.at(self.costs, points)
 
     def route(self, goals: Array) -> tuple[Segment, ...]:
-        """The way to the cheapest of (M, 3) goals, pulled straight on each grid; empty if none can be reached."""
+        """Find the way to the cheapest of (M, 3) goals, pulled straight on each grid.
+
+        Empty if none can be reached.
+        """
         goals = np.atleast_2d(goals)
         costs = self.to(goals)
         if not len(goals) or not np.isfinite(costs).any():

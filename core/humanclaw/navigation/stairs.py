@@ -17,7 +17,7 @@ from humanclaw.navigation.occupancy import (
     Mask,
     OccupancyGrid,
     placed_hulls,
-    rasterise,
+    rasterize,
     samples,
     yaw_of,
 )
@@ -29,9 +29,9 @@ APRON: Final = 0.7
 
 
 def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> OccupancyGrid:
-    """The grid of what leads from one storey to the next. Nobody passes it if nothing does."""
+    """Build the grid of what leads from one storey to the next. Nobody passes it if nothing does."""
     pieces = list(_static(scene, lower.floor + 0.05, upper.floor + OBSTACLE_HEIGHTS[1]))
-    masks = [(hull, *rasterise(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
+    masks = [(hull, *rasterize(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
     tops = np.full(lower.blocked.shape, -np.inf)
     for hull, mask, where in masks:
         if hull[:, 1].max() < upper.floor - 0.05:
@@ -134,7 +134,7 @@ class StairRun:
 
 
 def stair_runs(grid: OccupancyGrid, points: Array) -> tuple[StairRun, ...]:
-    """The runs of stairs on a way of closely spaced (N, 2) points, in the order in which they are met."""
+    """Find the runs of stairs on a way of closely spaced (N, 2) points, in the order in which they are met."""
     if grid.slope is None:
         return ()
     change = np.diff(grid.at(grid.ground, points))

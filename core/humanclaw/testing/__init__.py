@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from humanclaw.testing.scenes import SceneBuilder
     from humanclaw.testing.scripted import ScriptedAgent
     from humanclaw.testing.simulators import SimulatorConformance
-    from humanclaw.testing.speed import reset_times
+    from humanclaw.testing.speed import reset_times, resident
     from humanclaw.testing.steps import check, contacts, touches
 
 _HOMES = {
@@ -58,6 +58,7 @@ _HOMES = {
     "refusing": "openai_server",
     "refusing_images": "openai_server",
     "reset_times": "speed",
+    "resident": "speed",
     "status": "openai_server",
     "text": "openai_server",
     "thinking": "openai_server",
@@ -88,6 +89,7 @@ __all__ = [
     "refusing",
     "refusing_images",
     "reset_times",
+    "resident",
     "status",
     "text",
     "thinking",

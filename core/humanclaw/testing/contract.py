@@ -31,7 +31,7 @@ def check_skill(skill: Skill | Path, measures: Mapping[str, Measure] = MEASURES)
 
 
 def corners(skill: Skill) -> list[dict[str, Any]]:
-    """The lowest and the highest legal call of a skill: all parameters at their minimum, and all at their maximum."""
+    """Return the lowest and the highest legal call of a skill: all parameters at their minimum, and all at their maximum."""
     parts = skill.schema.get("properties", {})
     return [{key: _bound(part, end) for key, part in parts.items()} for end in ("minimum", "maximum")]
 

@@ -33,7 +33,7 @@ class Played:
     """Movable object id to (T, 7), a row a frame."""
 
     def touched(self, object_id: int) -> tuple[Contact, ...]:
-        """The body's contacts with one object."""
+        """Return the body's contacts with one object."""
         return tuple(contact for contact in self.contacts if contact.object_id == object_id)
 
 
@@ -63,7 +63,7 @@ def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
 
 
 def hold(motion: Motion, frames: int) -> Motion:
-    """A motion, and then its last pose for so many frames."""
+    """Return a motion, and then its last pose for so many frames."""
     return motion.then(Motion(np.repeat(motion.root[-1:], frames, 0), np.repeat(motion.rotations[-1:], frames, 0)))
 
 

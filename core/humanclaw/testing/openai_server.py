@@ -73,7 +73,7 @@ class Request:
         return [_decode(part["image_url"]["url"]) for part in self._parts() if part.get("type") == "image_url"]
 
     def role(self, role: str) -> str:
-        """The text of the messages of one role."""
+        """Return the text of the messages of one role."""
         return replace(self, body={"messages": [m for m in self.messages if m["role"] == role]}).text
 
     def _parts(self) -> list[Json]:
@@ -112,12 +112,15 @@ Script = Sequence[Reply] | Callable[[Request], Reply]
 
 
 def call(name: str, /, **arguments: Any) -> Reply:
-    """A message with one tool call."""
+    """Return a message with one tool call."""
     return calls((name, arguments))
 
 
 def calls(*named: tuple[str, Mapping[str, Any] | str], text: str | None = None) -> Reply:
-    """A message with several tool calls, and perhaps text. Arguments given as a string are sent as they are."""
+    """Return a message with several tool calls, and perhaps text.
+
+    Arguments given as a string are sent as they are.
+    """
     listed = [
         {"id": f"call_{number}", "type": "function", "function": {"name": name, "arguments": _dump(arguments)}}
         for number, (name, arguments) in enumerate(named)
@@ -126,51 +129,51 @@ def calls(*named: tuple[str, Mapping[str, Any] | str], text: str | None = None) 
 
 
 def text(content: str, finish_reason: str = "stop") -> Reply:
-    """A message of plain text, or of JSON in a text."""
+    """Return a message of plain text, or of JSON in a text."""
     return message({"role": "assistant", "content": content}, finish_reason)
 
 
 def answer(**fields: Any) -> Reply:
-    """A message whose content is a JSON object, as response_format asks for."""
+    """Return a message whose content is a JSON object, as response_format asks for."""
     return text(json.dumps(fields))
 
 
 def message(content: Mapping[str, Any], finish_reason: str = "stop") -> Reply:
-    """Any message."""
+    """Return any message."""
     choice = {"index": 0, "message": dict(content), "finish_reason": finish_reason}
     return Reply({"object": "chat.completion", "choices": [choice], "usage": dict(USAGE)})
 
 
 def status(code: int, explanation: str = "", headers: Mapping[str, str] | None = None, kind: str = "error") -> Reply:
-    """An HTTP error in OpenAI's form, such as status(429, headers={"Retry-After": "1"})."""
+    """Return an HTTP error in OpenAI's form, such as status(429, headers={"Retry-After": "1"})."""
     error = {"message": explanation or f"scripted error {code}", "type": kind, "param": None, "code": None}
     return Reply({"error": error}, code, dict(headers or {}))
 
 
 def thinking(thoughts: str, reply: Reply) -> Reply:
-    """The reply with the model's thoughts before it, as `reasoning_content`."""
+    """Return the reply with the model's thoughts before it, as `reasoning_content`."""
     (choice,) = reply.body["choices"]
     told = {**choice, "message": {**choice["message"], "reasoning_content": thoughts}}
     return replace(reply, body={**reply.body, "choices": [told]})
 
 
 def no_choices() -> Reply:
-    """A completion with an empty list of choices."""
+    """Return a completion with an empty list of choices."""
     return Reply({"object": "chat.completion", "choices": [], "usage": dict(USAGE)})
 
 
 def without_usage(reply: Reply) -> Reply:
-    """The reply without its token counts."""
+    """Return the reply without its token counts."""
     return replace(reply, body={key: value for key, value in reply.body.items() if key != "usage"})
 
 
 def delayed(seconds: float, reply: Reply) -> Reply:
-    """The reply, so many seconds late."""
+    """Return the reply, so many seconds late."""
     return replace(reply, delay=seconds)
 
 
 def truncated(reply: Reply, share: float = 0.5) -> Reply:
-    """The reply with its body cut short; the header still announces all of it."""
+    """Return the reply with its body cut short; the header still announces all of it."""
     return replace(reply, cut=share)
 
 
@@ -180,13 +183,13 @@ def dropped() -> Reply:
 
 
 def refusing_images(otherwise: Script, explanation: str = "this model does not take images", code: int = 400) -> Script:
-    """A script that refuses requests that hold pictures, and goes by another script for the rest."""
+    """Return a script that refuses requests that hold pictures, and goes by another script for the rest."""
     rest = _player(otherwise)
     return lambda request: status(code, explanation) if request.images else rest(request)
 
 
 def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
-    """A script that answers 400 to requests that have a field, such as "tools", and goes by another script for the rest."""
+    """Return a script that answers 400 to requests that have a field, such as "tools", and goes by another script for the rest."""
     rest = _player(otherwise)
 
     def script(request: Request) -> Reply:
@@ -238,15 +241,15 @@ class OpenAIServer:
         return f"http://127.0.0.1:{self._server.server_address[1]}"
 
     def accepts(self, path: str) -> bool:
-        """Whether requests for an answer go to this path."""
+        """Tell whether requests for an answer go to this path."""
         return path.endswith("/chat/completions")
 
     def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
-        """A request of this dialect, with its body in OpenAI's form."""
+        """Return a request of this dialect, with its body in OpenAI's form."""
         return Request(path, headers, raw, raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        """The body of a reply, which is in OpenAI's form, in this dialect."""
+        """Return the body of a reply, which is in OpenAI's form, in this dialect."""
         if reply.code != 200:
             return reply.body
         return {
@@ -257,7 +260,7 @@ class OpenAIServer:
         }
 
     def headers(self, reply: Reply) -> Mapping[str, str]:
-        """The headers of a reply in this dialect."""
+        """Return the headers of a reply in this dialect."""
         return reply.headers
 
     def __enter__(self) -> Self:

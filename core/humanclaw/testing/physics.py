@@ -29,7 +29,7 @@ Command = Mapping[str, float]
 Tick = Callable[[], object]
 FORWARD, TURN, RISE, DROP, HEIGHT = "hips.forward", "heading.left", "hips.rise", "hips.drop", "hips.height"
 GRAVITY: Final = 9.81
-STRIDE: Final = 0.28
+STEP_DEPTH: Final = 0.28
 """Depth of the stairs' treads, metres."""
 RISES: Final = (0.10, 0.13, 0.16, 0.19, 0.22)
 STEPS: Final = 6
@@ -82,13 +82,13 @@ class Played:
         return Motion(np.concatenate([p.root for p in parts]), np.concatenate([p.rotations for p in parts]))
 
     def achieved(self) -> Array:
-        """(3,) displacement of the root, as a share of the displacement that was commanded chunk by chunk."""
+        """Return (3,) displacement of the root, as a share of the displacement that was commanded chunk by chunk."""
         ends = np.stack([self.start, *(execution.realised.root[-1] for execution in self.executions)])
         asked = np.stack([motion.root[-1] for motion in self.commanded]) - ends[:-1]
         return np.asarray((ends[-1] - ends[0]) / asked.sum(axis=0))
 
     def path(self, object_id: int, begin: Array) -> Array:
-        """(frames + 1, 3) where a movable object was, from where it began."""
+        """Return (frames + 1, 3) where a movable object was, from where it began."""
         rows = [begin[None]]
         for execution in self.executions:
             still = np.repeat(rows[-1][-1:], len(execution.realised), axis=0)
@@ -96,7 +96,7 @@ class Played:
         return np.concatenate(rows)
 
     def depths(self, object_id: int) -> Array:
-        """How deep links were in an object, metres, in every frame in which they touched it."""
+        """Measure how deep links were in an object, metres, in every frame in which they touched it."""
         return np.array([c.depth for e in self.executions for c in e.contacts if c.object_id == object_id])
 
 
@@ -117,7 +117,10 @@ class Fixture:
 
     @classmethod
     def of(cls, simulator: str, profile: str = "default", **numbers: int) -> Fixture:
-        """A fixture of an installed simulator; empty: the default one. Raises HumanclawError for unknown names."""
+        """Return a fixture of an installed simulator.
+
+        Empty: the default one. Raises HumanclawError for unknown names.
+        """
         plugins = Plugins.discover()
         simulator = simulator or default_simulator(plugins)
         return cls(
@@ -126,7 +129,7 @@ class Fixture:
         )  # fmt: skip
 
     def simulator(self) -> Simulator:
-        """A simulator of the fixture's profile."""
+        """Return a simulator of the fixture's profile."""
         return self.make(self.profile)
 
     def start(self) -> Motion:
@@ -157,7 +160,7 @@ class Fixture:
         return Played(body.root[-1], tuple(commanded), tuple(executions), objects)
 
     def imagine(self, commands: Sequence[Command]) -> Motion:
-        """The same commands as pure kinematics: generated motion played back, and no world."""
+        """Return the same commands as pure kinematics: generated motion played back, and no world."""
         motion = self.start()
         for number, command in enumerate(commands):
             motion = motion.then(self.generate(motion[-HISTORY:], command, number))
@@ -165,7 +168,7 @@ class Fixture:
 
 
 def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
-    """The installed skill whose parameters command these measures, the fewest others beside them; and measure to parameter.
+    """Return the installed skill whose parameters command these measures, the fewest others beside them; and measure to parameter.
 
     Raises HumanclawError if there is none.
     """
@@ -196,7 +199,10 @@ def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command
 
 # -- the laws ----------------------------------------------------------------------------------------------------------
 def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A walk commanded to a body that falls and touches nothing; heights, which are not commanded, are taken from the root."""
+    """Check a walk commanded to a body that falls and touches nothing.
+
+    Heights, which are not commanded, are taken from the root.
+    """
     command = fixture.imagine(walk(2, 0.6))[HISTORY:]
     path = np.arange(1, 11)[:, None] / FPS * [0.0, 0.0, 5.0]
     off = Motion(rest_pose().root + path, rest_pose(10).rotations)
@@ -243,7 +249,7 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A step over the edge of a platform, and the fall while nothing is touched."""
+    """Check a step over the edge of a platform, and the fall while nothing is touched."""
     builder = SceneBuilder()
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
     played = fixture.perform(builder.scene(), walk(5, 0.8))
@@ -255,15 +261,15 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A flight of six, up and down, begun one tread before the first riser, and half a foot before the first edge."""
+    """Check a flight of six, up and down, begun one tread before the first riser, and half a foot before the first edge."""
     for change, law in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
         heights, advances = [], []
         for rise in RISES:
             builder, up = SceneBuilder(), change == RISE
             builder.floor()
-            (builder.steps if up else builder.descent)(STEPS, rise, STRIDE, STRIDE + 0.12 if up else 0.16)
+            (builder.steps if up else builder.descent)(STEPS, rise, STEP_DEPTH, STEP_DEPTH + 0.12 if up else 0.16)
             played = fixture.perform(
-                builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STRIDE}] * (STEPS + 1)
+                builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STEP_DEPTH}] * (STEPS + 1)
             )
             heights.append(abs(played.realised.root[-1, 1] - played.start[1]) / (STEPS * rise))
             advances.append(played.achieved()[2])
@@ -304,7 +310,7 @@ def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None 
 
 
 def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A box of 40 cm in the way of two seconds of walking, from light to immovable."""
+    """Check a box of 40 cm in the way of two seconds of walking, from light to immovable."""
     pushes = {}
     for mass, (low, high) in MASSES.items():
         pushes[mass] = push(fixture, mass)
@@ -319,7 +325,7 @@ def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A chair of 5 kg between the body and a wall, pushed for two seconds."""
+    """Check a chair of 5 kg between the body and a wall, pushed for two seconds."""
     builder = SceneBuilder()
     builder.floor()
     legs = [block((x, 0, z), (x + 0.04, 0.44, z + 0.04)) for x in (-0.22, 0.18) for z in (-0.22, 0.18)]
@@ -335,7 +341,7 @@ def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """A gap of 60 cm between two walls; the body with its arms hanging is 75 cm wide."""
+    """Check a gap of 60 cm between two walls; the body with its arms hanging is 75 cm wide."""
     offsets, through, depths = (-0.04, -0.02, 0.0, 0.02, 0.04), 0, [np.zeros(1)]
     for offset in offsets:
         builder = SceneBuilder()
@@ -429,7 +435,7 @@ class _Worst:
 
 
 def rates(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """The same commands at 60, 120 and 240 Hz: on a floor, at a wall, up the stairs and onto a seat."""
+    """Check the same commands at 60, 120 and 240 Hz: on a floor, at a wall, up the stairs and onto a seat."""
     apart = {name: _apart(fixture, scene, commands, tick) for name, (scene, commands) in _rate_scenes().items()}
     for name, metres in apart.items():
         yield Finding("60, 120 and 240 Hz agree", f"root apart, {name}", 100 * metres, "cm", high=2.0)
@@ -440,9 +446,9 @@ def _rate_scenes() -> dict[str, tuple[Scene, Sequence[Command]]]:
     for builder in builders.values():
         builder.floor()
     builders["at a wall"].box("wall", (6, 2.5, 0.2), (0, 0, 0.9))
-    builders["on stairs"].steps(STEPS, 0.16, STRIDE, STRIDE + 0.12)
+    builders["on stairs"].steps(STEPS, 0.16, STEP_DEPTH, STEP_DEPTH + 0.12)
     builders["on a seat"].box("couch", (1.6, 0.42, 0.8), (0, 0, -0.53))
-    climb = {RISE: 0.16, FORWARD: STRIDE}
+    climb = {RISE: 0.16, FORWARD: STEP_DEPTH}
     commands: list[Sequence[Command]] = [walk(4), walk(4), [climb] * 4, [{HEIGHT: 0.55}] * 3]
     return {name: (builder.scene(), call) for (name, builder), call in zip(builders.items(), commands, strict=True)}
 
@@ -463,7 +469,7 @@ LAWS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
 
 
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
-    """How often the laws of these names will tick."""
+    """Measure how often the laws of these names will tick."""
     each: Mapping[str, int] = {
         "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES),
         "chair": 1, "door": 5, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
@@ -472,7 +478,7 @@ def ticks(fixture: Fixture, names: Sequence[str]) -> int:
 
 
 def table(findings: Sequence[Finding]) -> str:
-    """The findings as a Markdown table."""
+    """Write the findings as a Markdown table."""
     lines = ["| law | measure | found | bound | holds |", "| --- | --- | --- | --- | --- |"]
     for f in findings:
         bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", f.low), ("≤", f.high)) if np.isfinite(bound)]

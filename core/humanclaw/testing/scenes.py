@@ -17,7 +17,7 @@ GREY: Colour = (200, 200, 200)
 
 
 def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:
-    """A box that stands on y = 0, its six faces with vertices of their own."""
+    """Make a box that stands on y = 0, its six faces with vertices of their own."""
     corners: list[Any] = []
     faces: list[list[int]] = []
     for axis in range(3):
@@ -33,7 +33,7 @@ def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:
 
 
 def block(low: Vec3, high: Vec3) -> NDArray[np.float32]:
-    """(8, 3) corners of a box, as a hull."""
+    """Return (8, 3) corners of a box, as a hull."""
     return np.array(
         [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], np.float32
     )
@@ -75,13 +75,19 @@ class SceneBuilder:
         return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))
 
     def steps(self, count: int, rise: float, run: float, first: float) -> None:
-        """A flight of steps up in the direction +Z that ends in a landing; first: where the first riser stands."""
+        """Build a flight of steps up in the direction +Z that ends in a landing.
+
+        First: where the first riser stands.
+        """
         for k in range(count):
             self.box("stairs", (2, rise * (k + 1), run), (0, 0, first + run * (k + 0.5)))
         self.box("floor", (2, rise * count, 4), (0, 0, first + run * count + 2))
 
     def descent(self, count: int, rise: float, run: float, first: float) -> None:
-        """A landing, and from there a flight of steps down to the floor at 0 in the direction +Z; first: its first edge."""
+        """Build a landing, and from there a flight of steps down to the floor at 0 in the direction +Z.
+
+        First: its first edge.
+        """
         self.box("floor", (2, rise * count, 4), (0, 0, first - 2))
         for k in range(count - 1):
             self.box("stairs", (2, rise * (count - 1 - k), run), (0, 0, first + run * (k + 0.5)))
@@ -98,5 +104,5 @@ class SceneBuilder:
             self.box("wall", size, (x, 0, z))
 
     def scene(self, floor: float = 0.0) -> Scene:
-        """What has been put together; the body starts at the origin, facing +Z."""
+        """Return what has been put together; the body starts at the origin, facing +Z."""
         return Scene("boxes", dict(self.assets), tuple(self.objects), (), Pose2D(0, 0, 0, floor))

@@ -365,17 +365,17 @@ class SimulatorConformance:
         simulator, scene = self.simulator(), builder.scene()
         assert simulator.reset(scene, scene.start).objects[cup][1] == pytest.approx(0.75, abs=0.005)
 
-    def test_a_thing_at_rest_is_where_the_scene_put_it_however_it_is_turned(self) -> None:
+    def test_an_object_at_rest_is_where_the_scene_put_it_however_it_is_turned(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         turn = (0.0, np.sin(0.5), 0.0, np.cos(0.5))
-        thing = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
+        obj = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
         simulator, scene = self.simulator(), builder.scene()
         simulator.reset(scene, scene.start)
         simulator.execute(rest_pose(15))
-        assert simulator.state().objects[thing] == pytest.approx([2, 0, 1, *turn], abs=0.005)
+        assert simulator.state().objects[obj] == pytest.approx([2, 0, 1, *turn], abs=0.005)
 
-    def test_a_thing_in_the_air_falls(self) -> None:
+    def test_an_object_in_the_air_falls(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         box = builder.box("box", (0.2, 0.2, 0.2), (2, 1.5, 0), movable=True, mass=1.0)
@@ -384,7 +384,7 @@ class SimulatorConformance:
         simulator.execute(rest_pose(15))
         assert simulator.state().objects[box][1] == pytest.approx(0.0, abs=0.01)
 
-    def test_things_without_a_body_are_walked_through(self) -> None:
+    def test_objects_without_a_body_are_walked_through(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         rug = builder.mesh("rug", box_mesh((1, 0.01, 1)), (0, 0, 0), movable=True, mass=1.0)
@@ -393,7 +393,7 @@ class SimulatorConformance:
         assert state.objects[rug][:3] == pytest.approx([0, 0, 0])
         assert rug not in {contact.object_id for contact in simulator.execute(rest_pose(15)).contacts}
 
-    def test_a_movable_thing_needs_a_mass(self) -> None:
+    def test_a_movable_object_needs_a_mass(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         builder.box("box", (0.2, 0.2, 0.2), (2, 0, 0), movable=True)

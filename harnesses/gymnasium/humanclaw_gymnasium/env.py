@@ -53,7 +53,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         self.scenes = (scene,) if isinstance(scene, str) else tuple(scene)
         self.instruction, self.max_steps, self.shaping, self.render_mode = instruction, max_steps, shaping, render_mode
         self._plugins = plugins or Plugins.discover()
-        self._engines = Backends(profile=profile)
+        self._backends = Backends(profile=profile)
         self._body: Body | None = None
         self._episode: Episode | None = None
         self._measured: tuple[tuple[Scene, tuple[int, ...]], DistanceFn] | None = None
@@ -84,13 +84,13 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         if self._episode:
             self._episode.close()
         if self._body is None:
-            self._body = Body(scene, seed=seed, plugins=self._plugins, engines=self._engines)
+            self._body = Body(scene, seed=seed, plugins=self._plugins, backends=self._backends)
         elif self._body.scene.name != scene:
             self._body.reset(scene, seed=seed)
         instruction = chosen.get("instruction") or self.instruction
         spec = free_episode(instruction, self._body.scene, seed=seed, max_steps=self.max_steps)
         self._episode = Episode(self._body, spec, "gymnasium", distance=self._distances, attempts=1)
-        self._left = self._way_left()
+        self._left = self._distance_to_goal()
         return self._see(), self._info()
 
     def _distances(self, scene: Scene, targets: Sequence[int], floor: float) -> DistanceFn:
@@ -104,13 +104,13 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         """Carry out one call: about half a second. One that the skill refuses moves nothing; info says why."""
         episode, call = self.episode, self.actions.decode(action)
         episode.submit(Decision((call,)))
-        before, self._left = self._left, self._way_left()
+        before, self._left = self._left, self._distance_to_goal()
         shorter = 0.0 if before is None or self._left is None else before - self._left
         stopped = episode.outcome == "stopped"
         reward = self.shaping * shorter + float(episode.success)
         return self._see(), reward, stopped, episode.done and not stopped, self._info(call)
 
-    def _way_left(self) -> float | None:
+    def _distance_to_goal(self) -> float | None:
         """Metres along the floor to the nearest target; None if the instruction names none, or no way leads to it.
 
         0 for a body that has arrived: on a couch it is off the floor that leads there.
@@ -126,7 +126,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
             "step": len(episode.steps),
             "call": str(call or ""),
             "error": episode.observe().feedback.refusal,
-            "way_left": self._left,
+            "distance_to_goal": self._left,
             "target_distance": episode.target_distance(),
             "success": episode.success,
         }

@@ -63,9 +63,9 @@ def test_the_reward_is_the_way_made_towards_the_target(env):
     _, start = env.reset(seed=1)
     _, reward, terminated, truncated, info = env.step(env.actions.encode("walk", z_cm=60))
     assert info["call"] == "walk(x_cm=0, z_cm=60, yaw_deg=0)"
-    assert reward == pytest.approx(start["way_left"] - info["way_left"])
+    assert reward == pytest.approx(start["distance_to_goal"] - info["distance_to_goal"])
     assert 0.05 < abs(reward) < 0.9, "no farther than the legs go in half a second"
-    assert info["way_left"] >= info["target_distance"] - 0.5, "a way is no shorter than the straight line"
+    assert info["distance_to_goal"] >= info["target_distance"] - 0.5, "a way is no shorter than the straight line"
     assert not terminated
     assert not truncated
 

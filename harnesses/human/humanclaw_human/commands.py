@@ -11,21 +11,21 @@ from humanclaw.tools import bounds
 
 
 @dataclass(frozen=True)
-class Command:
+class TypedCall:
     """One line. seen: what the person says is in view."""
 
     call: Call
     seen: str = ""
 
 
-def parse(line: str, skills: Mapping[str, Skill]) -> Command:
+def parse(line: str, skills: Mapping[str, Skill]) -> TypedCall:
     """Read one line. Raises CallError that says what was expected."""
     text, _, seen = line.partition("#")
     words = text.replace(",", " ").split()
     if not words:
         raise CallError("Type a skill and its numbers, or help.")
     skill = skills[_name(words[0], skills)]
-    return Command(Call(skill.name, skill.check(_params(skill, words[1:]))), seen.strip())
+    return TypedCall(Call(skill.name, skill.check(_params(skill, words[1:]))), seen.strip())
 
 
 def _name(word: str, skills: Mapping[str, Skill]) -> str:

@@ -11,16 +11,14 @@ from humanclaw import hookimpl
 if TYPE_CHECKING:
     from humanclaw import Agent, Verifier
     from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
-    from humanclaw_litellm.asking import Remembered
+    from humanclaw_litellm.asking import ModeCache
 
 __version__ = "0.1.0"
 
 
 @hookimpl
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
-    register(
-        "litellm", functools.partial(_decision_maker, {}), "a vision-language model of any provider that litellm knows"
-    )
+    register("litellm", functools.partial(_agent, {}), "a vision-language model of any provider that litellm knows")
 
 
 @hookimpl
@@ -32,15 +30,15 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
     )
 
 
-def _decision_maker(remembered: Remembered, options: Mapping[str, Any]) -> Agent:
-    from humanclaw_litellm.decision import ModelDecisionMaker
+def _agent(cache: ModeCache, options: Mapping[str, Any]) -> Agent:
+    from humanclaw_litellm.decision import ModelAgent
     from humanclaw_litellm.settings import Settings
 
-    return ModelDecisionMaker(Settings.of(options), remembered)
+    return ModelAgent(Settings.of(options), cache)
 
 
-def _verifier(remembered: Remembered, options: Mapping[str, Any]) -> Verifier:
+def _verifier(cache: ModeCache, options: Mapping[str, Any]) -> Verifier:
     from humanclaw_litellm.settings import Settings
     from humanclaw_litellm.verifier import ModelVerifier
 
-    return ModelVerifier(Settings.of_verifier(options), remembered)
+    return ModelVerifier(Settings.of_verifier(options), cache)

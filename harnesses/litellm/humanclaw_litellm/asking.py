@@ -13,7 +13,7 @@ from humanclaw_litellm.client import Client, Completion, RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 Json = dict[str, Any]
-Remembered = dict[tuple[str, str], Mode]
+ModeCache = dict[tuple[str, str], Mode]
 """Model and address to the mode in which it answered; shared by all that one set of plugins makes."""
 MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 
@@ -59,21 +59,21 @@ class Reply:
         return json.dumps(answer, ensure_ascii=False)
 
 
-class Asker:
+class ModeNegotiator:
     """Finds the first mode in which a model can answer, keeps to it, and remembers it for the next that asks this model.
 
     A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It is
     settled by the first answer that does.
     """
 
-    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
+    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
         self._client = Client(settings)
-        self._remembered: Remembered = {} if remembered is None else remembered
+        self._cache: ModeCache = {} if cache is None else cache
         self._key = (settings.model, settings.api_base)
-        known = [self._remembered[self._key]] if self._key in self._remembered else list(MODES)
+        known = [self._cache[self._key]] if self._key in self._cache else list(MODES)
         self._left: list[Mode] = known if settings.mode == "auto" else [settings.mode]
         self._chosen = settings.mode != "auto"
-        self._settled = not self._chosen and self._key in self._remembered
+        self._settled = not self._chosen and self._key in self._cache
 
     @property
     def mode(self) -> Mode:
@@ -92,14 +92,14 @@ class Asker:
             except RefusalError as refusal:
                 self._refused(str(refusal))
 
-    def heard(self, reply: Reply, understood: bool) -> None:
+    def report(self, reply: Reply, understood: bool) -> None:
         """Tell whether the reply held an answer."""
         completion = reply.completion
         said_something = bool(completion.text.strip()) and not completion.calls and not completion.cut_off
         if understood:
             self._settled = True
             if not self._chosen:
-                self._remembered[self._key] = reply.mode
+                self._cache[self._key] = reply.mode
         elif said_something and not self._settled and len(self._left) > 1:
             tools = ("tools", "tools_auto")
             self._left = [

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
-from humanclaw.tools import Envelope, answer_schema, openai_tools, read_call, read_text
-from humanclaw_litellm.asking import Asker, Form, Remembered, Reply
+from humanclaw.tools import Reasoning, answer_schema, openai_tools, read_call, read_text
+from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator, Reply
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.prompts import Json, step_content, system_message, system_prompt
 from humanclaw_litellm.settings import Mode, ModelError, Settings
@@ -20,28 +20,28 @@ class _Episode:
     form: Form
 
 
-class ModelDecisionMaker:
+class ModelAgent:
     """Asks a model for one call a step. An answer that holds no call is still a Decision: the loop explains it to the model."""
 
     privileged = False
 
-    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
-        """remembered: how models were asked with success before."""
+    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
+        """cache: how models were asked with success before."""
         self.name = settings.model
         self.settings = settings.in_force
         self._settings = settings
-        self._asker = Asker(settings, remembered)
+        self._negotiator = ModeNegotiator(settings, cache)
         self._episode: _Episode | None = None
         self._note = ""
 
     @property
     def mode(self) -> Mode:
         """How the model is asked at present."""
-        return self._asker.mode
+        return self._negotiator.mode
 
     def begin(self, context: EpisodeContext) -> None:
         """Raises ModelError if the model cannot be reached or if there is no skill to call."""
-        self._asker.begin(context.meter)
+        self._negotiator.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
         tools = openai_tools(skills, mid_level=mid_level, described=False)  # The prompt tells what the fields are for.
@@ -60,9 +60,9 @@ class ModelDecisionMaker:
             system = system_prompt(episode.context, episode.skills, self._settings, schema)
             return [system_message(system, self._settings), {"role": "user", "content": content}]
 
-        reply = self._asker.ask(episode.form, messages)
+        reply = self._negotiator.ask(episode.form, messages)
         found, self._note = read(reply.completion)
-        self._asker.heard(reply, bool(found))
+        self._negotiator.report(reply, bool(found))
         return _decision(found, reply)
 
 
@@ -74,7 +74,7 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
     return skills
 
 
-def read(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str]:
+def read(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
     """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer."""
     if (
         completion.cut_off
@@ -88,7 +88,7 @@ def read(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str
         return (), str(fault) if "{" in completion.text else ""
 
 
-def _read_calls(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ...], str]:
+def _read_calls(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
     """Among several calls an unreadable one still counts, so that none of the others is executed in its stead."""
     found, faults = [], []
     for name, arguments in completion.calls:
@@ -96,12 +96,12 @@ def _read_calls(completion: Completion) -> tuple[tuple[tuple[Envelope, Call], ..
             found.append(read_call(name, arguments))
         except CallError as fault:
             faults.append(str(fault))
-            found.append((Envelope(), Call(name)))
+            found.append((Reasoning(), Call(name)))
     return (() if faults and len(found) == 1 else tuple(found)), " ".join(faults)
 
 
-def _decision(found: Sequence[tuple[Envelope, Call]], reply: Reply) -> Decision:
-    said = found[0][0] if found else Envelope()
+def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply) -> Decision:
+    said = found[0][0] if found else Reasoning()
     return Decision(
         tuple(call for _, call in found),
         **vars(said),

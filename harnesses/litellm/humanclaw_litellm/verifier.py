@@ -8,7 +8,7 @@ from typing import Any, Final
 from humanclaw import Call, CallError, Check, EpisodeContext, HumanclawError, Observation, ProviderError, Skill, Verdict
 from humanclaw.records import Answer, Usage
 from humanclaw.tools import call_schema, json_objects, read_answer
-from humanclaw_litellm.asking import Asker, Form, Remembered
+from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
 from humanclaw_litellm.prompts import Json, verifier_content, verifier_prompt
@@ -24,17 +24,17 @@ class ModelVerifier:
     Only a limit of the episode ends its asking for good: LimitError passes through.
     """
 
-    def __init__(self, settings: Settings, remembered: Remembered | None = None) -> None:
-        """remembered: how models were asked with success before."""
+    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
+        """cache: how models were asked with success before."""
         self.name = f"litellm:{settings.model}"
         self.settings = settings.in_force
         self._settings = settings
-        self._asker = Asker(settings, remembered)
+        self._negotiator = ModeNegotiator(settings, cache)
         self._skills: tuple[Skill, ...] = ()
 
     def begin(self, context: EpisodeContext) -> None:
         """Raises ModelError if the model cannot be reached."""
-        self._asker.begin(context.meter)
+        self._negotiator.begin(context.meter)
         self._skills = usable(context)
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
@@ -52,11 +52,11 @@ class ModelVerifier:
             return [{"role": "system", "content": system}, {"role": "user", "content": content}]
 
         try:
-            reply = self._asker.ask(form, messages)
+            reply = self._negotiator.ask(form, messages)
         except ProviderError as fault:
             return Verdict(True, failed_open=str(fault))
         found = _object(reply.completion)
-        self._asker.heard(reply, found is not None)
+        self._negotiator.report(reply, found is not None)
         return _verdict(found, checks, call, reply.completion.usage)
 
 

@@ -11,7 +11,7 @@ import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
 from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
-from humanclaw.tools import ENVELOPE
+from humanclaw.tools import REASONING_FIELDS
 
 SAID = {
     "visible_state": "a couch 3 m ahead",
@@ -35,9 +35,9 @@ def after(decision, observation, words="It went as it went."):
 # -- what the model is told and shown ----------------------------------------------------------------------------------
 def test_a_scripted_model_walks_and_then_stops(begin, view, skills):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop", **SAID)]) as server:
-        maker = begin(server)
-        first = maker.decide(view(0), ())
-        second = maker.decide(view(1, "Executed it."), [after(first, view(0))])
+        agent = begin(server)
+        first = agent.decide(view(0), ())
+        second = agent.decide(view(1, "Executed it."), [after(first, view(0))])
     assert check(first, skills) == Call("walk", WALK)
     assert check(second, skills) == Call("stop")
     assert {key: getattr(first, key) for key in SAID} == SAID
@@ -53,12 +53,12 @@ def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
     assert server.requests[0].messages[-1]["role"] == "user"
 
 
-def test_every_tool_asks_for_the_envelope_first_and_for_its_own_parameters_last(begin, view, skills):
+def test_every_tool_asks_for_the_reasoning_first_and_for_its_own_parameters_last(begin, view, skills):
     with OpenAIServer([call("stop")]) as server:
         begin(server).decide(view(), ())
     for tool in server.requests[0].tools:
         own = list(skills[tool["name"]].schema["properties"])
-        assert list(tool["parameters"]["properties"]) == [*ENVELOPE, *own]
+        assert list(tool["parameters"]["properties"]) == [*REASONING_FIELDS, *own]
     assert server.requests[0].tool_names == list(skills)
 
 
@@ -89,9 +89,9 @@ def test_a_skill_without_its_trained_adapter_is_not_offered(begin, view, plugins
 
 def test_the_system_prompt_is_the_same_in_every_step(begin, view):
     with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
-        maker = begin(server)
-        first = maker.decide(view(0), ())
-        maker.decide(view(1), [after(first, view(0))])
+        agent = begin(server)
+        first = agent.decide(view(0), ())
+        agent.decide(view(1), [after(first, view(0))])
     one, two = (request.role("system") for request in server.requests)
     assert one == two
     assert "Find the couch and sit on it." in one
@@ -99,9 +99,9 @@ def test_the_system_prompt_is_the_same_in_every_step(begin, view):
 
 def test_the_history_tells_what_was_seen_thought_done_and_what_came_of_it(begin, view):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        maker = begin(server)
-        first = maker.decide(view(0), ())
-        maker.decide(view(1, "You moved 2 cm."), [after(first, view(0), "You moved 2 cm.")])
+        agent = begin(server)
+        first = agent.decide(view(0), ())
+        agent.decide(view(1, "You moved 2 cm."), [after(first, view(0), "You moved 2 cm.")])
     told = server.requests[1].role("user")
     assert all(words in told for field, words in SAID.items() if field != "mid_level_change")
     assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in told
@@ -112,27 +112,27 @@ def test_the_history_tells_what_was_seen_thought_done_and_what_came_of_it(begin,
 @pytest.mark.parametrize(("history", "shown"), [(0, []), (2, [3, 4]), (20, [1, 2, 3, 4])])
 def test_only_as_many_past_steps_are_told_as_asked_for(begin, view, history, shown):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        maker = begin(server, history=history)
-        first = maker.decide(view(0), ())
-        maker.decide(view(4), [after(first, view(step), f"result {step + 1}") for step in range(4)])
+        agent = begin(server, history=history)
+        first = agent.decide(view(0), ())
+        agent.decide(view(4), [after(first, view(step), f"result {step + 1}") for step in range(4)])
     told = server.requests[1].role("user")
     assert [number for number in (1, 2, 3, 4) if f"result {number}" in told] == shown
 
 
 def test_earlier_views_come_first_if_more_pictures_are_asked_for(begin, view):
     with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
-        maker = begin(server, images=3)
-        first = maker.decide(view(0), ())
-        maker.decide(view(4), [after(first, view(step)) for step in range(4)])
+        agent = begin(server, images=3)
+        first = agent.decide(view(0), ())
+        agent.decide(view(4), [after(first, view(step)) for step in range(4)])
     blue = [picture[..., 2].mean() for picture in server.requests[1].images]
     assert blue == pytest.approx([40, 60, 80], abs=3)
 
 
 def test_without_the_mid_level_nobody_speaks_of_it(begin, view):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        maker = begin(server, mid_level=False)
-        first = maker.decide(view(0), ())
-        maker.decide(view(1), [after(first, view(0))])
+        agent = begin(server, mid_level=False)
+        first = agent.decide(view(0), ())
+        agent.decide(view(1), [after(first, view(0))])
     assert all("mid" not in request.text.replace("middle", "") for request in server.requests)
     assert all("mid_level_goal" not in tool["parameters"]["properties"] for tool in server.requests[0].tools)
 
@@ -186,9 +186,9 @@ def test_a_call_that_looks_whole_in_an_answer_that_was_cut_off_is_not_executed(b
 
 def test_a_call_that_was_cut_off_is_explained_with_the_next_question(begin, view):
     with OpenAIServer([calls(("walk", '{"x_cm": 0, "z_')), call("walk", **WALK), call("stop")]) as server:
-        maker = begin(server)
+        agent = begin(server)
         for feedback in ("", "Nothing was executed.", "Executed it."):
-            maker.decide(view(0, feedback), ())
+            agent.decide(view(0, feedback), ())
     assert "not valid JSON" in server.requests[1].role("user")
     assert "Nothing was executed." in server.requests[1].role("user")
     assert "not valid JSON" not in server.requests[2].role("user")
@@ -211,12 +211,12 @@ def test_a_call_that_is_written_as_text_counts(begin, view, skills):
 # -- models without tools ----------------------------------------------------------------------------------------------
 def test_a_model_without_tools_is_asked_with_a_schema_and_remembered(begin, view, skills):
     with OpenAIServer(refusing("tools", [text(answer(**WALK))] * 2)) as server:
-        maker = begin(server)
-        decisions = [maker.decide(view(), ()) for _ in range(2)]
+        agent = begin(server)
+        decisions = [agent.decide(view(), ()) for _ in range(2)]
     assert [check(decision, skills) for decision in decisions] == [Call("walk", WALK)] * 2
-    assert json.loads(decisions[0].raw)["mode"] == maker.mode == "schema"
+    assert json.loads(decisions[0].raw)["mode"] == agent.mode == "schema"
     asked = server.requests[-1].body["response_format"]["json_schema"]["schema"]["properties"]
-    assert list(asked) == [*ENVELOPE, "skill", "parameters"]
+    assert list(asked) == [*REASONING_FIELDS, "skill", "parameters"]
     assert len(server.requests) == 4  # Tools twice, required and then optional; the schema; and the schema at once.
 
 
@@ -225,10 +225,10 @@ def test_the_next_decision_maker_for_this_model_knows_how_to_ask(view, context):
     host.add(humanclaw_litellm, "litellm")
     with OpenAIServer(refusing("tools", [text(answer(**WALK))] * 2)) as server:
         for model in ("openai/one", "openai/one", "openai/other"):
-            maker = host.make("agents", "litellm", {"model": model, "api_base": server.url, "num_retries": 0})
-            maker.begin(context)
+            agent = host.make("agents", "litellm", {"model": model, "api_base": server.url, "num_retries": 0})
+            agent.begin(context)
             with contextlib.suppress(ProviderError):  # The script holds two answers.
-                maker.decide(view(), ())
+                agent.decide(view(), ())
     asked = [(request.body["model"], "tools" in request.body) for request in server.requests]
     assert asked == [("one", True), ("one", True), ("one", False), ("one", False), ("other", True), ("other", True),
                      ("other", False)]  # fmt: skip
@@ -236,28 +236,28 @@ def test_the_next_decision_maker_for_this_model_knows_how_to_ask(view, context):
 
 def test_a_model_without_tools_and_schemas_is_asked_in_words(begin, view, skills):
     with OpenAIServer(refusing("tools", refusing("response_format", [text(answer(**WALK))]))) as server:
-        maker = begin(server)
-        decision = maker.decide(view(), ())
+        agent = begin(server)
+        decision = agent.decide(view(), ())
     assert check(decision, skills) == Call("walk", WALK)
-    assert maker.mode == "prompt"
+    assert agent.mode == "prompt"
     assert '"z_cm"' in server.requests[-1].role("system")
     assert len(server.requests[-1].images) == 1
 
 
 def test_a_server_that_takes_tools_but_knows_only_words_is_asked_otherwise_next(begin, view):
     with OpenAIServer([text("I see a couch."), text("Still a couch."), text(answer(**WALK)), text("Oh.")]) as server:
-        maker = begin(server)
+        agent = begin(server)
         found = []
         for _ in range(4):
-            found.append((maker.mode, len(maker.decide(view(), ()).calls)))
+            found.append((agent.mode, len(agent.decide(view(), ()).calls)))
     assert found == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
 
 
 def test_a_model_that_has_called_a_tool_once_is_not_asked_otherwise_when_it_fails_to(begin, view):
     with OpenAIServer([call("walk", **WALK), text("Hm."), call("stop")]) as server:
-        maker = begin(server)
+        agent = begin(server)
         for _ in range(3):
-            maker.decide(view(), ())
+            agent.decide(view(), ())
     assert all("tools" in request.body for request in server.requests)
 
 
@@ -270,7 +270,7 @@ def test_the_mode_can_be_chosen(begin, view):
 # -- records -----------------------------------------------------------------------------------------------------------
 def test_the_prompt_digest_names_what_was_sent(begin, view):
     with OpenAIServer([call("stop")] * 3) as server:
-        maker = begin(server)
-        one, same, other = (maker.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
+        agent = begin(server)
+        one, same, other = (agent.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
     assert one == same != other
     assert len(one) == 64

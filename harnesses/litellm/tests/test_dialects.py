@@ -61,9 +61,9 @@ def talk(begin, view, dialect):
     def run(script, decisions=1, **options):
         spoken = DIALECTS[dialect]
         with spoken.server(script) as server:
-            maker = begin(server, model=spoken.model, num_retries=1, **options)
-            decision = [maker.decide(view(step), ()) for step in range(decisions)][-1]
-        return decision, server, maker
+            agent = begin(server, model=spoken.model, num_retries=1, **options)
+            decision = [agent.decide(view(step), ()) for step in range(decisions)][-1]
+        return decision, server, agent
 
     return run
 
@@ -124,11 +124,11 @@ def test_a_call_is_demanded_where_the_dialect_can_say_so(talk, dialect):
 
 # -- what comes back ---------------------------------------------------------------------------------------------------
 def test_a_call_is_read_with_all_that_was_said_around_it(talk, skills):
-    decision, _, maker = talk([call("walk", **SAID, **WALK)])
+    decision, _, agent = talk([call("walk", **SAID, **WALK)])
     assert check(decision, skills) == Call("walk", WALK)
     assert (decision.visible_state, decision.reasoning) == (SAID["visible_state"], SAID["reasoning"])
     assert SAID["visible_state"] in json.loads(json.loads(decision.raw)["tool_calls"][0]["arguments"]).values()
-    assert maker.mode == "tools"
+    assert agent.mode == "tools"
 
 
 def test_words_before_the_call_do_no_harm(talk, skills):
@@ -172,18 +172,18 @@ def test_an_answer_of_nothing_is_handed_back(talk, skills):
 def test_a_model_that_may_call_but_only_talks_is_asked_for_json_next(talk, skills, dialect):
     """Ollama knows no tool_choice, and elsewhere it is not always heeded."""
     whole = json.dumps({**SAID, "skill": "walk", "parameters": WALK}, ensure_ascii=False)
-    decision, server, maker = talk([text("I see a sofa."), text(whole), text(whole)], decisions=3)
+    decision, server, agent = talk([text("I see a sofa."), text(whole), text(whole)], decisions=3)
     assert check(decision, skills) == Call("walk", WALK)
     assert decision.visible_state == SAID["visible_state"]
-    assert json.loads(decision.raw)["mode"] == maker.mode == "schema"
+    assert json.loads(decision.raw)["mode"] == agent.mode == "schema"
     assert len(server.requests) == 3
 
 
 def test_a_model_that_takes_no_tools_is_asked_in_another_way_and_this_is_remembered(talk, skills, dialect):
     whole = text(json.dumps({**SAID, "skill": "walk", "parameters": WALK}))
-    decision, server, maker = talk(refusing("tools", [whole] * 3), decisions=3)
+    decision, server, agent = talk(refusing("tools", [whole] * 3), decisions=3)
     assert check(decision, skills) == Call("walk", WALK)
-    assert json.loads(decision.raw)["mode"] == maker.mode != "tools"
+    assert json.loads(decision.raw)["mode"] == agent.mode != "tools"
     assert ["tools" in request.body for request in server.requests][-2:] == [False, False]
 
 

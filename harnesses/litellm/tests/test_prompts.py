@@ -109,9 +109,9 @@ def prefix(request, told):
 def test_a_step_begins_as_the_step_before_it_did_and_goes_on_from_there(begin, view, lived, options):
     steps = 10
     with OpenAIServer([call("stop")] * steps) as server:
-        maker = begin(server, **options)
+        agent = begin(server, **options)
         for step in range(steps):
-            maker.decide(view(step), lived(step))
+            agent.decide(view(step), lived(step))
     for told, (earlier, later) in enumerate(zip(server.requests[:-1], server.requests[1:], strict=True)):
         assert prefix(earlier, told) == prefix(later, told)
         assert len(later.messages[1]["content"]) == told + 3
@@ -119,9 +119,9 @@ def test_a_step_begins_as_the_step_before_it_did_and_goes_on_from_there(begin, v
 
 def test_with_the_default_profile_the_told_past_is_rewritten_every_eleventh_step_only(begin, view, lived):
     with OpenAIServer([call("stop")] * 60) as server:
-        maker = begin(server)
+        agent = begin(server)
         for step in range(60):
-            maker.decide(view(0), lived(step))
+            agent.decide(view(0), lived(step))
     first = [request.messages[1]["content"][0]["text"].split("\n")[0] for request in server.requests[1:]]
     changes = [step for step, (one, two) in enumerate(itertools.pairwise(first), start=2) if one != two]
     assert changes == [31, 42, 53]
@@ -162,13 +162,13 @@ def counted(begin, view, skills, lived):
 
     def run(**options):
         with OpenAIServer(lambda request: call("stop") if "walk" in request.tool_names else call("verdict")) as server:
-            maker, judge = begin(server, **options), begin(server, "verifiers", **options)
+            agent, verifier = begin(server, **options), begin(server, "verifiers", **options)
             used = []
             for step in range(walkthrough.STEPS):
                 server.requests.clear()
                 chosen = walkthrough.call(step)
-                maker.decide(view(step % 5), lived(step))
-                judge.verify(view(step % 5), chosen, skills[chosen.skill], walkthrough.said(step)["mid_level_goal"])
+                agent.decide(view(step % 5), lived(step))
+                verifier.verify(view(step % 5), chosen, skills[chosen.skill], walkthrough.said(step)["mid_level_goal"])
                 used.append(tuple(map(sum, zip(*map(tokens, server.requests), strict=True))))
         return used
 

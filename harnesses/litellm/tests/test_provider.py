@@ -38,9 +38,9 @@ def test_a_request_over_the_rate_limit_is_made_again(begin, view):
 
 def test_the_provider_says_how_long_to_wait(begin, view):
     with OpenAIServer([status(429, headers={"Retry-After": "0.5"}), call("stop")]) as server:
-        maker = begin(server)
+        agent = begin(server)
         began = time.monotonic()
-        maker.decide(view(), ())
+        agent.decide(view(), ())
     assert 0.5 <= time.monotonic() - began < 5
 
 
@@ -73,9 +73,9 @@ def test_an_answer_that_does_not_come_in_time_is_a_provider_error(begin, view):
 
 def test_nobody_listening_is_a_provider_error(begin, view):
     with OpenAIServer([]) as server:
-        maker = begin(server, num_retries=1)
+        agent = begin(server, num_retries=1)
     with pytest.raises(ProviderError, match="Connection error"):
-        maker.decide(view(), ())
+        agent.decide(view(), ())
 
 
 def test_a_wrong_key_or_model_at_first_is_for_the_user_to_mend(begin, view):
@@ -89,10 +89,10 @@ def test_a_wrong_key_or_model_at_first_is_for_the_user_to_mend(begin, view):
 
 def test_the_same_after_a_first_success_is_the_providers_fault(begin, view):
     with OpenAIServer([call("stop"), status(401)]) as server:
-        maker = begin(server)
-        maker.decide(view(), ())
+        agent = begin(server)
+        agent.decide(view(), ())
         with pytest.raises(ProviderError):
-            maker.decide(view(), ())
+            agent.decide(view(), ())
 
 
 def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
@@ -100,9 +100,9 @@ def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
     with OpenAIServer(
         [status(429, headers={"Retry-After": email.utils.format_datetime(moment, True)}), call("stop")]
     ) as server:
-        maker = begin(server)
+        agent = begin(server)
         began = time.monotonic()
-        maker.decide(view(), ())
+        agent.decide(view(), ())
     assert 0.9 < time.monotonic() - began < 5
 
 
@@ -123,10 +123,10 @@ def test_a_provider_that_refuses_every_way_of_asking_is_for_the_user_to_mend(beg
 
 def test_a_refusal_once_a_way_of_asking_is_settled_is_a_provider_error(begin, view):
     with OpenAIServer([call("stop"), status(400, "no")]) as server:
-        maker = begin(server)
-        maker.decide(view(), ())
+        agent = begin(server)
+        agent.decide(view(), ())
         with pytest.raises(ProviderError, match="refused"):
-            maker.decide(view(), ())
+            agent.decide(view(), ())
 
 
 def test_an_option_that_the_model_does_not_take_is_refused_rather_than_left_out(begin, view):
@@ -143,9 +143,9 @@ def test_a_local_server_needs_no_key(begin, view):
 
 
 def test_a_missing_key_is_told_before_the_first_request(plugins, context):
-    maker = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini"})
+    agent = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini"})
     with pytest.raises(ModelError, match=r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"):
-        maker.begin(context)
+        agent.begin(context)
 
 
 @pytest.mark.parametrize("model", ["openai/gpt-4o-mini", "anthropic/claude-sonnet-4-5", "gemini/gemini-2.5-pro"])
@@ -153,23 +153,23 @@ def test_an_empty_key_is_a_missing_key(plugins, context, monkeypatch, model):
     names = {"openai": "OPENAI_API_KEY", "anthropic": "ANTHROPIC_API_KEY", "gemini": "GOOGLE_API_KEY"}
     variable = names[model.split("/")[0]]
     monkeypatch.setenv(variable, "  ")
-    maker = plugins.make("agents", "litellm", {"model": model})
+    agent = plugins.make("agents", "litellm", {"model": model})
     with pytest.raises(ModelError, match=f"{variable} is not set"):
-        maker.begin(context)
+        agent.begin(context)
     assert os.environ[variable] == "  "
 
 
 def test_an_empty_variable_that_is_named_is_a_missing_key(plugins, context, monkeypatch):
     monkeypatch.setenv("MY_SERVER", "")
-    maker = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
+    agent = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
     with pytest.raises(ModelError, match="MY_SERVER, which is not set"):
-        maker.begin(context)
+        agent.begin(context)
 
 
 def test_a_model_of_no_known_provider_is_told_before_the_first_request(plugins, context):
-    maker = plugins.make("agents", "litellm", {"model": "nonsense"})
+    agent = plugins.make("agents", "litellm", {"model": "nonsense"})
     with pytest.raises(ModelError, match=r"no provider is known for model 'nonsense'\. Write provider/name"):
-        maker.begin(context)
+        agent.begin(context)
 
 
 def test_a_key_is_taken_from_the_variable_that_is_named(begin, view, monkeypatch):
@@ -188,10 +188,10 @@ def test_a_key_appears_in_no_answer_error_or_log(begin, view, monkeypatch, caplo
     chatty = [call("walk", reasoning=f"the key is {KEY}"), status(500, f"bad key {KEY}"), status(400, f"bad key {KEY}")]
     named = {} if variable == "OPENAI_API_KEY" else {"auth_env": variable}
     with OpenAIServer(chatty) as server:
-        maker = begin(server, **named)
-        decision = maker.decide(view(), ())
+        agent = begin(server, **named)
+        decision = agent.decide(view(), ())
         with pytest.raises(ProviderError, match=r"bad key \[redacted\]") as fault:
-            maker.decide(view(), ())
+            agent.decide(view(), ())
     assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"  # So the key was in play.
     trace = "".join(traceback.format_exception(fault.value))
     seen = [repr(decision), trace, caplog.text, server.requests[0].text]

@@ -24,8 +24,8 @@ def verify(begin, view, skills):
 
     def ask(*replies, about=WALK, **options):
         with OpenAIServer(replies) as server:
-            judge = begin(server, "verifiers", num_retries=1, **options)
-            return judge.verify(view(), about, skills[about.skill], "reach the couch"), server.requests
+            verifier = begin(server, "verifiers", num_retries=1, **options)
+            return verifier.verify(view(), about, skills[about.skill], "reach the couch"), server.requests
 
     return ask
 

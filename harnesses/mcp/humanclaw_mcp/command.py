@@ -21,7 +21,7 @@ from humanclaw.cli import engine_options, plugin_files
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Steps an episode.")
 @click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Bodies at most at one time.")
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds an idle body is kept.")
-@click.option("--envelope/--no-envelope", default=False, help="Also ask what is seen and why, as the benchmark does.")
+@click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as the benchmark does.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
 @click.option(

@@ -77,7 +77,7 @@ def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
         raise PluginError(f"skill {taken[0]!r} has the name of a tool that this server offers itself.", "Rename it.")
     schema = Outcome.model_json_schema()
     acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
-    specs = publish(ready, "mcp", envelope=settings.envelope)
+    specs = publish(ready, "mcp", reasoning=settings.reasoning)
     moving = [
         Tool(**_snake(spec), output_schema=schema, annotations=acting, title=_title(spec["name"])) for spec in specs
     ]
@@ -141,7 +141,7 @@ def _title(name: str) -> str:
 def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
     """Text, then the view, then the same as values. A refused call has no view: nothing has changed.
 
-    executed: whether the order was a call at all, which `look` and `reset` are not.
+    executed: whether the command was a call at all, which `look` and `reset` are not.
     """
     content: list[Any] = [TextContent(text=_words(snapshot))]
     if not snapshot.refused:
@@ -192,7 +192,7 @@ def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
     return base64.b64encode(jpeg(rgb)).decode()
 
 
-# -- resources -----------------------------------------------------------------------------------------------------------
+# -- resources ---------------------------------------------------------------------------------------------------------
 def resources() -> list[Resource]:
     """What there is to read besides the skills' sheets."""
     state = Resource(
@@ -340,7 +340,7 @@ def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
         skills=[_sheet(skill) for skill in ready],
         endings=[skill.name for skill in ready if skill.role == "stop"],
         max_steps=settings.max_steps,
-        envelope=settings.envelope,
+        reasoning=settings.reasoning,
     )
 
 

@@ -17,7 +17,7 @@ from humanclaw_mcp import content, telling
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.session import Session, Snapshot, Task
 from humanclaw_mcp.settings import SESSIONS
-from humanclaw_mcp.telling import Context, Wishes
+from humanclaw_mcp.telling import Context, Subscription
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class Handlers:
         self.templates = [content.skill_template()]
         self.prompts = [content.task_prompt(PROMPT)]
         self.bus = InMemorySubscriptionBus()
-        self._wishing = telling.Wishing(SESSIONS)
+        self._subscriptions = telling.Subscriptions(SESSIONS)
 
     # -- what there is -------------------------------------------------------------------------------------------------
     async def list_tools(self, ctx: Context, params: types.PaginatedRequestParams | None) -> types.ListToolsResult:
@@ -96,17 +96,17 @@ class Handlers:
         before = session.task if session else Task(settings.instruction, settings.scenes[0], settings.seed)
         return Task(**(vars(before) | arguments))
 
-    async def _act(self, ctx: Context, session: Session, order: Callable[[], Snapshot]) -> Snapshot:
-        """Give an order, and tell those who want to know what became of it."""
+    async def _act(self, ctx: Context, session: Session, command: Callable[[], Snapshot]) -> Snapshot:
+        """Give a command, and tell those who want to know what became of it."""
         before = (session.title, len(session.steps))
-        snapshot = await self._apart(ctx, session, order)
+        snapshot = await self._apart(ctx, session, command)
         if (session.title, len(snapshot.steps)) != before:
-            await telling.changed(ctx, self.wishes(ctx), self.bus, content.BODY_RESOURCES)
+            await telling.changed(ctx, self.subscription(ctx), self.bus, content.BODY_RESOURCES)
         await self.log(ctx, *content.note(snapshot))
         return snapshot
 
-    async def _apart(self, ctx: Context, session: Session, order: Callable[[], Snapshot]) -> Snapshot:
-        return await telling.apart(ctx, order, lambda: session.doing, self.bodies.settings.tell_every)
+    async def _apart(self, ctx: Context, session: Session, command: Callable[[], Snapshot]) -> Snapshot:
+        return await telling.apart(ctx, command, lambda: session.doing, self.bodies.settings.tell_every)
 
     # -- resources -----------------------------------------------------------------------------------------------------
     async def read_resource(self, ctx: Context, params: types.ReadResourceRequestParams) -> types.ReadResourceResult:
@@ -136,11 +136,11 @@ class Handlers:
     async def subscribe(self, ctx: Context, params: types.SubscribeRequestParams) -> types.EmptyResult:
         if params.uri not in {resource.uri for resource in self.resources}:
             raise self._no_resource(params.uri)
-        self.wishes(ctx).uris.add(params.uri)
+        self.subscription(ctx).uris.add(params.uri)
         return types.EmptyResult()
 
     async def unsubscribe(self, ctx: Context, params: types.UnsubscribeRequestParams) -> types.EmptyResult:
-        self.wishes(ctx).uris.discard(params.uri)
+        self.subscription(ctx).uris.discard(params.uri)
         return types.EmptyResult()
 
     # -- prompts -------------------------------------------------------------------------------------------------------
@@ -167,16 +167,16 @@ class Handlers:
         return types.CompleteResult(completion=types.Completion(values=values, total=len(values), has_more=False))
 
     # -- telling -------------------------------------------------------------------------------------------------------
-    def wishes(self, ctx: Context) -> Wishes:
-        return self._wishing.of(key_of(ctx))
+    def subscription(self, ctx: Context) -> Subscription:
+        return self._subscriptions.of(key_of(ctx))
 
     async def set_level(self, ctx: Context, params: types.SetLevelRequestParams) -> types.EmptyResult:
-        self.wishes(ctx).level = params.level
+        self.subscription(ctx).level = params.level
         return types.EmptyResult()
 
     async def log(self, ctx: Context, level: types.LoggingLevel, words: str) -> None:
         """Send a log message to a client that asked for messages of that level."""
-        await telling.log(ctx, self.wishes(ctx), level, words)
+        await telling.log(ctx, self.subscription(ctx), level, words)
 
 
 def key_of(ctx: Context) -> str:

@@ -158,7 +158,7 @@ class Session:
         if self._body is None:
             self.doing, asked = _MAKING, self._settings
             backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.senses)
-            self._body = Body(self.task.scene, plugins=self._plugins, engines=backends)
+            self._body = Body(self.task.scene, plugins=self._plugins, backends=backends)
             self.doing = _MOVING
         elif self._body.scene.name != self.task.scene:
             self._body.reset(self.task.scene)

@@ -28,7 +28,7 @@ class Settings:
     generator: str = Backends.generator
     senses: tuple[str, ...] = ()
     """What a call's answer tells besides the view (humanclaw.senses)."""
-    envelope: bool = False
+    reasoning: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
     bodies: int = 4
     """Bodies at most at one time, one a session."""

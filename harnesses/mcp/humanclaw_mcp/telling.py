@@ -26,43 +26,43 @@ _LOGGER: Final = "humanclaw"
 
 
 @dataclass
-class Wishes:
-    """What one session wants to be told."""
+class Subscription:
+    """What one session subscribes to."""
 
     level: types.LoggingLevel | None = None
     """The least severe log messages that are sent; None for none."""
     uris: set[str] = field(default_factory=set)
 
 
-class Wishing:
-    """The wishes of every session; those of the longest silent are forgotten beyond the limit."""
+class Subscriptions:
+    """The subscriptions of every session; those of the longest silent are forgotten beyond the limit."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
-        self._wishes: OrderedDict[str, Wishes] = OrderedDict()
+        self._by_session: OrderedDict[str, Subscription] = OrderedDict()
 
-    def of(self, key: str) -> Wishes:
-        wishes = self._wishes.setdefault(key, Wishes())
-        self._wishes.move_to_end(key)
-        if len(self._wishes) > self._limit:
-            self._wishes.popitem(last=False)
-        return wishes
+    def of(self, key: str) -> Subscription:
+        subscription = self._by_session.setdefault(key, Subscription())
+        self._by_session.move_to_end(key)
+        if len(self._by_session) > self._limit:
+            self._by_session.popitem(last=False)
+        return subscription
 
 
-async def log(ctx: Context, wishes: Wishes, level: types.LoggingLevel, words: str) -> None:
+async def log(ctx: Context, subscription: Subscription, level: types.LoggingLevel, words: str) -> None:
     """Send a log message, on the stream of the request that it is about."""
-    if wishes.level is None or LEVELS.index(level) < LEVELS.index(wishes.level):
+    if subscription.level is None or LEVELS.index(level) < LEVELS.index(subscription.level):
         return
     params = types.LoggingMessageNotificationParams(level=level, logger=_LOGGER, data=words)
     await ctx.session.send_notification(types.LoggingMessageNotification(params=params), ctx.request_id)
 
 
-async def changed(ctx: Context, wishes: Wishes, bus: InMemorySubscriptionBus, uris: Iterable[str]) -> None:
+async def changed(ctx: Context, subscription: Subscription, bus: InMemorySubscriptionBus, uris: Iterable[str]) -> None:
     """Tell of resources that have changed: one by one to those who subscribed, as the protocol version has it."""
     for uri in uris:
         if ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
             await bus.publish(ResourceUpdated(uri=uri))
-        elif uri in wishes.uris:
+        elif uri in subscription.uris:
             await ctx.session.send_resource_updated(uri)
 
 

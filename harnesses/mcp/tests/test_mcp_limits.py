@@ -68,8 +68,8 @@ def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
         make_server(Handlers(Bodies(Settings(), plugins)))
 
 
-async def test_with_the_envelope_a_call_says_what_is_seen_first():
-    bodies = Bodies(Settings(envelope=True))
+async def test_with_the_reasoning_a_call_says_what_is_seen_first():
+    bodies = Bodies(Settings(reasoning=True))
     async with Client(make_server(Handlers(bodies))) as client:
         walk = next(tool for tool in (await client.list_tools()).tools if tool.name == "walk")
         assert list(walk.input_schema["properties"])[:2] == ["visible_state", "progress"]

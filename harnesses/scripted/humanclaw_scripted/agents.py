@@ -40,11 +40,11 @@ DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
 """What it asks skills for: measures that their parameters command, whatever the skills are called."""
 _WAY: Final = ("hips.left", "hips.forward", "hips.back")
-REACHED: Final = 0.19
+STOP_DISTANCE: Final = 0.19
 """Distance to the target's bounding box at which the oracle stops, metres: inside the benchmark's 0.2."""
 TURN_FIRST: Final = float(np.radians(28))
 """Heading error above which it turns on the spot before it walks, radians."""
-STRIDE: Final = 0.6
+MAX_STEP: Final = 0.6
 """Its longest step, metres in 0.5 s: an easy walk."""
 LOOK_AHEAD: Final = 0.7
 """How far along the route it aims, metres."""
@@ -149,14 +149,14 @@ def _within(parameter: Parameter, amount: float) -> int:
 
 # -- the oracle --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Pose:
+class PelvisPose:
     """Where the pelvis is and where it faces."""
 
     root: Array
     yaw: float
 
     @classmethod
-    def of(cls, state: WorldState) -> Pose:
+    def of(cls, state: WorldState) -> PelvisPose:
         return cls(state.body.root[-1], float(state.body.yaw()[-1]))
 
     @property
@@ -187,7 +187,7 @@ class Memory:
     way: list[LevelSegment | StairRun] = field(default_factory=list)
     """What is still to be walked and climbed, the present part first; empty while there is no plan."""
     stand: Viewpoint | None = None
-    before: Pose | None = None
+    before: PelvisPose | None = None
     blocked: int = 0
     """Steps in a row that were asked to move the body and did not."""
     sits: int = 0
@@ -223,7 +223,7 @@ class OracleAgent:
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
-        pose = Pose.of(state)
+        pose = PelvisPose.of(state)
         self._notice(pose, history)
         view = self._look(state)
         call, reason = self._act(state, pose)
@@ -237,12 +237,12 @@ class OracleAgent:
     def _spec(self) -> Any:
         return self._context.spec
 
-    def _act(self, state: WorldState, pose: Pose) -> tuple[Call, str]:
+    def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
         if not self._spec.target_ids:
             return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
-        if not self._spec.interact and self._distance(state) <= REACHED:
+        if not self._spec.interact and self._distance(state) <= STOP_DISTANCE:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
             return self._break_free(pose)
@@ -255,7 +255,7 @@ class OracleAgent:
             return self._to_stairs(state, pose, part)
         return self._seat(pose) if self._spec.interact else self._reach(pose)
 
-    def _choose(self, pose: Pose) -> bool:
+    def _choose(self, pose: PelvisPose) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
         memory = self._memory
         routes = Routes.of(memory.floors, pose.root)
@@ -274,14 +274,14 @@ class OracleAgent:
         return bool(memory.way)
 
     # on stairs
-    def _to_stairs(self, state: WorldState, pose: Pose, part: LevelSegment) -> tuple[Call, str]:
+    def _to_stairs(self, state: WorldState, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """LevelSegment to where the next stairs begins."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)
         return self._act(state, pose)
 
-    def _climb(self, pose: Pose, run: StairRun) -> tuple[Call, str]:
+    def _climb(self, pose: PelvisPose, run: StairRun) -> tuple[Call, str]:
         """One step up or down, from where the body really is: contact shortens some steps."""
         along, left = _on_stairs(pose, run)
         k = int(np.argmin(np.abs(run.levels - (pose.root[1] - STANDING_HEIGHT))))
@@ -305,7 +305,7 @@ class OracleAgent:
         return call, f"I take step {k + 1} of {len(run.edges)} {word} the stairs."
 
     # on the way
-    def _reach(self, pose: Pose) -> tuple[Call, str]:
+    def _reach(self, pose: PelvisPose) -> tuple[Call, str]:
         """Go to the standing place, then close in on the target until it is within reach."""
         stand = self._memory.stand
         assert stand is not None
@@ -323,7 +323,7 @@ class OracleAgent:
         gap = float(np.hypot(left, forward))
         return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
 
-    def _sideways(self, pose: Pose, edge: Array) -> tuple[Call, str]:
+    def _sideways(self, pose: PelvisPose, edge: Array) -> tuple[Call, str]:
         """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the chest."""
         left, forward = pose.local(edge)
         bearing = float(np.arctan2(left, forward))
@@ -333,7 +333,7 @@ class OracleAgent:
             return self._turn(error), f"My feet cannot get closer to the {self._noun}: I turn my side to it."
         return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
 
-    def _seat(self, pose: Pose) -> tuple[Call, str]:
+    def _seat(self, pose: PelvisPose) -> tuple[Call, str]:
         """Go to the place in front of the seat, turn round, step back to its edge, sit down."""
         stand = self._memory.stand
         assert stand is not None
@@ -373,13 +373,13 @@ class OracleAgent:
     def _on_seat(self, state: WorldState, target: int) -> bool:
         """Whether the hips are over a target and down on its seat."""
         low, high = _box(self._scene, state, target)
-        thing = self._scene.by_id[target]
-        seat = self._scene.assets[thing.asset].seat_height
+        obj = self._scene.by_id[target]
+        seat = self._scene.assets[obj.asset].seat_height
         point = state.body.root[-1]
         inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
-        return bool(seat is not None and inside and _hip_bottom(state) <= thing.position[1] + seat + TOUCHING)
+        return bool(seat is not None and inside and _hip_bottom(state) <= obj.position[1] + seat + TOUCHING)
 
-    def _arrived(self, pose: Pose, stand: Viewpoint, tolerance: float) -> bool:
+    def _arrived(self, pose: PelvisPose, stand: Viewpoint, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:
             self._memory.arrived = True
         return self._memory.arrived
@@ -391,7 +391,7 @@ class OracleAgent:
         assert isinstance(part, LevelSegment)
         return part
 
-    def _follow(self, pose: Pose, part: LevelSegment) -> tuple[Call, str]:
+    def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """One step along a segment of the route."""
         aim, rest = _aim(part.grid, part.path, pose.point)
         left, forward = pose.local(aim)
@@ -400,7 +400,7 @@ class OracleAgent:
             return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
         if rest < 0.35 and forward < 0.1:
             return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
-        step = min(STRIDE, float(np.hypot(left, forward)), max(0.15, rest))
+        step = min(MAX_STEP, float(np.hypot(left, forward)), max(0.15, rest))
         reason = f"The way to the {self._noun} is {rest:.1f} m further: I walk on."
         return self._walk(0.3 * left, step * float(np.cos(error)), 0.7 * error), reason
 
@@ -410,7 +410,7 @@ class OracleAgent:
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
     # when it does not go on
-    def _notice(self, pose: Pose, history: Sequence[HistoryEntry]) -> None:
+    def _notice(self, pose: PelvisPose, history: Sequence[HistoryEntry]) -> None:
         """Compare the last step with what it was to do."""
         memory = self._memory
         last = history[-1].executed if history else None
@@ -423,7 +423,7 @@ class OracleAgent:
             moved = float(np.linalg.norm(pose.point - memory.before.point))
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
 
-    def _break_free(self, pose: Pose) -> tuple[Call, str]:
+    def _break_free(self, pose: PelvisPose) -> tuple[Call, str]:
         """Remember the obstacle, step towards the open side, and plan anew from there."""
         memory = self._memory
         ahead = np.array([np.sin(pose.yaw), np.cos(pose.yaw)])
@@ -476,7 +476,7 @@ class OracleAgent:
         tries = self._memory.sits
         return self._call(SIT, min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
-    def _plan(self, pose: Pose) -> OccupancyGrid:
+    def _plan(self, pose: PelvisPose) -> OccupancyGrid:
         """The plan of the floor or the stairs that the body is on."""
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
@@ -487,7 +487,9 @@ class OracleAgent:
 
     def _distance(self, state: WorldState) -> float:
         """From the nearest joint to the nearest target, metres."""
-        return distance_to_nearest(state.body.joints()[-1], [_box(self._scene, state, k) for k in self._spec.target_ids])
+        return distance_to_nearest(
+            state.body.joints()[-1], [_box(self._scene, state, k) for k in self._spec.target_ids]
+        )
 
     def _goal(self) -> str:
         if not self._spec.target_ids:
@@ -496,7 +498,7 @@ class OracleAgent:
             return f"LevelSegment to the {self._noun}."
         return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
 
-    def _progress(self, pose: Pose) -> str:
+    def _progress(self, pose: PelvisPose) -> str:
         if self._memory.sits:
             return f"I have reached the {self._noun} and sat down."
         if self._memory.arrived:
@@ -505,7 +507,7 @@ class OracleAgent:
             return "I am looking for a way."
         return f"I am on the way, {self._left(pose):.1f} m from the place to stand."
 
-    def _left(self, pose: Pose) -> float:
+    def _left(self, pose: PelvisPose) -> float:
         """What is left of the way, metres over the floor."""
         first, *rest = self._memory.way
         if isinstance(first, StairRun):
@@ -516,7 +518,7 @@ class OracleAgent:
 
     def _look(self, state: WorldState) -> str:
         """Where one is, and whether a target is in view and where."""
-        pose = Pose.of(state)
+        pose = PelvisPose.of(state)
         plan = self._plan(pose)
         room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
         on = "on" if room == "stairs" else "in"
@@ -557,7 +559,7 @@ def _joined(way: list[LevelSegment | StairRun]) -> list[LevelSegment | StairRun]
     return result
 
 
-def _on_stairs(pose: Pose, run: StairRun) -> tuple[float, float]:
+def _on_stairs(pose: PelvisPose, run: StairRun) -> tuple[float, float]:
     """How far along a run of stairs and how far left of its middle line the body is, metres."""
     along, across = pose.point - run.foot, np.array([run.way[1], -run.way[0]])
     return float(along @ run.way), float(along @ across)

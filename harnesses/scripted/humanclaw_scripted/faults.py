@@ -26,7 +26,7 @@ TURNING_POINT: Final = 3.2
 """Metres after which one who searches without aim turns back."""
 
 
-# -- what every one of them can tell -------------------------------------------------------------------------------------
+# -- what every one of them can tell -----------------------------------------------------------------------------------
 @dataclass
 class Senses:
     """The true state of an episode, for those who are allowed to know it."""
@@ -72,9 +72,9 @@ class Senses:
         return float(np.arctan2(left, forward))
 
 
-# -- faults -------------------------------------------------------------------------------------------------------------
+# -- faults ------------------------------------------------------------------------------------------------------------
 @dataclass
-class Moment:
+class Snapshot:
     """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the episode."""
 
     senses: Senses
@@ -146,7 +146,7 @@ class Fault:
     capability: str
     cause: str
     """Label of the root cause that it is meant to lead to, in the words of HumanCLAW-Bench."""
-    apply: Callable[[Moment], Decision]
+    apply: Callable[[Snapshot], Decision]
     description: str
     seated: bool = False
     """Whether only sitting tasks show it."""
@@ -177,7 +177,7 @@ class Fault:
         return way is None or (least <= way.distance <= most and way.rooms >= self.rooms)
 
 
-def _blind(at: Moment) -> Decision:
+def _blind(at: Snapshot) -> Decision:
     """Searches on, with the target in view."""
     blind = replace(at.decision, visible_state="I am in a room.")
     if not at.has_seen:
@@ -186,19 +186,19 @@ def _blind(at: Moment) -> Decision:
     return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
 
 
-def _misjudges(at: Moment) -> Decision:
+def _misjudges(at: Snapshot) -> Decision:
     if at.seen and 3 * REACHED < at.senses.away() < 3.0:
         return at.stops("It looks close enough to touch, so I stop.")
     return at.decision
 
 
-def _overlooks_arrival(at: Moment) -> Decision:
+def _overlooks_arrival(at: Snapshot) -> Decision:
     if at.stopping or "turned" in at.notes:
         return at.to_and_fro(10, "I am not there yet and look where to go on.")
     return at.decision
 
 
-def _straight_on(at: Moment) -> Decision:
+def _straight_on(at: Snapshot) -> Decision:
     if at.stopping:
         return at.decision
     angle = at.senses.bearing()
@@ -207,7 +207,7 @@ def _straight_on(at: Moment) -> Decision:
     return at.walks(50, "It lies straight ahead: I walk on.", _degrees(angle, 20))
 
 
-def _wavers(at: Moment) -> Decision:
+def _wavers(at: Snapshot) -> Decision:
     if not at.has_seen:
         return at.decision
     angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
@@ -216,7 +216,7 @@ def _wavers(at: Moment) -> Decision:
     return at.turns(_degrees(angle, 75), wavering.reasoning)
 
 
-def _turns_away(at: Moment) -> Decision:
+def _turns_away(at: Snapshot) -> Decision:
     """Once half the way is done and it has said that it sees the target: back to where it came from."""
     if "gone" not in at.notes and not (at.seen_before and at.senses.away() < 0.5 * at.begun):
         return at.decision
@@ -226,7 +226,7 @@ def _turns_away(at: Moment) -> Decision:
     return replace(away, calls=(call,), reasoning="There may be a better one elsewhere.")
 
 
-def _imagines(at: Moment) -> Decision:
+def _imagines(at: Snapshot) -> Decision:
     gone = _turns_away(at)
     if "gone" not in at.notes:
         return gone
@@ -234,18 +234,18 @@ def _imagines(at: Moment) -> Decision:
     return replace(gone, visible_state=f"A {noun} is right in front of me.")
 
 
-def _never_sits(at: Moment) -> Decision:
+def _never_sits(at: Snapshot) -> Decision:
     return at.decision
 
 
-def _sits_on_air(at: Moment) -> Decision:
+def _sits_on_air(at: Snapshot) -> Decision:
     """Faces the seat and sits where it stands."""
     if at.stopping and not at.count("sat"):
         return at.but(at.asks(SIT, 0.5), "I am at the seat: I sit down.")
     return at.decision
 
 
-def _rises(at: Moment) -> Decision:
+def _rises(at: Snapshot) -> Decision:
     if at.stopping and not at.count("risen"):
         return at.walks(5, "I straighten up.")
     if "risen" in at.notes:
@@ -253,11 +253,11 @@ def _rises(at: Moment) -> Decision:
     return at.decision
 
 
-def _fidgets(at: Moment) -> Decision:
+def _fidgets(at: Snapshot) -> Decision:
     return at.to_and_fro(8, "A little more this way.")
 
 
-def _searches_aimlessly(at: Moment) -> Decision:
+def _searches_aimlessly(at: Snapshot) -> Decision:
     """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
     if at.has_seen:
         return at.decision
@@ -272,15 +272,15 @@ def _searches_aimlessly(at: Moment) -> Decision:
     return back
 
 
-def _dawdles(at: Moment) -> Decision:
+def _dawdles(at: Snapshot) -> Decision:
     return at.decision if at.left <= LATE or at.has_seen else _fidgets(at)
 
 
-def _approaches_blindly(at: Moment) -> Decision:
+def _approaches_blindly(at: Snapshot) -> Decision:
     return at.decision if at.has_seen else _straight_on(at)
 
 
-def _overlooks_jam(at: Moment) -> Decision:
+def _overlooks_jam(at: Snapshot) -> Decision:
     """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
     if not (at.seen and at.senses.away() < 2.5):
         return at.decision
@@ -290,7 +290,7 @@ def _overlooks_jam(at: Moment) -> Decision:
     return at.but(at.asks(SIDE, 0.3), "I see it: I go round what stands before it.")
 
 
-def _gives_up(at: Moment) -> Decision:
+def _gives_up(at: Snapshot) -> Decision:
     """Half-way, unless the target has come into view: back to the start."""
     if "gone" not in at.notes and at.has_seen:
         return at.decision
@@ -301,7 +301,7 @@ def _gives_up(at: Moment) -> Decision:
     return _back_along(at, at.trail)
 
 
-def _back_along(at: Moment, trail: list[Array]) -> Decision:
+def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
     """The way one has come, a step; at its beginning one stops."""
     while trail and np.hypot(*(trail[-1] - at.senses.here())[[0, 2]]) < 0.35:
         trail.pop()
@@ -313,7 +313,7 @@ def _back_along(at: Moment, trail: list[Array]) -> Decision:
     return at.walks(45, "I go back.", _degrees(angle, 20))
 
 
-def _backs_up(at: Moment) -> Decision:
+def _backs_up(at: Snapshot) -> Decision:
     """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
     if at.has_seen:
         return at.decision

@@ -34,7 +34,7 @@ from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Moment, Senses
+from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Senses, Snapshot
 
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
@@ -114,7 +114,7 @@ class FaultyAgent:
         context, scene = self._senses.context, self._senses.context.scene
         assert scene is not None
         others = set(SEATS) - {context.spec.target_category}
-        seats = tuple(thing.id for thing in scene.objects if thing.category in others)
+        seats = tuple(obj.id for obj in scene.objects if obj.category in others)
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
     def _chosen(self, spec: EpisodeSpec) -> Fault | None:
@@ -131,16 +131,16 @@ class FaultyAgent:
         decision = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
         if self._fault:
-            decision = self._fault.apply(self._moment(decision, seen, observation.step))
+            decision = self._fault.apply(self._snapshot(decision, seen, observation.step))
         self._last_seen = observation.step if seen else self._last_seen
         if not self.options.bounded:
             return decision
         return self._mind.think(decision, observation.step, self._last_seen, history)
 
-    def _moment(self, decision: Decision, seen: bool, step: int) -> Moment:
+    def _snapshot(self, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._senses.context.spec.max_steps - step
         before = self._last_seen is not None
-        return Moment(self._senses, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail)
+        return Snapshot(self._senses, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail)
 
 
 # -- a bounded mind ----------------------------------------------------------------------------------------------------

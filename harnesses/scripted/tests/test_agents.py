@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rooms import STEPS, UPSTAIRS, asset, block, thing, two_rooms, two_storeys
+from rooms import STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
 from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Scene
@@ -79,7 +79,9 @@ def test_the_oracle_stops_as_soon_as_it_is_within_reach(gap: float, stops: bool)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed: int) -> None:
     board, screen = asset("board", "tv_stand", block(1.4, 0.45, 0.5)), asset("screen", "tv", block(1.0, 0.6, 0.06))
-    scene = two_rooms(0.9, (board, thing(30, board, 2.0, 0.25)), (screen, thing(31, screen, 2.0, 0.25, y=0.45)))
+    scene = two_rooms(
+        0.9, (board, scene_object(30, board, 2.0, 0.25)), (screen, scene_object(31, screen, 2.0, 0.25, y=0.45))
+    )
     walker = Walker(scene, (31,), seed)
     log = play(OracleAgent(), walker, episode(scene, "tv", 31))
     assert log[-1][1].skill == "stop"
@@ -88,7 +90,7 @@ def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed:
 
 def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
     chair = asset("chair", "chair", block(0.5, 0.45, 0.5))
-    scene = two_rooms(0.9, (chair, thing(30, chair, 2.5, 2.0)), (chair, thing(31, chair, 7.0, 5.5)))
+    scene = two_rooms(0.9, (chair, scene_object(30, chair, 2.5, 2.0)), (chair, scene_object(31, chair, 7.0, 5.5)))
     walker = Walker(scene, (30, 31))
     play(OracleAgent(), walker, episode(scene, "chair", 30, 31))
     assert reach(walker, 30) <= 0.2
@@ -97,7 +99,7 @@ def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
 def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() -> None:
     # A glass pane that the scene does not tell of stands across the direct way to the bed.
     pane = asset("pane", "wall", block(1.2, 1.0, 0.1))
-    known, real = two_rooms(), two_rooms(0.9, (pane, thing(30, pane, 1.2, 2.2)))
+    known, real = two_rooms(), two_rooms(0.9, (pane, scene_object(30, pane, 1.2, 2.2)))
     walker = Walker(known, (22,), solid=OccupancyGrid.of(real))
     log = play(OracleAgent(), walker, episode(known, "bed", 22, sit=True))
     assert walker.sat

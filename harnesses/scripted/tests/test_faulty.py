@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rooms import asset, block, thing, two_rooms
+from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
@@ -106,7 +106,7 @@ def test_who_dawdles_sets_out_when_sixteen_steps_are_left():
 def test_who_loses_heart_stops_where_it_started():
     """A folding screen hides the couch until one is round it."""
     screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
-    walker = Walker(two_rooms(0.9, (screen, thing(30, screen, 6.0, 2.6))), (COUCH,))
+    walker = Walker(two_rooms(0.9, (screen, scene_object(30, screen, 6.0, 2.6))), (COUCH,))
     log = play(FaultyAgent(options({"fault": "give_up"})), walker, spec(False))
     track = np.array(walker.track)
     assert log[-1][1].skill == "stop"

@@ -29,9 +29,9 @@ class Setting:
     verifier: str = VERIFIER
     falls: tuple[Metric, ...] = ()
 
-    def job(self, engines: Backends) -> Job:
+    def job(self, backends: Backends) -> Job:
         """What to run for this row."""
-        return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, engines)
+        return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, backends)
 
 
 BASELINE: Final = Setting("baseline")

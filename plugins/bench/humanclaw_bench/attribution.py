@@ -211,7 +211,7 @@ CAUSES: Final = (
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """The first stage that was not met; None for a success, an instruction that is not scored, an unfinished episode and a plugin's failure."""
+    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's failure."""
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:

@@ -19,7 +19,7 @@ from humanclaw.tasks import write_episodes
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.runner import run_split
+from humanclaw_bench.runner import damage, run_split
 from humanclaw_bench.splits import HOUSES, STARTS, candidates, load_split, summary
 from humanclaw_bench.splits import make as make_splits
 from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
@@ -54,7 +54,7 @@ def bench() -> None:
 )
 @plugin_files
 def run_command(
-    name: str, deciders: Deciders, engines: Backends, workers: int, executor: str, address: str | None, out: Path | None,
+    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None, out: Path | None,
     resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
@@ -64,7 +64,7 @@ def run_command(
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, engines.chosen(plugins), deciders.limits,
+        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files),
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
@@ -168,6 +168,19 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
     click.echo(f"scores: {out}")
 
 
+@bench.command()
+@click.argument("run", type=RUN)
+def verify(run: Path) -> None:
+    """Hold every file of a run to the digests in its records, and name what is damaged."""
+    count, faults = damage(run)
+    for fault in faults:
+        click.echo(fault)
+    many = "1 record" if count == 1 else f"{count} records"
+    click.echo(f"{many} in {run}: {len(faults)} damaged." if faults else f"{many} in {run}: all whole.")
+    if faults:
+        raise SystemExit(1)
+
+
 @bench.command("export")
 @click.argument("run", type=RUN)
 @click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
@@ -182,7 +195,9 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
     extra = metrics_of(Plugins.discover(files))
-    return named({str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): _asked(run) for run in runs})
+    return named(
+        {str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): _asked(run) for run in runs}
+    )
 
 
 def _asked(run: Path) -> int:

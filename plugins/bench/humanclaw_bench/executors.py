@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw_bench.worker import FAILED, Job, Report, Worker
+from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport
 
 ONE_THREAD: Final = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -64,7 +64,7 @@ class Executor(Protocol):
     A humanclaw_bench.worker.Worker does the playing, so that records are the same wherever it runs.
     """
 
-    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
         """Play what is in the queue and report each episode once, in the order in which they end.
 
         The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, everything
@@ -106,7 +106,7 @@ class LocalExecutor:
     def stop(self) -> None:
         self._stopping.value = 1
 
-    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
         processes = [self._spawn(job, out, f"worker-{number}") for number in range(min(self._workers, len(queue)))]
         deaths = 0
         try:
@@ -149,7 +149,7 @@ class LocalExecutor:
             worker.channel.send(worker.task)
 
 
-def _crash_report(worker: _WorkerProcess, deaths: int) -> Report | None:
+def _crash_report(worker: _WorkerProcess, deaths: int) -> WorkerReport | None:
     """Of what a worker died, and in which episode if in any. Raises HumanclawError if one after another does."""
     worker.process.join()
     fate = f"{worker.name} died with {_reason(worker.process.exitcode)}; see {worker.log}"
@@ -157,7 +157,9 @@ def _crash_report(worker: _WorkerProcess, deaths: int) -> Report | None:
         raise HumanclawError(f"{deaths} workers died one after another. The last: {fate}.", "Mend what it says there.")
     if worker.task is None:
         return None
-    return Report(worker.task.id, FAILED, seconds=time.perf_counter() - worker.began, error=fate, worker=worker.name)
+    return WorkerReport(
+        worker.task.id, FAILED, seconds=time.perf_counter() - worker.began, error=fate, worker=worker.name
+    )
 
 
 def _reason(code: int | None) -> str:

@@ -1,7 +1,7 @@
 """What an episode was worth, from its record alone (paper, section 4.2; the tables of section 5).
 
 Rates speak of episodes that ended: by themselves, by a limit of their own, or because a plugin failed (plugin_error). One that the
-provider or the machine broke (infra_error) or that was cut short is counted apart and is in no number: it says nothing about the agent.
+provider or the machine broke (infra_error) or that was cut short is counted apart and in no number: it says nothing of the agent.
 """
 
 from __future__ import annotations

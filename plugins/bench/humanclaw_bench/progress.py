@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from humanclaw_bench.runner import RunStatus
-from humanclaw_bench.worker import Report
+from humanclaw_bench.worker import WorkerReport
 
 
 class RunProgress:
@@ -24,7 +24,7 @@ class RunProgress:
         )  # fmt: skip
         self._task = self._bar.add_task("starting", total=None)
 
-    def watch(self, status: RunStatus, report: Report | None) -> None:
+    def watch(self, status: RunStatus, report: WorkerReport | None) -> None:
         """Told by run_split of each episode that ended."""
         self._bar.update(self._task, completed=status.done, total=status.total, description=_rate(status))
         if report is None:

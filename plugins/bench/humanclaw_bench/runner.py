@@ -11,6 +11,7 @@ import json
 import signal
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
@@ -20,12 +21,12 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw import EpisodeRecord, EpisodeSpec, HumanclawError, Plugins, RecordError
+from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
 from humanclaw.hookspecs import noun
 from humanclaw.storage import write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.metrics import ended
-from humanclaw_bench.worker import FAILED, Job, Report, mark, unpack
+from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 FORMAT: Final = 1
 
@@ -65,7 +66,7 @@ class RunStatus:
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
-Watcher = Callable[[RunStatus, Report | None], None]
+Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
 
 
@@ -83,6 +84,8 @@ def run_split(
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what stands in
     the way of every episode, KeyboardInterrupt on the second SIGINT.
     """
+    if twice := [name for name, count in Counter(spec.id for spec in specs).items() if count > 1]:
+        raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
         _agree(out / "run.json", manifest(specs, job, plugins))
@@ -103,12 +106,36 @@ def run_split(
 
 
 def has_ended(folder: Path) -> bool:
-    """Whether an episode has been run to its end: its own, or that of a limit that it would meet again."""
-    path = folder / "episode.json"
-    if not path.exists():
-        return False
-    record = EpisodeRecord.model_validate_json(path.read_bytes())
-    return ended(record.outcome, record.limit)
+    """Whether an episode has been run to its end, its own or that of a limit that it would meet again, and its record is whole."""
+    try:
+        found = recorded(folder)
+    except RecordError:
+        return False  # The worker that begins it anew says why.
+    return found is not None and ended(found.record.outcome, found.record.limit)
+
+
+def damage(run: Path) -> tuple[int, tuple[str, ...]]:
+    """How many records a run holds, and what is wrong with them: a line each that is damaged.
+
+    Raises RecordError if there is none.
+    """
+    folders = sorted({path.parent for name in ("episode.json", "steps.jsonl") for path in run.rglob(name)})
+    if not folders:
+        raise RecordError(f"there is no episode record in {run}.", "Name a folder that `humanclaw bench run` wrote.")
+    return len(folders), tuple(filter(None, map(_damage, folders)))
+
+
+def _damage(folder: Path) -> str:
+    """What is wrong with one record; empty if nothing is."""
+    try:
+        record = RecordedEpisode(folder).record
+    except RecordError as error:
+        return error.message
+    if not record.seal:
+        return f"{folder / 'episode.json'} has no seal: nothing tells whether it has been changed."
+    if (folder.parent / "run.json").exists() and folder.name != record.spec.id:
+        return f"{folder} holds the record of {record.spec.id!r}."
+    return ""
 
 
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
@@ -116,7 +143,7 @@ def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
     return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
 
 
-def _counted(status: RunStatus, report: Report, seconds: float) -> RunStatus:
+def _counted(status: RunStatus, report: WorkerReport, seconds: float) -> RunStatus:
     done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
@@ -129,11 +156,11 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
     return RunStatus(**(asdict(status) | changes))
 
 
-def _keep(out: Path, report: Report) -> None:
+def _keep(out: Path, report: WorkerReport) -> None:
     """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the journal."""
     folder = out / report.episode
     unpack(folder, report.files)
-    if report.outcome == FAILED and (folder / "episode.json").exists():
+    if report.outcome == FAILED:
         mark(folder, FAILED, report.error)
     line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
     with (out / "journal.jsonl").open("a", encoding="utf-8") as stream:
@@ -146,7 +173,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)
-    base: str = plugins.make("motion_generators", job.engines.generator, profile=job.engines.profile).digest
+    base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     episodes = "\n".join(spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
@@ -163,12 +190,12 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
 
 
 def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
-    """Of humanclaw and the distributions that the run rests on: those of its skills, engines, scenes and deciders."""
-    engines = job.engines
+    """Of humanclaw and the distributions that the run rests on: those of its skills, backends, scenes and deciders."""
+    backends = job.backends
     used = {
-        f"{noun('simulators')} {engines.simulator}",
-        f"{noun('renderers')} {engines.renderer}",
-        f"{noun('motion_generators')} {engines.generator}",
+        f"{noun('simulators')} {backends.simulator}",
+        f"{noun('renderers')} {backends.renderer}",
+        f"{noun('motion_generators')} {backends.generator}",
         f"{noun('agents')} {job.agent}",
         f"{noun('verifiers')} {job.verifier}",
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
@@ -188,11 +215,19 @@ def _agree(path: Path, wanted: dict[str, Any]) -> None:
     if not path.exists():
         write_atomically(path, json.dumps(wanted, indent=1).encode())
         return
-    found = json.loads(path.read_bytes())
+    found = _read_manifest(path)
     differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
     if differing:
         told = "; ".join(_difference(key, found.get(key), wanted.get(key)) for key in differing)
         raise RecordError(f"{path.parent} holds a run with other settings: {told}.", "Name another folder with --out.")
+
+
+def _read_manifest(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise RecordError(f"{path} is damaged: {error}.", "Name another folder with --out.") from error
+    return found if isinstance(found, dict) else {}
 
 
 def _difference(key: str, found: Any, wanted: Any) -> str:

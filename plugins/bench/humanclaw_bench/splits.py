@@ -84,7 +84,7 @@ def _roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
 
 def _goals(floors: MultiFloorMap, scene: Scene, category: str, *, sit: bool = False) -> Array:
     """(N, 3) places beside the targets of a category, or from which one can be sat on."""
-    found = (goals_at(floors, scene, thing.id, sit=sit) for thing in scene.of_category(category))
+    found = (goals_at(floors, scene, obj.id, sit=sit) for obj in scene.of_category(category))
     return np.concatenate([np.empty((0, 3)), *found])
 
 
@@ -109,7 +109,7 @@ def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, y
         scene_digest=scene.digest,
         start=Pose2D(x=x, z=z, yaw=yaw, floor=floor),
         target_category=category,
-        target_ids=tuple(thing.id for thing in scene.of_category(category)),
+        target_ids=tuple(obj.id for obj in scene.of_category(category)),
         interact=category in SEATS,
         difficulty=route_difficulty(scene, ways.path(place), float(ways.at(place))),
     )

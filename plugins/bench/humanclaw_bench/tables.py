@@ -122,7 +122,7 @@ class Result:
 
     @property
     def note(self) -> str:
-        """How many episodes the numbers are of, which were left out of them, what plugins broke, and a verifier that was not asked."""
+        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not asked."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         count = f"{len(self.finished)} of {self.total}" if self.partial else str(self.total)
@@ -131,7 +131,9 @@ class Result:
     @property
     def _broken(self) -> str:
         faults = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
-        return "".join(f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items()))
+        return "".join(
+            f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items())
+        )
 
     @property
     def _unasked(self) -> str:
@@ -158,7 +160,11 @@ def named(
             groups.setdefault((agent, run), []).append((scores, cause))
     repeated = Counter(agent for agent, _ in groups)
     return tuple(
-        Result(agent if repeated[agent] == 1 else f"{agent} ({run})", *map(tuple, zip(*found, strict=True)), (asked or {}).get(run, 0))
+        Result(
+            agent if repeated[agent] == 1 else f"{agent} ({run})",
+            *map(tuple, zip(*found, strict=True)),
+            (asked or {}).get(run, 0),
+        )
         for (agent, run), found in groups.items()
     )
 

@@ -18,11 +18,12 @@ from humanclaw import (
     Meter,
     Plugins,
     RecordedEpisode,
+    RecordError,
     ReplayError,
     StepRecord,
 )
 from humanclaw.navigation import geodesics
-from humanclaw.records import Outcome, Usage
+from humanclaw.records import Outcome, Usage, close_record
 from humanclaw.storage import write_atomically
 
 FAILED: Final = "infra_error"
@@ -36,7 +37,7 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     verifier: str = ""
     """Empty for none."""
-    engines: Backends = field(default_factory=Backends)
+    backends: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
     """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
@@ -44,7 +45,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Report:
+class WorkerReport:
     """An episode has ended, or its worker has."""
 
     episode: str
@@ -81,7 +82,7 @@ class Worker:
         self._replayed = Usage()
         """What the steps took that were played in an earlier session."""
 
-    def play(self, spec: EpisodeSpec) -> Report:
+    def play(self, spec: EpisodeSpec) -> WorkerReport:
         """Play an episode, or what is left of it. Never raises: what went wrong is in the report."""
         self._episode, self._replayed = None, Usage()
         began = time.perf_counter()
@@ -102,14 +103,19 @@ class Worker:
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
         try:
-            self._run(spec, folder, recorded_steps(folder))
+            replay = recorded_steps(folder)
+        except RecordError as fault:
+            print(f"{fault.message} It is begun anew.", flush=True)
+            replay = ()
+        try:
+            self._run(spec, folder, replay)
         except ReplayError as fault:
             print(f"{fault} It is begun anew.", flush=True)
             self._run(spec, folder, ())
 
     def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
         job, plugins = self._job, self._plugins
-        body = self._body = self._body or Body(spec.scene, plugins=plugins, engines=job.engines)
+        body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
         agent = plugins.make("agents", job.agent, job.options)
         verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
         self._replayed = sum((step.usage for step in replay), Usage())
@@ -123,12 +129,10 @@ class Worker:
             traceback.print_exception(self._episode.fault)
 
     def _fail(self, spec: EpisodeSpec, error: str) -> None:
-        folder = self._out / spec.id
-        if (folder / "episode.json").exists():
-            mark(folder, FAILED, error)
+        mark(self._out / spec.id, FAILED, error)
 
-    def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> Report:
-        report = Report(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
+    def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
+        report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
         if self._episode is None:
             return report
         end, before = self._episode.record, self._replayed
@@ -151,17 +155,30 @@ class Worker:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier session left behind, if any."""
-    return RecordedEpisode(folder).steps if (folder / "episode.json").exists() else ()
+    """The steps of an episode that an earlier session left behind, if any. Raises RecordError if they are damaged."""
+    found = recorded(folder)
+    return found.steps if found else ()
+
+
+def recorded(folder: Path) -> RecordedEpisode | None:
+    """The record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is damaged."""
+    if not (folder / "episode.json").exists():
+        return None
+    found = RecordedEpisode(folder)
+    if found.record.spec.id != folder.name:
+        raise RecordError(f"{folder} holds the record of {found.record.spec.id!r}.", "Remove the folder.")
+    return found
 
 
 def mark(folder: Path, outcome: Outcome, error: str) -> None:
-    """Write into the record of an episode how it ended, where nobody else could."""
-    recorded = RecordedEpisode(folder)
-    changed = {"outcome": outcome, "error": error, "steps": len(recorded.steps)}
-    write_atomically(
-        folder / "episode.json", recorded.record.model_copy(update=changed).model_dump_json(indent=1).encode()
-    )
+    """Write into the record of an episode how it ended, where nobody else could. A damaged one is left: it is begun anew."""
+    try:
+        found = recorded(folder)
+    except RecordError:
+        return
+    if found:
+        changed = {"outcome": outcome, "error": error, "steps": len(found.steps)}
+        close_record(folder, found.record.model_copy(update=changed))
 
 
 # -- a record on its way -----------------------------------------------------------------------------------------------

@@ -248,7 +248,7 @@ class Tale:
         """rng: of this step alone, so that one fact that differs leaves the other steps as they are."""
         parts = rng.multinomial(self.pixels[k], np.full(len(self.targets), 1 / len(self.targets)))
         knees = (touch(_pick(rng, [TABLE, LAMP]), 3),) if rng.random() < 0.2 else ()
-        hips = tuple(touch(thing, 1, 2, joint="pelvis", group="torso") for thing in (*self.brushed[k], *self.hips[k]))
+        hips = tuple(touch(obj, 1, 2, joint="pelvis", group="torso") for obj in (*self.brushed[k], *self.hips[k]))
         return step(
             self.moves[k].skill, away=float(self.away[k]), params=self.moves[k].params, motion_frames=0,
             target_pixels=dict(zip(self.targets, map(int, parts), strict=True)), contacts=(*knees, *hips),
@@ -414,19 +414,19 @@ def _places(tale: Tale, last: bool) -> list[int]:
     return sorted(int(k) for k in tale.rng.choice(candidates, int(tale.rng.integers(1, 4)), replace=False))
 
 
-def _brush(tale: Tale, things: Sequence[int], share: float = 0.1) -> bool:
+def _brush(tale: Tale, objects: Sequence[int], share: float = 0.1) -> bool:
     """The hips touch something here and there on the way, never at the end of a sit or of the rollout."""
     kept = {k for k, move in enumerate(tale.moves) if "sit" in move.skill} | {tale.executed()[-1], len(tale.moves) - 1}
     places = [k for k in tale.executed() if k not in kept and tale.rng.random() < share]
     for k in places:
-        thing = (_pick(tale.rng, things),)
-        tale.hips[k], tale.brushed[k] = ((), thing) if tale.rng.random() < 0.5 else (thing, ())
+        obj = (_pick(tale.rng, objects),)
+        tale.hips[k], tale.brushed[k] = ((), obj) if tale.rng.random() < 0.5 else (obj, ())
     return bool(places)
 
 
-def _end(tale: Tale, *things: int) -> None:
+def _end(tale: Tale, *objects: int) -> None:
     """What the hips rest on when the last call before the stop is done, and through the stop."""
-    tale.hips[tale.executed()[-1]] = tale.hips[-1] = things
+    tale.hips[tale.executed()[-1]] = tale.hips[-1] = objects
 
 
 def _stood(tale: Tale, miss: bool) -> str:
@@ -448,7 +448,7 @@ def _stood(tale: Tale, miss: bool) -> str:
 
 def _air(tale: Tale, miss: bool) -> str:
     """Sits, and the hips touch nothing. A miss brushed something once, or never sat."""
-    places, brushes, thing = (
+    places, brushes, obj = (
         _places(tale, last=True),
         tale.rng.random() < 0.5,
         _pick(tale.rng, [TABLE, FLOOR, LAMP]),
@@ -457,7 +457,7 @@ def _air(tale: Tale, miss: bool) -> str:
     if not miss or brushes:
         _sit(tale, places)
     if miss and brushes:
-        tale.hips[place], tale.brushed[place] = ((thing,), ()) if at_end else ((), (thing,))
+        tale.hips[place], tale.brushed[place] = ((obj,), ()) if at_end else ((), (obj,))
     return f"interact: {INTERACT[AIR if not miss else WRONG if brushes else NEVER]}"
 
 
@@ -465,12 +465,12 @@ def _wrong(tale: Tale, miss: bool) -> str:
     """A sit, and the hips end on something else. A miss ends on nothing, or had sat on the target before."""
     places, nothing = _places(tale, last=True), tale.rng.random() < 0.5
     nothing = nothing or places[0] == tale.executed()[-1]
-    thing, target = _pick(tale.rng, [TABLE, FLOOR, LAMP]), _pick(tale.rng, tale.targets)
+    obj, target = _pick(tale.rng, [TABLE, FLOOR, LAMP]), _pick(tale.rng, tale.targets)
     _sit(tale, places)
     if miss and nothing:
         return f"interact: {INTERACT[AIR]}"
     _brush(tale, [*tale.targets, TABLE, FLOOR], share=0.0 if nothing else 0.1)
-    _end(tale, thing)
+    _end(tale, obj)
     if miss:
         tale.hips[places[0]] = (target,)
     return f"interact: {INTERACT[STOOD if miss else WRONG]}"
@@ -479,17 +479,17 @@ def _wrong(tale: Tale, miss: bool) -> str:
 def _never(tale: Tale, miss: bool) -> str:
     """No sit, whatever the hips touch. A miss has one, on the target, on something else or on nothing."""
     place, rests = _places(tale, last=False)[0], tale.rng.random() < 0.5
-    thing = _pick(tale.rng, [tale.targets[0], TABLE, -1])
+    obj = _pick(tale.rng, [tale.targets[0], TABLE, -1])
     _brush(tale, [*tale.targets, TABLE, FLOOR])
     _end(tale, *((tale.targets[0],) if rests else ()))
     if not miss:
         return f"interact: {INTERACT[NEVER]}"
     _sit(tale, [place])
-    tale.brushed[place], tale.hips[place] = (), (thing,) if thing >= 0 else ()
+    tale.brushed[place], tale.hips[place] = (), (obj,) if obj >= 0 else ()
     touched = any(tale.brushed) or any(tale.hips)
     if rests:
         return SUCCESS
-    return f"interact: {INTERACT[STOOD if thing == tale.targets[0] else WRONG if touched else AIR]}"
+    return f"interact: {INTERACT[STOOD if obj == tale.targets[0] else WRONG if touched else AIR]}"
 
 
 def construct(label: str, case: int, *, miss: bool = False) -> Built:
@@ -514,6 +514,6 @@ def anything(case: int) -> Built:
     for k in range(len(moves)):
         tale.pixels[k] = tale.bright() if rng.random() < bright else tale.dim()
         tale.away[k] = rng.uniform(0.0, 0.2) if rng.random() < arrives else tale.away[k]
-        thing = (_pick(rng, [*tale.targets, TABLE, FLOOR]),)
-        tale.hips[k], tale.brushed[k] = (thing if x < touches else () for x in rng.random(2))
+        obj = (_pick(rng, [*tale.targets, TABLE, FLOOR]),)
+        tale.hips[k], tale.brushed[k] = (obj if x < touches else () for x in rng.random(2))
     return tale.built(UNKNOWN)

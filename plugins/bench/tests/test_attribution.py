@@ -167,7 +167,7 @@ def test_a_run_records_the_way_that_is_left_before_and_after_every_step(body, ho
     recorded, way = RecordedEpisode(tmp_path / "one"), geodesics(house, spec.target_ids)
     assert recorded.record.geodesic == pytest.approx(way([house.start.x, 0.96, house.start.z]), abs=0.1)
     assert [one.geodesic for one in recorded.steps] == pytest.approx([way(one.end) for one in recorded.steps], abs=0.01)
-    assert set(recorded.record.movable) == {thing.id for thing in house.objects if thing.movable}
+    assert set(recorded.record.movable) == {obj.id for obj in house.objects if obj.movable}
 
 
 def test_no_target_has_no_way() -> None:

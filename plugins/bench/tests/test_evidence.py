@@ -50,7 +50,7 @@ def test_the_ablation_table_tells_rates_and_directions():
     assert "| no-mid-level: InteractSR falls | 75.0 % | 12.5 % |" in text
 
 
-def test_the_settings_differ_from_the_baseline_in_one_thing_each():
+def test_the_settings_differ_from_the_baseline_in_one_field_each():
     base = ablation.BASELINE.job(ablation.Backends())
     for setting in ablation.SETTINGS[1:]:
         job = setting.job(ablation.Backends())

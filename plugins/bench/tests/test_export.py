@@ -11,9 +11,9 @@ from made import record_episode
 
 import humanclaw_bench as benchmark
 from humanclaw import Plugins, RecordError, load_run
-from humanclaw.cli import Commands
-from humanclaw_bench.cli import bench
+from humanclaw.cli import build
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
+from humanclaw_bench.worker import mark
 
 METRIC = """
 from humanclaw import hookimpl
@@ -33,15 +33,12 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("export") / "run"
     for name in ("couch-0", "couch-1", "couch-2"):
         record_episode(folder / name, name=name)
-    path = folder / "couch-2" / "episode.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"outcome": "infra_error", "error": "503"}))
+    mark(folder / "couch-2", "infra_error", "503")
     return folder
 
 
 def command(*args):
-    group = Commands("humanclaw")
-    group.add_command(bench)
-    return CliRunner().invoke(group, ["bench", *map(str, args)])
+    return CliRunner().invoke(build(Plugins.discover), ["bench", *map(str, args)])
 
 
 def test_a_csv_holds_every_episode_with_its_numbers(run, tmp_path):

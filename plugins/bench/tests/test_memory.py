@@ -40,7 +40,7 @@ def houses(monkeypatch):
 def test_nothing_is_left_of_a_house_when_the_body_has_moved_on(houses, tmp_path, agent):
     """Neither the house itself, which would show at once, nor what an engine keeps of it out of Python's sight."""
     (plugins, made), memory = houses, []
-    job = Job(agent, engines=Backends("bullet", "raster", "toy"), files=(toy_world.FILE,))
+    job = Job(agent, backends=Backends("bullet", "raster", "toy"), files=(toy_world.FILE,))
     with Worker(job, tmp_path, plugins=plugins) as worker:
         for spec in toy_world.specs(14, houses=14, steps=2):
             report = worker.play(spec)

@@ -203,7 +203,7 @@ def test_contacts_of_one_frame_are_one_chain(tmp_path: Path) -> None:
     assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP, VASE, BOOK}
 
 
-def test_a_fixed_thing_passes_nothing_on(tmp_path: Path) -> None:
+def test_a_fixed_object_passes_nothing_on(tmp_path: Path) -> None:
     steps = [step(contacts=(touch(LAMP, 0), touch(TABLE, 0)), touches=((1, LAMP, TABLE), (2, VASE, TABLE)))]
     assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP}
 
@@ -224,24 +224,24 @@ def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Pat
 
 def test_random_contacts_disturb_what_a_search_over_all_chains_finds(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    things = (LAMP, VASE, BOOK, TABLE)
+    scene_objects = (LAMP, VASE, BOOK, TABLE)
     for case in range(40):
         hits = {(int(rng.integers(15)), LAMP) for _ in range(rng.integers(0, 2))}
         hits |= {(int(rng.integers(15)), VASE) for _ in range(rng.integers(0, 2))}
-        pairs = {(int(rng.integers(15)), *map(int, rng.choice(things, 2, replace=False))) for _ in range(5)}
-        contacts = tuple(touch(thing, frame) for frame, thing in hits)
+        pairs = {(int(rng.integers(15)), *map(int, rng.choice(scene_objects, 2, replace=False))) for _ in range(5)}
+        contacts = tuple(touch(obj, frame) for frame, obj in hits)
         found = disturbed(rollout(tmp_path, [step(contacts=contacts, touches=tuple(pairs))], name=f"{case}"), {})
-        chains = {thing for _, thing in hits}
+        chains = {obj for _, obj in hits}
         links = [(t, a, b) for t, x, y in pairs for a, b in ((x, y), (y, x)) if TABLE not in (x, y)]
         for count in range(1, 4):
             for chain in itertools.permutations(links, count):
                 in_time = all(one[0] <= two[0] and one[2] == two[1] for one, two in itertools.pairwise(chain))
-                if in_time and any(t <= chain[0][0] and thing == chain[0][1] for t, thing in hits):
+                if in_time and any(t <= chain[0][0] and obj == chain[0][1] for t, obj in hits):
                     chains.add(chain[-1][2])
         assert set(found) == chains
 
 
-def test_the_path_of_a_thing_counts_from_the_frame_it_was_disturbed(tmp_path: Path) -> None:
+def test_the_path_of_an_object_counts_from_the_frame_it_was_disturbed(tmp_path: Path) -> None:
     path = np.zeros((HISTORY + 15, 7))
     path[:, 0] = np.concatenate([np.linspace(0, 1, HISTORY + 4), np.full(11, 1.5)])
     path[-1, 1] = -2.0
@@ -361,7 +361,9 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
     whole = [generated[0], realised[0]]
     for made, real in zip(generated[1:], realised[1:], strict=True):
         whole = [whole[0].then(made), whole[1].then(real)]
-    recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step(), step("stop")], motion=tuple(whole))
+    recorded = rollout(
+        tmp_path, [step(motion_frames=15), step(motion_frames=30), step(), step("stop")], motion=tuple(whole)
+    )
     line = generated_trajectory(recorded)
     assert len(line) == 60
     np.testing.assert_allclose(line.root[:, 0], np.arange(1, 61) * 0.4 / 15, atol=1e-9)

@@ -18,7 +18,9 @@ def plugins() -> Plugins:
     return Plugins.discover([Path(FILE)])
 
 
-@pytest.mark.parametrize(("simulator", "x", "before", "after"), [("pushing", 6.5, True, False), ("pulling", 4.5, False, True)])
+@pytest.mark.parametrize(
+    ("simulator", "x", "before", "after"), [("pushing", 6.5, True, False), ("pulling", 4.5, False, True)]
+)
 def test_a_target_that_was_pushed_is_reached_where_it_is_and_not_where_it_was(
     plugins: Plugins, tmp_path: Path, simulator: str, x: float, before: bool, after: bool
 ) -> None:
@@ -28,7 +30,7 @@ def test_a_target_that_was_pushed_is_reached_where_it_is_and_not_where_it_was(
         start=Pose2D(x=x, z=2.5, yaw=0.0), interact=False,
     )  # fmt: skip
     with (
-        Body("toy:0", plugins=plugins, engines=Backends(simulator, "toy", "toy")) as body,
+        Body("toy:0", plugins=plugins, backends=Backends(simulator, "toy", "toy")) as body,
         Episode(body, spec, "a test", folder=tmp_path) as episode,
     ):
         assert (episode.target_distance() <= 0.2) is before

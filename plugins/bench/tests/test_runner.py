@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,9 +16,10 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from humanclaw import Backends, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw.records import EpisodeRecord, write_record
+from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
-from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
@@ -49,7 +51,7 @@ def play(toys, tmp_path):
     """Run toy episodes; returns the status, the reports and the folder."""
 
     def run(specs, workers=0, name="run", agent="walker", limits=None, **options):
-        job = Job(agent, options, engines=TOY, limits=limits or {}, files=(toy_world.FILE,))
+        job = Job(agent, options, backends=TOY, limits=limits or {}, files=(toy_world.FILE,))
         reports = []
         status = run_split(
             specs, job, LocalExecutor(workers) if workers else Here(), tmp_path / name, plugins=toys,
@@ -62,6 +64,12 @@ def play(toys, tmp_path):
 
 def digests(folder):
     return {episode.record.spec.id: episode.digest for episode in load_run(folder)}
+
+
+def rewrite(folder, **changes):
+    """Change the record of an episode as if it had never ended, or ended otherwise."""
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={"files": {}, **changes}))
 
 
 # -- who plays ---------------------------------------------------------------------------------------------------------
@@ -102,8 +110,7 @@ def test_an_episode_cut_short_goes_on_without_asking_again(play, tmp_path):
     episode = folder / "toy-0"
     lines = (episode / "steps.jsonl").read_text().splitlines(keepends=True)
     (episode / "steps.jsonl").write_text("".join(lines[:2]) + lines[2][:50])
-    record = json.loads((episode / "episode.json").read_text()) | {"outcome": "running", "steps": 0}
-    (episode / "episode.json").write_text(json.dumps(record))
+    rewrite(episode, outcome="running", steps=0)
     (episode / "motion.npz").unlink()
     log.write_text("")
     _, (report,), _ = play(toy_world.specs(1), log=str(log))
@@ -121,11 +128,41 @@ def test_a_record_that_the_world_no_longer_agrees_with_is_begun_anew(play, tmp_p
     step = json.loads(first)
     step["end"][0] += 0.5
     (episode / "steps.jsonl").write_text(json.dumps(step) + "\n")
-    record = json.loads((episode / "episode.json").read_text()) | {"outcome": "interrupted"}
-    (episode / "episode.json").write_text(json.dumps(record))
+    rewrite(episode, outcome="interrupted", steps=1)
     play(toy_world.specs(1), log=str(log))
     assert digests(folder) == before
     assert "It is begun anew" in capsys.readouterr().out
+
+
+def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play, tmp_path, capsys):
+    log = tmp_path / "log"
+    _, _, folder = play(toy_world.specs(2), log=str(log))
+    before, path = digests(folder), folder / "toy-1" / "motion.npz"
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(RecordError, match=r"toy-1/motion\.npz has been changed"):
+        load_run(folder)
+    answer = CliRunner().invoke(bench, ["verify", str(folder)])
+    assert (answer.exit_code, "2 records" in answer.output, "1 damaged" in answer.output) == (1, True, True)
+    log.write_text("")
+    status, (report,), _ = play(toy_world.specs(2), log=str(log))
+    assert (report.episode, status.done, digests(folder)) == ("toy-1", 2, before)
+    assert "toy-0" not in log.read_text()
+    assert "has been changed since it was written. It is begun anew." in capsys.readouterr().out
+    assert CliRunner().invoke(bench, ["verify", str(folder)]).exit_code == 0
+
+
+def test_an_episode_copied_beside_itself_is_refused(play):
+    _, _, folder = play(toy_world.specs(1))
+    shutil.copytree(folder / "toy-0", folder / "toy-1")
+    with pytest.raises(RecordError, match=r"toy-1 holds the record of 'toy-0'"):
+        load_run(folder)
+    assert CliRunner().invoke(bench, ["verify", str(folder)]).exit_code == 1
+
+
+def test_a_split_that_holds_an_episode_twice_is_refused(play, tmp_path):
+    with pytest.raises(HumanclawError, match="holds episode 'toy-0' twice"):
+        play(toy_world.specs(1) * 2)
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
@@ -198,7 +235,7 @@ def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play
 
 
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):
-    job = Job("walker", {}, engines=TOY, files=(str(tmp_path / "missing.py"),))
+    job = Job("walker", {}, backends=TOY, files=(str(tmp_path / "missing.py"),))
     with pytest.raises(HumanclawError, match="3 workers died one after another"):
         list(LocalExecutor(1).reports(job, EpisodeQueue(toy_world.specs(9)), tmp_path / "run"))
 
@@ -227,12 +264,13 @@ from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
+from humanclaw.records import EpisodeRecord, write_record
 from humanclaw_bench.cli import bench
 from humanclaw import Backends
 from humanclaw import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, engines=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
+    job = Job("walker", {{"pause": {pause}}}, backends=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
     status = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
     print(status)

@@ -51,7 +51,7 @@ class Objects:
             self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(0, shape, -1, obj.position, obj.rotation, useMaximalCoordinates=1)
-            # Asleep, or Bullet looks every step after what never moves, and movable things on it find no rest.
+            # Asleep, or Bullet looks every step after what never moves, and movable objects on it find no rest.
             self._client.changeDynamics(
                 body, -1, lateralFriction=obj.friction, activationState=self._client.ACTIVATION_STATE_SLEEP
             )

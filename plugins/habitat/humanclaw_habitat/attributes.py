@@ -76,6 +76,15 @@ class Placing(_Attributes):
         return self
 
 
+class Articulated(_Attributes):
+    """*.ao_config.json: a thing of links and joints. Paths are relative to the file that names them."""
+
+    urdf_filepath: str = ""
+    """Empty: the file of the same name beside it."""
+    uniform_scale: Annotated[float, Field(gt=0)] = 1.0
+    semantic_id: int | None = None
+
+
 class StagePlacing(_Attributes):
     template_name: str = ""
 
@@ -85,7 +94,9 @@ class SceneInstance(_Attributes):
 
     stage_instance: StagePlacing = StagePlacing()
     object_instances: tuple[Placing, ...] = ()
-    articulated_object_instances: tuple[dict[str, Any], ...] = ()
+    articulated_object_instances: tuple[Placing, ...] = ()
+    """Their translation is that of the root link, whatever translation_origin says, as in Habitat."""
+    default_lighting: str = ""
     translation_origin: Lower = ""
     semantic_scene_instance: str = ""
 
@@ -104,6 +115,22 @@ class Semantics(_Attributes):
     """*.semantic_config.json"""
 
     region_annotations: tuple[Region, ...] = ()
+
+
+class Nested(_Attributes):
+    """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template without a file of its own."""
+
+    original_file: str = ""
+    """What is changed; empty: a template is made from the defaults."""
+    template_handle: str = ""
+    """What the result is called; empty: as what is changed."""
+    attributes: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _named(self) -> Nested:
+        if not (self.original_file or self.template_handle):
+            raise ValueError("an entry of configs needs an original_file or a template_handle")
+        return self
 
 
 def read_json(path: Path) -> dict[str, Any]:

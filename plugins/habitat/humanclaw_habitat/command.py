@@ -12,7 +12,7 @@ from humanclaw import HumanclawError, Scene
 from humanclaw.tasks import write_episodes
 from humanclaw_habitat.categories import GOALS
 from humanclaw_habitat.dataset import Dataset
-from humanclaw_habitat.episodes import convert, read_books
+from humanclaw_habitat.episodes import LeftOut, convert, read_books
 from humanclaw_habitat.reference import TRIANGLES, Reference
 from humanclaw_habitat.source import load_scene, read_scene
 
@@ -60,22 +60,28 @@ def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triang
 @_small
 @_triangles
 def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: bool, small: bool, triangles: int) -> None:
-    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a file of episodes, one a line."""
-    found = convert(
-        read_books(episodes),
+    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a file of episodes, one a line.
+
+    Ends with 1 if anything was left out.
+    """
+    left_out = LeftOut(skip)
+    specs = convert(
+        read_books(episodes, left_out),
         lambda name: load_scene("hssd", _argument(dataset, name, skip, small, triangles)),
+        left_out,
         max_steps=max_steps,
-        skip=skip,
     )
-    for reason, count in found.left_out.items():
-        click.echo(f"left out: {count} episodes: {reason}", err=True)
-    if not found.specs:
+    for reason, count in left_out.reasons.items():
+        click.echo(f"left out: {reason}" + (f" ({count} episodes)" if count > 1 else ""), err=True)
+    if not specs:
         raise HumanclawError(f"no episode of {episodes} can be used.", "The reasons are above.")
-    write_episodes(out, found.specs)
+    write_episodes(out, specs)
     click.echo(f"{out}")
-    categories = Counter(spec.target_category for spec in found.specs)
-    click.echo(f"  episodes      {len(found.specs)} in {len({spec.scene for spec in found.specs})} scenes")
+    categories = Counter(spec.target_category for spec in specs)
+    click.echo(f"  episodes      {len(specs)} in {len({spec.scene for spec in specs})} scenes")
     click.echo("  categories    " + ", ".join(f"{name} {count}" for name, count in categories.most_common()))
+    if left_out.reasons:
+        click.get_current_context().exit(1)
 
 
 def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int) -> str:
@@ -92,6 +98,6 @@ def _tell(scene: Scene) -> None:
         f"{len({room.name for room in scene.rooms})} rooms; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )
-    for note, what in (("left_out", "left out"), ("without_textures", "without textures")):
+    for note, what in (("left_out", "left out"), ("without_textures", "without textures"), ("ignored", "ignored")):
         for line in json.loads(scene.notes[note]):
             click.echo(f"  {what}: {line}")

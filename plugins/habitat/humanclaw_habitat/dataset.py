@@ -6,20 +6,31 @@ import csv
 import difflib
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 from humanclaw import SceneError
-from humanclaw_habitat.attributes import Region, SceneInstance, Semantics, Template, checked, read_json
+from humanclaw_habitat.attributes import (
+    Articulated,
+    Nested,
+    Region,
+    SceneInstance,
+    Semantics,
+    Template,
+    checked,
+    read_json,
+)
 from humanclaw_habitat.categories import category_of
+from humanclaw_habitat.primitives import DEFAULT_SCALE, is_primitive
 
 CONFIG: Final = ".scene_dataset_config.json"
 SCENE: Final = ".scene_instance.json"
-_SUFFIXES: Final = {"stages": ".stage_config.json", "objects": ".object_config.json", "scene_instances": SCENE,
+_SUFFIXES: Final = {"stages": ".stage_config.json", "objects": ".object_config.json",
+                    "articulated_objects": ".ao_config.json", "scene_instances": SCENE,
                     "semantic_scene_descriptor_instances": ".semantic_config.json"}  # fmt: skip
-_MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
+_MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl", ".urdf")
 
 
 @dataclass(frozen=True)
@@ -31,8 +42,26 @@ class Kind:
     template: Template
 
     def path(self, asset: str) -> Path:
-        """Where an asset of the template lies."""
-        return (self.file.parent / asset).resolve()
+        """Where an asset of the template lies; a shape that Habitat makes itself lies nowhere and is only a name."""
+        return Path(asset) if is_primitive(asset) else (self.file.parent / asset).resolve()
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where the attributes of a name come from: a file, then what the dataset's own config changes of it."""
+
+    file: Path
+    changes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Raises SceneError if the file cannot be read."""
+        if self.file.name.endswith(CONFIG):
+            return dict(self.changes)
+        own: dict[str, Any] = {"render_asset": self.file.name}
+        if self.file.suffix == ".json":
+            own = read_json(self.file)
+        return {**own, **self.changes}
 
 
 @dataclass(frozen=True)
@@ -84,22 +113,36 @@ class Dataset:
                     inside = sorted(place.iterdir()) if place.is_dir() else [place]
                     yield from (file for file in inside if file.name.endswith(endings) and file.is_file())
 
-    def _index(self, section: str) -> dict[str, Path]:
-        """Name to file; a config goes before a bare model of the same name."""
-        found: dict[str, Path] = {}
+    def _index(self, section: str) -> dict[str, _Source]:
+        """Name to source; a config goes before a bare model of its name, and what the dataset's own config says before both."""
+        found: dict[str, _Source] = {}
         for file in self._files(section):
             name = _stem(file)
-            if name not in found or (file.suffix == ".json" and found[name].suffix != ".json"):
-                found[name] = file
+            if name not in found or (file.suffix == ".json" and found[name].file.suffix != ".json"):
+                found[name] = _Source(file)
+        for entry in self._section(section).get("configs", ()):
+            name, source = self._nested(section, entry, found)
+            found[name] = source
         return found
 
-    @cached_property
-    def _templates(self) -> Mapping[str, dict[str, Path]]:
-        return {section: self._index(section) for section in ("stages", "objects")}
+    def _nested(self, section: str, entry: Any, known: Mapping[str, _Source]) -> tuple[str, _Source]:
+        """One of a section's configs: a change of a file, or new. Paths in it are relative to that file, or to the dataset."""
+        changed = checked(Nested, entry if isinstance(entry, dict) else {}, self.config)
+        base = _stem(Path(changed.original_file))
+        if base and base not in known:
+            said = f"{section}.configs changes {changed.original_file}, which is none of its {len(known)} files"
+            raise SceneError(f"{self.config}: {said}.", "Is the dataset complete?")
+        source = known[base] if base else _Source(self.config)
+        name = _stem(Path(changed.template_handle)) or base
+        return name, replace(source, changes={**source.changes, **changed.attributes})
 
     @cached_property
-    def scenes(self) -> Mapping[str, Path]:
-        """Name to file of each scene, by name."""
+    def _templates(self) -> Mapping[str, dict[str, _Source]]:
+        return {section: self._index(section) for section in ("stages", "objects", "articulated_objects")}
+
+    @cached_property
+    def scenes(self) -> Mapping[str, _Source]:
+        """Name to source of each scene, by name."""
         return dict(sorted(self._index("scene_instances").items()))
 
     def scene_name(self, wanted: str) -> str:
@@ -115,8 +158,10 @@ class Dataset:
         raise SceneError(f"{what}: {known}", "Name one behind #; `humanclaw habitat scenes PATH` lists them.")
 
     def scene(self, name: str) -> SceneInstance:
-        values = self._section("scene_instances").get("default_attributes", {}) | read_json(self.scenes[name])
-        return checked(SceneInstance, values, self.scenes[name])
+        source = self.scenes[name]
+        return checked(
+            SceneInstance, self._section("scene_instances").get("default_attributes", {}) | source.values, source.file
+        )
 
     def stage(self, name: str) -> Kind:
         return self._kind("stages", name)
@@ -124,7 +169,24 @@ class Dataset:
     def furniture(self, name: str) -> Kind:
         return self._kind("objects", name)
 
+    def articulated(self, name: str) -> Kind:
+        """A thing of links and joints; its model is its URDF, what is seen and what collides. Raises SceneError."""
+        found, source, values = self._found("articulated_objects", name)
+        attributes = checked(Articulated, values, source.file)
+        model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
+        scale = (attributes.uniform_scale,) * 3
+        template = Template(render_asset=model, collision_asset=model, scale=scale, semantic_id=attributes.semantic_id)
+        return Kind(found, source.file, template)
+
     def _kind(self, section: str, name: str) -> Kind:
+        if is_primitive(name) and section == "objects":
+            return Kind(
+                name, self.config, checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
+            )
+        found, source, values = self._found(section, name)
+        return Kind(found, source.file, checked(Template, values, source.file))
+
+    def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
         """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
         known = self._templates[section]
         base = _stem(Path(name))
@@ -132,17 +194,15 @@ class Dataset:
         if len(found) != 1:
             many = f"fits {len(found)} {section}" if found else f"is none of the {len(known)} {section}"
             raise SceneError(f"template {name!r} {many} of {self.config}.", "Is the dataset complete?")
-        file = known[found[0]]
-        values = read_json(file) if file.suffix == ".json" else {"render_asset": file.name}
-        defaults = self._section(section).get("default_attributes", {})
-        return Kind(found[0], file, checked(Template, defaults | values, file))
+        source = known[found[0]]
+        return found[0], source, self._section(section).get("default_attributes", {}) | source.values
 
     def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
         """The annotated rooms of a scene; none if nobody annotated them."""
         wanted = scene.semantic_scene_instance.replace("%%CONFIG_NAME_AS_ASSET_FILENAME%%", name)
         known = self._index("semantic_scene_descriptor_instances")
-        file = known.get(_stem(Path(wanted))) or known.get(name)
-        return checked(Semantics, read_json(file), file).region_annotations if file else ()
+        source = known.get(_stem(Path(wanted))) or known.get(name)
+        return checked(Semantics, source.values, source.file).region_annotations if source else ()
 
     @cached_property
     def _rows(self) -> Mapping[str, Mapping[str, str]] | None:

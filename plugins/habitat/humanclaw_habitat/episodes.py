@@ -1,8 +1,10 @@
 """ObjectNav episodes as EpisodeSpecs.
 
 The files are those of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`, whose keys are
-`<scene>_<category>`. A goal's object_id is the index of its object in the scene's object_instances. Two fields that the reference
-release adds are honoured: `init_offset`, which moves the start, and `init_yaw`, which replaces its heading.
+`<scene>_<category>`. A goal is found by the name and the place of its object; its object_id, an index into object_instances in
+some releases and a number of the semantic annotation in others, only decides between equals. The two fields that the reference
+release adds repeat the start for a world with z up: `init_offset` is (-x, z, height of the floor) and `init_yaw` the yaw of
+`start_rotation` in degrees. What they repeat is checked; the floor is news, since `start_position` hovers over it.
 """
 
 from __future__ import annotations
@@ -10,24 +12,26 @@ from __future__ import annotations
 import gzip
 import json
 import re
+import zlib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
-from humanclaw.pose import Pose2D, wrap_angle
+from humanclaw.pose import Array, Pose2D
 from humanclaw.records import Difficulty, name_of
-from humanclaw.scene import distance_to_box
+from humanclaw.scene import SceneObject, distance_to_box
 from humanclaw.tasks import SEATS, instruction
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading
+from humanclaw_habitat.models import template_of
 
 _ASTRAY: Final = 1.0
 """A goal farther than this from its object's bounding box is not at that object, metres."""
@@ -35,12 +39,35 @@ _FLOOR: Final = 0.5
 """A start stands on the scene's floor that is at most so far from its height, metres."""
 
 
+_VERSION: Final = "Are the episodes for this version of the dataset, and is the scene whole?"
+_SAME: Final = 0.05
+"""How far init_offset may be from start_position in x and z, metres."""
+_TURN: Final = 1.0
+"""How far init_yaw may be from the yaw of start_rotation, degrees."""
+
+
+M = TypeVar("M", bound=BaseModel)
+
+
 class Goal(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    object_id: int
-    """Index into the scene's object_instances."""
+    object_id: int | str | None = None
+    """A hint: in some releases the index into the scene's object_instances."""
+    object_name: str | None = None
+    """Handle of the object in Habitat, TEMPLATE_:0003, or another name that it has in the annotation."""
     position: Vec3 | None = None
+
+    @property
+    def hint(self) -> int:
+        """The id of the object if object_id is an index; 0 if it cannot be one."""
+        said = str(self.object_id)
+        return int(said) + 1 if said.isdecimal() else 0
+
+    @property
+    def template(self) -> str:
+        """The template that an object of this name was made of."""
+        return re.sub(r"_:\d+$", "", Path(self.object_name or "").name)
 
 
 class Task(BaseModel):
@@ -54,10 +81,10 @@ class Task(BaseModel):
     start_rotation: tuple[float, float, float, float]
     """x, y, z, w"""
     object_category: str
-    init_offset: tuple[float, float] | Vec3 | None = None
-    """Metres in the world, added to start_position: x and z, or x, y and z."""
+    init_offset: Vec3 | None = None
+    """-x, z and the height of the floor that the body stands on, metres."""
     init_yaw: float | None = None
-    """Radians, 0 facing +Z, left turns positive."""
+    """The yaw of start_rotation, degrees."""
     goals: tuple[Goal, ...] = ()
 
     @model_validator(mode="before")
@@ -72,8 +99,12 @@ class Task(BaseModel):
     def _sensible(self) -> Task:
         if np.linalg.norm(self.start_rotation) < 0.5:
             raise ValueError(f"start_rotation must be a quaternion x, y, z, w; got {self.start_rotation}")
-        if self.init_yaw is not None and abs(self.init_yaw) > 2 * np.pi:
-            raise ValueError(f"init_yaw must be in radians; got {self.init_yaw}, which looks like degrees")
+        turn = float(np.degrees(2 * np.arctan2(self.start_rotation[1], self.start_rotation[3])))
+        if self.init_yaw is not None and abs((self.init_yaw - turn + 180) % 360 - 180) > _TURN:
+            raise ValueError(f"init_yaw must be the yaw of start_rotation, {turn:.1f} degrees; got {self.init_yaw}")
+        x, _, z = self.start_position
+        if self.init_offset and np.hypot(self.init_offset[0] + x, self.init_offset[1] - z) > _SAME:
+            raise ValueError(f"init_offset must be (-x, z, floor) of start_position {x, z}; got {self.init_offset}")
         return self
 
     @property
@@ -83,10 +114,10 @@ class Task(BaseModel):
 
     @property
     def start(self) -> Pose2D:
-        offset = self.init_offset or (0.0, 0.0)
-        x, y, z = np.add(self.start_position, (offset[0], offset[1] if len(offset) == 3 else 0.0, offset[-1])).tolist()
-        yaw = heading(self.start_rotation) if self.init_yaw is None else float(wrap_angle(self.init_yaw))
-        return Pose2D(x=round(x, 4), z=round(z, 4), yaw=round(yaw, 4), floor=round(y, 4))
+        """Where the body stands; the height is that of the floor only if init_offset tells it."""
+        x, y, z = self.start_position
+        floor = self.init_offset[2] if self.init_offset else y
+        return Pose2D(x=round(x, 4), z=round(z, 4), yaw=round(heading(self.start_rotation), 4), floor=round(floor, 4))
 
 
 @dataclass(frozen=True)
@@ -104,93 +135,125 @@ class Book:
 
 
 @dataclass
-class Conversion:
-    """What became of some files."""
+class LeftOut:
+    """What could not be taken, and why."""
 
-    specs: list[EpisodeSpec] = field(default_factory=list)
-    left_out: Counter[str] = field(default_factory=Counter)
-    """Why episodes could not be taken, and how many."""
+    skip: bool = False
+    """Whether the rest is taken; otherwise the first is an error."""
+    reasons: Counter[str] = field(default_factory=Counter)
+    """Each with the number of episodes that it cost."""
+
+    def add(self, where: str, error: HumanclawError, count: int = 1) -> None:
+        """Raises the error, with where it occurred, if nothing is to be skipped."""
+        said = f"{where}: {error.message}"
+        if not self.skip:
+            raise HumanclawError(said, f"{error.remedy} With --skip the rest is taken.".strip()) from error
+        self.reasons[said] += count
 
 
-def read_books(path: Path) -> list[Book]:
+def read_books(path: Path, left_out: LeftOut) -> list[Book]:
     """The files of a split: a *.json.gz or *.json, or a folder that has them in it or in its folder content.
 
-    Raises HumanclawError if there is none or one is malformed.
+    Raises HumanclawError if there is none, and unless it is skipped if one is malformed.
     """
     place = path / "content" if (path / "content").is_dir() else path
     files = sorted(file for file in place.glob("*.json*") if file.name.endswith((".json", ".json.gz")))
     if path.is_file():
         beside = path.parent / "content"
-        book = _book(path)
+        books = _books([path], left_out)
         # val.json.gz next to a folder content is an empty list of what is in there.
-        return [book] if book.tasks or not beside.is_dir() else read_books(path.parent)
+        return books if any(book.tasks for book in books) or not beside.is_dir() else read_books(path.parent, left_out)
     if not files:
         raise HumanclawError(f"{path} holds no episodes.", "Name a folder with content/*.json.gz, or one such file.")
-    return [_book(file) for file in files]
+    return _books(files, left_out)
 
 
-def _book(path: Path) -> Book:
+def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
+    found = []
+    for file in files:
+        try:
+            values = _values(file)
+        except HumanclawError as error:
+            left_out.add(str(file), error)
+        else:
+            tasks = _checked(Task, f"{file}: episode", _named(values["episodes"]), left_out)
+            goals = {key: tuple(_checked(Goal, f"{file}: {key}: goal", enumerate(listed), left_out))
+                     for key, listed in values.get("goals_by_category", {}).items()}  # fmt: skip
+            found.append(Book(file, tuple(tasks), goals))
+    return found
+
+
+def _values(path: Path) -> Mapping[str, Any]:
+    """What a file holds: at least a list of episodes. Raises HumanclawError."""
     try:
         data = path.read_bytes()
         values = json.loads(gzip.decompress(data) if path.suffix == ".gz" else data)
-        tasks = tuple(Task.model_validate(entry) for entry in values["episodes"])
-        goals = {key: [Goal.model_validate(goal) for goal in found]
-                 for key, found in values.get("goals_by_category", {}).items()}  # fmt: skip
-    except OSError as error:
-        raise HumanclawError(f"{path} cannot be read: {error.strerror or error}.", "Is it a whole .json.gz?") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise HumanclawError(
-            f"{path}: {error.title}: {where or 'an entry'}: {first['msg']}.", "See ObjectNav-v1."
-        ) from error
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError) as error:
-        raise HumanclawError(
-            f"{path} is no ObjectNav file: {type(error).__name__}: {error}.", "See ObjectNav-v1."
-        ) from error
-    return Book(path, tasks, goals)
+    except (OSError, ValueError, EOFError, zlib.error) as error:
+        raise HumanclawError(f"it cannot be read: {error}.", "Is it a whole .json.gz?") from error
+    goals = values.get("goals_by_category", {}) if isinstance(values, dict) else None
+    if not isinstance(goals, dict) or not all(
+        isinstance(some, list) for some in (values.get("episodes"), *goals.values())
+    ):
+        raise HumanclawError("it is no ObjectNav file: it has no list of episodes, or of goals.", "See ObjectNav-v1.")
+    return dict(values)
+
+
+def _named(entries: Iterable[Any]) -> Iterator[tuple[object, Any]]:
+    """Episodes with their ids, or with their places in the file."""
+    for number, entry in enumerate(entries):
+        yield entry.get("episode_id", number) if isinstance(entry, Mapping) else number, entry
+
+
+def _checked(model: type[M], where: str, entries: Iterable[tuple[object, Any]], left_out: LeftOut) -> Iterator[M]:
+    """Entries of a file, each after what it is called, as values."""
+    for name, entry in entries:
+        try:
+            yield model.model_validate(entry)
+        except ValidationError as error:
+            first = error.errors()[0]
+            field_ = ".".join(map(str, first["loc"]))
+            said = f"{field_ + ': ' if field_ else ''}{first['msg']}."
+            left_out.add(f"{where} {name}", HumanclawError(said, "See ObjectNav-v1."))
 
 
 def convert(
-    books: Iterable[Book], scene_of: Callable[[str], Scene], *, max_steps: int = 100, skip: bool = False
-) -> Conversion:
+    books: Iterable[Book], scene_of: Callable[[str], Scene], left_out: LeftOut, *, max_steps: int = 100
+) -> list[EpisodeSpec]:
     """Episodes of all books, scene by scene. scene_of: the scene of a name, with its reference as its name.
 
-    An episode whose category is none of GOALS is left out, and so is, with skip, one that has no target in the scene or whose
-    start has no way to one. Raises HumanclawError without skip.
+    An episode whose category is none of GOALS is left out. Raises HumanclawError, unless it is skipped, for one that has no
+    target in the scene or whose start has no way to one, and for a scene that cannot be loaded.
     """
     by_scene: dict[str, list[tuple[Book, Task]]] = defaultdict(list)
     for book in books:
         for task in book.tasks:
             by_scene[task.scene].append((book, task))
-    result = Conversion()
+    specs: list[EpisodeSpec] = []
     for name, tasks in sorted(by_scene.items()):
         try:
-            site = _Site(scene_of(name))
+            site = _Site(scene_of(name), left_out)
         except SceneError as error:
-            if not skip:
-                raise
-            result.left_out[error.message] += len(tasks)
-            continue
-        for book, task in tasks:
-            _take(task, book, site, result, max_steps, skip)
-    return result
+            left_out.add(f"scene {name}", error, len(tasks))
+        else:
+            _take(site, tasks, specs, left_out, max_steps)
+    return specs
 
 
-def _take(task: Task, book: Book, site: _Site, result: Conversion, max_steps: int, skip: bool) -> None:
-    """Add an episode to what is converted, or why it is not."""
-    try:
-        spec = site.spec(task, book.goals_of(task), max_steps)
-    except _UnfitError as error:
-        result.left_out[str(error)] += 1
-    except SceneError as error:
-        if not skip:
-            raise HumanclawError(f"{book.path}: episode {task.episode_id}: {error.message}", error.remedy) from error
-        result.left_out[f"{task.scene}: {error.message}"] += 1
-    else:
-        same = sum(known.id.split("..")[0] == spec.id for known in result.specs)
-        name = f"{spec.id}..{same}" if same else spec.id
-        result.specs.append(spec.model_copy(update={"id": name, "seed": len(result.specs)}))
+def _take(
+    site: _Site, tasks: Iterable[tuple[Book, Task]], specs: list[EpisodeSpec], left_out: LeftOut, max_steps: int
+) -> None:
+    """Add the episodes of a scene to those converted."""
+    for book, task in tasks:
+        try:
+            spec = site.spec(task, book.goals_of(task), max_steps)
+        except _UnfitError as error:
+            left_out.reasons[str(error)] += 1
+        except SceneError as error:
+            left_out.add(f"{book.path}: episode {task.episode_id}", error)
+        else:
+            same = sum(known.id.split("..")[0] == spec.id for known in specs)
+            name = f"{spec.id}..{same}" if same else spec.id
+            specs.append(spec.model_copy(update={"id": name, "seed": len(specs)}))
 
 
 class _UnfitError(Exception):
@@ -202,6 +265,7 @@ class _Site:
     """A scene and what is known of the ways in it."""
 
     scene: Scene
+    left_out: LeftOut
     ways: dict[tuple[int, ...], DistanceField] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -211,7 +275,7 @@ class _Site:
         category = category_of([task.object_category])
         if category not in GOALS:
             raise _UnfitError(f"{task.object_category} is not among {', '.join(GOALS)}")
-        targets = tuple(dict.fromkeys(self._targets(task, goals)))
+        targets = self._targets(task, goals, category)
         start = self._standing(task.start)
         return EpisodeSpec(
             id=name_of(f"{task.scene}-{category}-{task.episode_id}"), instruction=instruction(category),
@@ -220,23 +284,44 @@ class _Site:
             difficulty=self._difficulty(start, targets),
         )  # fmt: skip
 
-    def _targets(self, task: Task, goals: Sequence[Goal]) -> Iterator[int]:
-        """Ids of the objects that goals name, those left out of the scene passed over. Raises SceneError if none is there."""
-        found = [goal for goal in goals if goal.object_id + 1 in self.scene.by_id]
+    def _targets(self, task: Task, goals: Sequence[Goal], category: str) -> tuple[int, ...]:
+        """Ids of the objects that goals mean, those left out of the scene passed over. Raises SceneError if none is there."""
+        meant = [self._meant(goal, category) for goal in goals]
+        found = tuple(dict.fromkeys(thing.id for thing in meant if thing))
         if not found:
-            said = f"its {len(goals)} goals are not in the scene" if goals else "the file has no goals"
-            raise SceneError(f"no {task.object_category} for it: {said}.", "Load the scene whole, or use --skip.")
-        for goal in found:
-            thing = self.scene.by_id[goal.object_id + 1]
-            away = (
-                0.0 if goal.position is None else distance_to_box(np.array(goal.position), *self.scene.aabb(thing.id))
+            said = (
+                f"its {len(goals)} goals are not in the scene{self._near(goals, category)}"
+                if goals
+                else "the file has no goals"
             )
-            if away > _ASTRAY:
-                raise SceneError(
-                    f"its goal object {goal.object_id} is {float(away):.1f} m from where the goal says; the scene has "
-                    f"{thing.category} there.", "Are the episodes for this version of the dataset?",
-                )  # fmt: skip
-            yield thing.id
+            raise SceneError(f"no {task.object_category} for it: {said}.", _VERSION)
+        for number, (goal, thing) in enumerate(zip(goals, meant, strict=True)):
+            if thing is None:
+                lost = SceneError(f"nothing like it is there{self._near([goal], category)}.", _VERSION)
+                self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", lost, 0)
+        return found
+
+    def _near(self, goals: Sequence[Goal], category: str) -> str:
+        """How far the nearest object of a category is from where goals are."""
+        places = [np.array(goal.position) for goal in goals if goal.position]
+        far = [
+            self._away(thing, place) for thing in self.scene.objects if thing.category == category for place in places
+        ]
+        return f"; the nearest {category} is {min(far):.1f} m from where they should be" if far else ""
+
+    def _meant(self, goal: Goal, category: str) -> SceneObject | None:
+        """The object of a goal's name, or else of its category, that is where the goal says; None if there is none."""
+        alike = [thing for thing in self.scene.objects if thing.category == category]
+        named = [thing for thing in self.scene.objects if goal.template and template_of(thing) == goal.template]
+        things = named or alike
+        if goal.position is None:
+            return next((thing for thing in things if thing.id == goal.hint), None)
+        place = np.array(goal.position)
+        ranked = [(self._away(thing, place), thing.id != goal.hint, thing.id, thing) for thing in things]
+        return next((thing for away, *_, thing in sorted(ranked, key=lambda rank: rank[:3]) if away <= _ASTRAY), None)
+
+    def _away(self, thing: SceneObject, place: Array) -> float:
+        return float(distance_to_box(place, *self.scene.aabb(thing.id)))
 
     def _standing(self, start: Pose2D) -> Pose2D:
         """The start on the scene's own floor: those of a navigation mesh hover a little."""

@@ -22,7 +22,7 @@ from humanclaw import Scene, SceneError
 from humanclaw.meshes import (
     ANYWHERE,
     MIDDLE,
-    Hollow,
+    KeepOutBox,
     Part,
     back_of,
     bake,
@@ -40,11 +40,13 @@ from humanclaw.meshes import (
 from humanclaw.pose import Array, Pose2D
 from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw.storage import Cache, pack_scene, unpack_scene
+from humanclaw_habitat import urdf
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion
 from humanclaw_habitat.gltf import readable
+from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces
 
 VERSION: Final = 2
@@ -56,6 +58,16 @@ _CONVEX: Final = 0.9
 """A part of a collision mesh is convex if it fills this share of its convex hull."""
 _FROM_BACK: Final = {"-z": 0, "+x": 1, "+z": 2, "-x": 3}
 """Quarter turns to the left that bring a front to +z, by the side where the back is. Habitat's own back is at +z."""
+
+
+_SCALED: Final = "@"
+"""Between the template and the scale in the name of an asset."""
+
+
+def template_of(thing: SceneObject) -> str:
+    """The template that an object of a scene was made of; empty for a piece of the building."""
+    name, scaled, _ = thing.asset.rpartition(_SCALED)
+    return name if scaled else ""
 
 
 @dataclass(frozen=True)
@@ -94,6 +106,7 @@ class Models:
         if not kind.template.render_asset:
             raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
         files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
+        files += [mesh for file in dict.fromkeys(files) if file.suffix == ".urdf" for mesh in urdf.meshes(file)]
         recipe = (VERSION, kind.template.model_dump(), self.origin, self.triangles, self._decodes, *rest)
         key = hashlib.sha256(repr((recipe, [self._digest(file) for file in files])).encode()).hexdigest()
         data = self.cache.get(key)
@@ -119,6 +132,8 @@ class Models:
         return fragment
 
     def _digest(self, path: Path) -> str:
+        if is_primitive(path.name):
+            return path.name
         if path not in self.digests:
             try:
                 self.digests[path] = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -126,12 +141,22 @@ class Models:
                 raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
         return self.digests[path]
 
-    def _parts(self, path: Path, template: Template) -> list[Part]:
-        """Everything in a model file, turned so that its up is +Y and its front -Z."""
+    def _parts(self, path: Path, template: Template, what: str = "visual") -> list[Part]:
+        """Everything in a model file, turned so that its up is +Y and its front -Z. what: which side of a URDF's links."""
         turn = axes(template.up, template.front)
-        return [replace(part, vertices=part.vertices @ turn.T) for part in self._read(path)]
+        parts = self._links(path, what) if path.suffix == ".urdf" else self._read(path)
+        return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
+
+    def _links(self, path: Path, what: str) -> list[Part]:
+        """What the links of a URDF show, or what they collide with; a file that has but one of them has it for both."""
+        found = urdf.links(path, what, self._read) or urdf.links(path, "collision", self._read)
+        if not found and what == "visual":
+            raise SceneError(f"{path}: none of its links has a shape.")
+        return found
 
     def _read(self, path: Path) -> list[Part]:
+        if is_primitive(path.name):
+            return primitive(path.name)
         if path.suffix.lower() != ".glb":
             return read_model(path)
         data = path.read_bytes()
@@ -175,7 +200,7 @@ class Models:
             given = self._given(kind, np.array(scale))
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        name = f"{kind.name}@{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
+        name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
         asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
         thing = _thing(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
@@ -183,9 +208,11 @@ class Models:
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""
-        if not kind.template.collision_asset or kind.template.use_bounding_box_for_collision:
+        shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
+        asset = kind.template.collision_asset or shape
+        if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = _scaled(self._parts(kind.path(kind.template.collision_asset), kind.template), scale)
+        parts = _scaled(self._parts(kind.path(asset), kind.template, "collision"), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 
@@ -214,7 +241,7 @@ def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
 
 
 def _hulls(
-    mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: Hollow | None
+    mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: KeepOutBox | None
 ) -> tuple[NDArray[np.float32], ...]:
     """What of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
     if template.use_bounding_box_for_collision:
@@ -225,7 +252,7 @@ def _hulls(
         return given
     if np.ptp(mesh.vertices, axis=0).max() < _SMALL:
         return convex_pieces(mesh, 1)
-    pieces = convex_pieces(mesh, hollow=room)
+    pieces = convex_pieces(mesh, keep_out=room)
     return with_lid(pieces, room) if room and len(pieces) > 1 else pieces
 
 

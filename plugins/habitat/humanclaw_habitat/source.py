@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,13 +18,14 @@ from humanclaw import Scene, SceneError
 from humanclaw.pose import Array, Pose2D, matrix_from_quaternion
 from humanclaw.scene import Asset, Room, SceneObject
 from humanclaw_habitat.attributes import Placing, SceneInstance, Template
-from humanclaw_habitat.categories import MOVABLE
+from humanclaw_habitat.categories import MOVABLE, category_of
 from humanclaw_habitat.dataset import Dataset
 from humanclaw_habitat.frames import quaternion, rotation
 from humanclaw_habitat.models import VERSION, Models, Origin
 from humanclaw_habitat.reference import Reference
 from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
+from humanclaw_habitat.urdf import joints
 
 _REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists all that is missing."
 _SMALL: Final = 1.0
@@ -51,9 +53,10 @@ def load_scene(source: str, argument: str) -> Scene:
 def read_scene(source: str, argument: str) -> Scene:
     """The scene that follows the colon in source:argument. See the module `reference` for its form.
 
-    Object k of the scene instance, counted from 0, has id k + 1; the pieces of the building follow. Shows its progress where
-    the model files must be read. Raises SceneError if the dataset, the scene or anything in it is missing or cannot be read;
-    with missing=skip that is left out and named in the scene's notes, as what is drawn without its textures always is.
+    Object k of the scene instance, counted from 0, has id k + 1; articulated objects and the pieces of the building follow. Shows
+    its progress where the model files must be read. Raises SceneError if the dataset, the scene or anything in it is missing or
+    cannot be read; with missing=skip that is left out and named in the scene's notes, as what is drawn without its textures or
+    has no effect always is.
     """
     reference = Reference.parse(argument)
     dataset = Dataset.open(reference.path)
@@ -74,6 +77,8 @@ class _Assembly:
     assets: dict[str, Asset] = field(default_factory=dict)
     objects: list[SceneObject] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+    """What of the scene is known and has no effect."""
     levels: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
@@ -85,9 +90,12 @@ class _Assembly:
         things = self.instance.object_instances
         for number, placing in enumerate(tqdm(things, desc=self.name, unit="object", disable=None, leave=False)):
             self._try(f"object {number} ({placing.template_name})", partial(self._place, number, placing))
-        for joint in self.instance.articulated_object_instances:
-            self._try(f"articulated object {joint.get('template_name', '')}", _refuse_joints)
+        for number, placing in enumerate(self.instance.articulated_object_instances):
+            what = f"articulated object {number} ({placing.template_name})"
+            self._try(what, partial(self._stand, what, len(things) + number + 1, placing))
         self._try(f"stage {self.instance.stage_instance.template_name!r}", self._build)
+        if self.instance.default_lighting:
+            self.ignored.append(f"light setup {self.instance.default_lighting}: a scene is lit by the renderer")
         regions = rooms(self.dataset.regions(self.name, self.instance), self.levels)
         return self._finished(name, regions or floors(self._slabs(), [level for level, _ in self.levels]))
 
@@ -97,7 +105,7 @@ class _Assembly:
             place()
         except SceneError as error:
             if not self.skip:
-                raise SceneError(f"{self.dataset.scenes[self.name]}: {what}: {error.message}",
+                raise SceneError(f"{self.dataset.scenes[self.name].file}: {what}: {error.message}",
                                  f"{error.remedy} {_REMEDY}".strip()) from error  # fmt: skip
             self.left_out.append(f"{what}: {error.message}")
 
@@ -121,6 +129,23 @@ class _Assembly:
         self.assets |= fragment.assets
         self.objects.append(replace(_placed(part, turn, place), id=number + 1, movable=mass > 0, mass=mass))
 
+    def _stand(self, what: str, number: int, placing: Placing) -> None:
+        """An articulated object, every joint at rest, as one fixed thing."""
+        kind = self.dataset.articulated(placing.template_name)
+        category = self.dataset.category(kind)
+        if category == "object":
+            category = category_of([re.sub(r"[_-]?\d+$", "", kind.name)])
+        factors = np.array([kind.template.scale, placing.non_uniform_scale]).prod(axis=0) * placing.uniform_scale
+        x, y, z = np.round(factors, 4).tolist()
+        fragment = self.models.thing(kind, (x, y, z), category)
+        (part,) = fragment.objects
+        self.assets |= fragment.assets
+        self.objects.append(
+            replace(_placed(part, rotation(placing.rotation), np.array(placing.translation)), id=number)
+        )
+        if moving := joints(kind.path(kind.template.render_asset)):
+            self.ignored.append(f"{what}: its joints ({moving}) stand still")
+
     def _mass(self, placing: Placing, template: Template, category: str, size: Array) -> float:
         """Kilograms of what can be moved; 0 for what is fixed. size: (3,) of its box, metres."""
         given = template.mass * placing.mass_scale
@@ -138,7 +163,7 @@ class _Assembly:
         fragment = self.models.building(self.dataset.stage(self.instance.stage_instance.template_name))
         self.levels = [(level, area) for level, area in json.loads(fragment.notes["levels"])]
         self.assets |= fragment.assets
-        first = len(self.instance.object_instances)
+        first = len(self.instance.object_instances) + len(self.instance.articulated_object_instances)
         self.objects += [replace(part, id=first + part.id) for part in fragment.objects]
 
     def _slabs(self) -> list[Array]:
@@ -160,6 +185,7 @@ class _Assembly:
         objects = tuple(replace(thing, room=_room_of(thing, regions)) for thing in self.objects)
         notes = {
             "dataset": self.dataset.name, "files": self._files(), "left_out": json.dumps(self.left_out),
+            "ignored": json.dumps(self.ignored),
             "without_textures": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
         }  # fmt: skip
         scene = Scene(name, self.assets, objects, tuple(regions), Pose2D(0.0, 0.0, 0.0, floor), notes)
@@ -179,10 +205,6 @@ class _Assembly:
     def _files(self) -> str:
         """SHA-256 over every model file that was read."""
         return hashlib.sha256(" ".join(sorted(self.models.digests.values())).encode()).hexdigest()
-
-
-def _refuse_joints() -> None:
-    raise SceneError("articulated objects are not supported.")
 
 
 def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:

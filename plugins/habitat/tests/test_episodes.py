@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from toy_dataset import HALF, episode, write_episodes
+from toy_dataset import HALF, episode, write, write_episodes
 
 from humanclaw import Body, EpisodeSpec, Plugins, RecordedEpisode, run_episode
 from humanclaw.cli import build
@@ -86,18 +86,95 @@ def test_the_difficulty_is_that_of_the_way(dataset: Path, tmp_path: Path) -> Non
     assert (found.turns, found.rooms) == (0, 2)
 
 
-def test_offset_and_yaw_of_the_reference_release_are_honoured(dataset: Path, tmp_path: Path) -> None:
-    spec = one(dataset, tmp_path, "tv", [6, 0.1, 1], [0, 0, 0, 1], init_offset=[0.5, 0.0, 0.25], init_yaw=1.25)
-    assert (spec.start.x, spec.start.z, spec.start.yaw) == (6.5, 1.25, 1.25)
-    flat = one(dataset, tmp_path / "2", "tv", [6, 0.1, 1], BACK, info={"init_offset": [-0.5, 0.5]})
-    assert (flat.start.x, flat.start.z) == (5.5, 1.5)
-    assert flat.start.yaw == pytest.approx(0)
+@pytest.mark.parametrize(("degrees", "rotation"), [(90.0, [0, HALF, 0, HALF]), (-90.0, [0, -HALF, 0, HALF]), (180.0, BACK),
+                                                    (270.0, [0, -HALF, 0, HALF]), (0.0, [0, 0, 0, -1])])  # fmt: skip
+def test_the_reference_releases_yaw_is_that_of_the_start_in_degrees(
+    dataset: Path, tmp_path: Path, degrees: float, rotation: list
+) -> None:
+    spec = one(dataset, tmp_path, "tv", [6, 0.1, 1], rotation, init_yaw=degrees)
+    # A body that is not turned faces -Z in Habitat and +Z here.
+    assert np.degrees(wrap_angle(spec.start.yaw - np.radians(degrees + 180))) == pytest.approx(0, abs=0.01)
 
 
-def test_a_yaw_in_degrees_is_refused(dataset: Path, tmp_path: Path) -> None:
-    result, _ = made(dataset, tmp_path, episode(0, "tv", [6, 0.1, 1], BACK, init_yaw=90))
+def test_the_reference_releases_offset_is_the_start_and_its_third_number_the_floor(
+    dataset: Path, tmp_path: Path
+) -> None:
+    # start_position floats 0.7 m over the floor, more than a navigation mesh alone is believed.
+    spec = one(dataset, tmp_path, "tv", [6, 0.7, 1], BACK, init_offset=[-6, 1, 0.0], init_yaw=180.0)
+    assert (spec.start.x, spec.start.z, spec.start.floor) == (6, 1, 0)
+    inner = one(dataset, tmp_path / "2", "tv", [6, 0.7, 1], BACK, info={"init_offset": [-6, 1, 0.0]})
+    assert (inner.start.x, inner.start.z, inner.start.floor) == (6, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"init_yaw": 3.1416}, "yaw of start_rotation, 180.0 degrees"),
+        ({"init_offset": [0.0, 0.0, 0.0]}, "init_offset must be (-x, z, floor)"),
+    ],
+)
+def test_what_does_not_repeat_the_start_is_refused(dataset: Path, tmp_path: Path, more: dict, said: str) -> None:
+    result, _ = made(dataset, tmp_path, episode(4, "tv", [6, 0.1, 1], BACK, **more))
     assert result.exit_code == 2
-    assert "radians" in result.output
+    assert "episode 4" in result.output
+    assert said in result.output
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        {"object_id": "77", "object_name": "couch1_:0000", "position": [7.3, 0.4, 3.0]},
+        {"object_id": 1, "object_name": "couch_12", "position": [7.3, 0.4, 3.0]},  # The id is that of another thing.
+        {"object_id": "sofa 3", "position": [7.0, 0.5, 3.5]},
+        {"object_id": 0, "object_name": "couch1"},
+    ],
+)
+def test_a_goal_is_found_by_name_and_place_and_the_id_is_a_hint(dataset: Path, tmp_path: Path, goal: dict) -> None:
+    result, (spec,) = made(dataset, tmp_path, episode(0, "couch", [2, 0, 2], BACK), goals={"toy1_couch": [goal]})
+    assert result.exit_code == 0, result.output
+    assert spec.target_ids == (1,)
+
+
+def test_the_hint_decides_between_two_at_the_place(mine: Path, tmp_path: Path) -> None:
+    file = mine / "scenes" / "toy1.scene_instance.json"
+    scene = json.loads(file.read_text())
+    scene["object_instances"].append(scene["object_instances"][0])
+    write(file, scene)
+    for number, (hint, found) in enumerate([(0, 1), (5, 6), (99, 1)]):
+        goals = {"toy1_couch": [{"object_id": hint, "object_name": "couch1_:0000", "position": [7.3, 0.4, 3.0]}]}
+        _, (spec,) = made(mine, tmp_path / f"{number}", episode(0, "couch", [2, 0, 2], BACK), goals=goals)
+        assert spec.target_ids == (found,)
+
+
+def test_an_id_alone_is_not_believed_if_it_is_that_of_another_kind(dataset: Path, tmp_path: Path) -> None:
+    result, _ = made(dataset, tmp_path, episode(0, "couch", [2, 0, 2], BACK), goals={"toy1_couch": [{"object_id": 1}]})
+    assert result.exit_code == 2
+    assert "1 goals are not in the scene" in result.output
+
+
+def test_one_bad_file_and_one_bad_episode_cost_no_other(dataset: Path, tmp_path: Path) -> None:
+    place = write_episodes(
+        tmp_path / "objectnav", [episode(0, "tv", [2, 0, 2], BACK), episode(1, "tv", [2, 0], BACK)], GOALS
+    )
+    (place / "content" / "broken.json.gz").write_bytes(b"nothing")
+    out = tmp_path / "split.jsonl"
+    assert run("episodes", dataset, place, "--out", out).exit_code == 2
+    result = run("episodes", dataset, place, "--out", out, "--skip")
+    assert result.exit_code == 1, result.output
+    assert [spec.id for spec in read_episodes(out)] == ["toy1-tv-0"]
+    assert "broken.json.gz: it cannot be read" in result.output
+    assert "toy1.json.gz: episode 1: start_position" in result.output
+
+
+def test_a_goal_that_nothing_in_the_scene_answers_is_named(dataset: Path, tmp_path: Path) -> None:
+    goals = {"toy1_couch": [*GOALS["toy1_couch"], {"object_id": 8, "position": [1, 0.4, 3]}]}
+    result, _ = made(dataset, tmp_path, episode(0, "couch", [2, 0, 2], BACK), goals=goals)
+    assert result.exit_code == 2
+    assert "goal 1 of couch" in result.output
+    result, (spec,) = made(
+        dataset, tmp_path / "2", episode(0, "couch", [2, 0, 2], BACK), goals=goals, flags=("--skip",)
+    )
+    assert (result.exit_code, spec.target_ids) == (1, (1,))
 
 
 def test_the_names_of_other_datasets_are_understood_and_what_is_no_target_is_left_out(
@@ -107,7 +184,8 @@ def test_the_names_of_other_datasets_are_understood_and_what_is_no_target_is_lef
     sofa = episode(0, "sofa", [2, 0.1, 2], BACK, scene_id="hssd-hab/toy1.glb")
     result, specs = made(dataset, tmp_path, sofa, episode(1, "piano", [2, 0.1, 2], BACK), goals=goals)
     assert [spec.target_category for spec in specs] == ["couch"]
-    assert "left out: 1 episodes: piano is not among chair" in result.output
+    assert "left out: piano is not among chair" in result.output
+    assert result.exit_code == 1
 
 
 def test_goals_may_stand_in_the_episode_itself(dataset: Path, tmp_path: Path) -> None:
@@ -123,8 +201,8 @@ def test_goals_may_stand_in_the_episode_itself(dataset: Path, tmp_path: Path) ->
         (("couch", [2, 0.1, 2], BACK), {"toy1_couch": [{"object_id": 99}]}, "1 goals are not in the scene"),
         (
             ("couch", [2, 0.1, 2], BACK),
-            {"toy1_couch": [{"object_id": 2, "position": [7.3, 0.4, 3]}]},
-            "object 2 is 2.3 m from",
+            {"toy1_couch": [{"object_id": 2, "position": [4.85, 0.4, 3]}]},
+            "the nearest couch is 2.0 m from",
         ),
         (("couch", [2, 3.1, 2], BACK), GOALS, "the floors are at 0"),
         (("couch", [20, 0.1, 2], BACK), GOALS, "no way from its start"),
@@ -139,7 +217,7 @@ def test_an_episode_that_the_scene_does_not_bear_out_is_named(
     assert said in result.output
     result, specs = made(dataset, tmp_path / "2", episode(5, *task), episode(6, "tv", [2, 0, 2], BACK),
                          goals={"toy1_tv": GOALS["toy1_tv"], **goals}, flags=("--skip",))  # fmt: skip
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == 1, result.output
     assert [spec.id for spec in specs] == ["toy1-tv-6"]
     assert said in result.output
 

@@ -265,6 +265,240 @@ def test_without_a_table_of_objects_the_lexicon_says_what_they_are(mine: Path) -
     assert (scene.by_id[1].category, scene.by_id[2].category) == ("couch", "object")
 
 
+# -- templates without files of their own --------------------------------------------------------------------------------
+def nest(folder: Path, section: str, *configs: dict) -> None:
+    """Write `configs` into the dataset's own config."""
+    file = folder / "toy.scene_dataset_config.json"
+    values = json.loads(file.read_text())
+    values.setdefault(section, {})["configs"] = list(configs)
+    write(file, values)
+
+
+def test_a_nested_config_changes_a_file_and_gives_it_another_name(mine: Path) -> None:
+    heavy = {
+        "original_file": "objects/c/cup1.object_config.json",
+        "template_handle": "heavy_cup",
+        "attributes": {"mass": 3.5},
+    }
+    nest(mine, "objects", heavy)
+    assert load(mine).by_id[4].mass == 0.3
+    change_object(mine, 3, template_name="heavy_cup")
+    thing = load(mine).by_id[4]
+    # What is not changed is that of the file; its model lies beside that file.
+    assert (thing.mass, thing.friction) == (3.5, 0.4)
+    np.testing.assert_allclose(load(mine).aabb(4), ((0.95, 0, 4.95), (1.05, 0.1, 5.05)), atol=1e-4)
+
+
+def test_a_nested_config_without_a_name_changes_the_file_itself(mine: Path) -> None:
+    nest(mine, "objects", {"original_file": "objects/c/cup1.object_config.json", "attributes": {"mass": 3.5}})
+    assert load(mine).by_id[4].mass == 3.5
+
+
+def test_a_nested_config_without_a_file_makes_a_template_with_paths_relative_to_the_dataset(mine: Path) -> None:
+    nest(mine, "objects", {"template_handle": "mug", "attributes": {"render_asset": "objects/c/cup1.glb", "mass": 1.1}})
+    nest(
+        mine,
+        "stages",
+        {"template_handle": "flat", "attributes": {"render_asset": "stages/toy.glb", "scale": [2, 1, 2]}},
+    )
+    nest(mine, "scene_instances", {"original_file": "scenes/toy1.scene_instance.json", "template_handle": "toy2",
+                                   "attributes": {"stage_instance": {"template_name": "flat"}}})  # fmt: skip
+    change_object(mine, 3, template_name="mug")
+    thing = load(mine).by_id[4]
+    # The default friction of all objects of this dataset is 0.7.
+    assert (thing.mass, thing.friction) == (1.1, 0.7)
+    wide = Plugins.discover().scene(f"hssd:{mine}#toy2")
+    floor = next(thing for thing in wide.objects if thing.category == "floor")
+    np.testing.assert_allclose(np.ptp(wide.aabb(floor.id), axis=0)[[0, 2]], (16, 12), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ({"original_file": "objects/nowhere.object_config.json", "attributes": {}}, "nowhere.object_config.json"),
+        ({"attributes": {}}, "original_file or a template_handle"),
+        ({"template_handle": "mug"}, "attributes"),
+    ],
+)
+def test_a_nested_config_that_says_nothing_usable_is_named(mine: Path, config: dict, said: str) -> None:
+    nest(mine, "objects", config)
+    fails(mine, "toy.scene_dataset_config.json", said)
+
+
+# -- shapes that Habitat makes itself -----------------------------------------------------------------------------------
+CYLINDER = "cylinderSolid_rings_1_segments_12_halfLen_1_useTexCoords_false_useTangents_false_capEnds_true"
+CONE = "coneSolid_segments_12_halfLen_1.25_rings_1_useTexCoords_false_useTangents_false_capEnd_true"
+CAPSULE = "capsule3DSolid_hemiRings_4_cylRings_1_segments_12_halfLen_0.75_useTexCoords_false_useTangents_false"
+
+
+@pytest.mark.parametrize(
+    ("shape", "height", "volume", "least"),
+    [
+        # Cubic metres of the true shape, and the share of them that one of so few faces fills at least.
+        ("cubeSolid", 2, 8, 1.0),
+        ("icosphereSolid_subdivs_1", 2, 4 / 3 * np.pi, 0.8),
+        ("uvSphereSolid_rings_8_segments_16_useTexCoords_false_useTangents_false", 2, 4 / 3 * np.pi, 0.9),
+        (CYLINDER, 2, 2 * np.pi, 0.95),
+        (CONE, 2.5, 2.5 / 3 * np.pi, 0.95),
+        (CAPSULE, 3.5, (4 / 3 + 1.5) * np.pi, 0.9),
+    ],
+)
+def test_a_shape_is_built_as_a_mesh_and_one_convex_piece(
+    mine: Path, shape: str, height: float, volume: float, least: float
+) -> None:
+    # A tenth of the shape's size, its middle 1 m over the floor.
+    write(mine / "objects" / "s" / "shape.object_config.json", {"render_asset": shape, "scale": [0.1, 0.1, 0.1]})
+    change_object(mine, 3, template_name="shape", translation=[1, 1, 5])
+    scene = load(mine)
+    low, high = scene.aabb(4)
+    assert (high[1] - low[1], (high + low)[1] / 2) == (
+        pytest.approx(height / 10, rel=0.01),
+        pytest.approx(1, abs=0.005),
+    )
+    np.testing.assert_allclose((high - low)[[0, 2]], 0.2, rtol=0.06)
+    asset = scene.assets[scene.by_id[4].asset]
+    (hull,) = asset.hulls
+    np.testing.assert_allclose(np.ptp(hull, axis=0), high - low, atol=1e-4)
+    a, b, c = (asset.mesh.vertices[asset.mesh.faces[:, k]].astype(float) for k in range(3))
+    filled = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+    assert least * volume / 1000 * 0.999 <= filled <= volume / 1000 * 1.001
+
+
+def test_a_shape_that_is_itself_the_template_is_a_tenth_of_its_size(mine: Path) -> None:
+    change_object(mine, 3, template_name="cubeSolid", translation=[1, 0.1, 5])
+    np.testing.assert_allclose(load(mine).aabb(4), ((0.9, 0, 4.9), (1.1, 0.2, 5.1)), atol=1e-4)
+
+
+def test_a_shape_may_be_the_collision_model_of_a_mesh(mine: Path) -> None:
+    edit(mine / "objects" / "t" / "tv1.object_config.json", collision_asset="cubeWireframe")
+    scene = load(mine)
+    (hull,) = scene.assets[scene.by_id[2].asset].hulls
+    np.testing.assert_allclose(np.ptp(hull, axis=0), (2, 2, 2), atol=1e-4)
+
+
+def test_a_shape_that_cannot_be_is_named(mine: Path) -> None:
+    change_object(mine, 3, template_name="icosphereSolid_subdivs_40")
+    fails(mine, "object 3 (icosphereSolid_subdivs_40)", "subdivs cannot be 40")
+
+
+# -- articulated objects -----------------------------------------------------------------------------------------------
+FRIDGE = """<robot name="fridge">
+  <link name="body">
+    <visual><origin xyz="0 0.9 0"/><geometry><box size="0.6 1.8 0.6"/></geometry></visual>
+    <collision><origin xyz="0 0.9 0"/><geometry><box size="0.6 1.8 0.6"/></geometry></collision>
+  </link>
+  <link name="door">
+    <visual><origin xyz="0.3 0 0" rpy="0 0 1.570796"/><geometry><mesh filename="door.glb" scale="2 1 1"/></geometry></visual>
+    <collision><origin xyz="0.3 0 0"/><geometry><box size="0.6 1.2 0.05"/></geometry></collision>
+  </link>
+  <link name="drawer"><visual><geometry><cylinder radius="0.1" length="0.4"/></geometry></visual></link>
+  <joint name="hinge" type="revolute">
+    <parent link="body"/><child link="door"/><origin xyz="-0.3 1 -0.325"/><axis xyz="0 1 0"/>
+    <limit lower="LOWER" upper="1.570796"/>
+  </joint>
+  <joint name="rail" type="prismatic">
+    <parent link="body"/><child link="drawer"/><origin xyz="0 0.2 -0.3"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.4"/>
+  </joint>
+</robot>"""
+
+
+def fridge(folder: Path, lower: str = "0", **placing: object) -> Path:
+    """A fridge of 0.6 x 1.8 x 0.6 m with a door of 5 cm before it and a round drawer of 0.4 m, half of it outside, at (2, 0, 5)."""
+    place = folder / "urdf" / "fridge"
+    # 0.6 m wide once it is turned by a quarter and 1.2 m high once it is doubled.
+    model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025)))
+    (place / "fridge.urdf").write_text(FRIDGE.replace("LOWER", lower))
+    config = json.loads((folder / "toy.scene_dataset_config.json").read_text())
+    write(folder / "toy.scene_dataset_config.json", config | {"articulated_objects": {"paths": {".urdf": ["urdf/*"]}}})
+    placed = {
+        "template_name": "fridge",
+        "translation": [2, 0, 5],
+        "translation_origin": "COM",
+        "fixed_base": True,
+        **placing,
+    }
+    edit(folder / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[placed])
+    return place
+
+
+def test_an_articulated_object_stands_with_its_joints_at_rest(mine: Path, scene: Scene) -> None:
+    fridge(mine)
+    found = load(mine)
+    # The door's front is at z = -0.325 - 0.025, the drawer's end at -0.3 - 0.2; the root link is at the translation.
+    np.testing.assert_allclose(found.aabb(6), ((1.7, 0, 4.5), (2.3, 1.8, 5.3)), atol=2e-3)
+    thing = found.by_id[6]
+    assert (thing.category, thing.movable) == ("fridge", False)
+    assert len(found.objects) == len(scene.objects) + 1
+    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): its joints (2) stand still"]
+
+
+def test_each_link_collides_as_its_own_convex_pieces(mine: Path) -> None:
+    fridge(mine)
+    scene = load(mine)
+    sizes = sorted(np.ptp(hull, axis=0).round(3).tolist() for hull in scene.assets[scene.by_id[6].asset].hulls)
+    np.testing.assert_allclose(sizes, [(0.6, 1.2, 0.05), (0.6, 1.8, 0.6)], atol=1e-3)
+
+
+def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path) -> None:
+    fridge(mine, lower="1.570796")
+    # A quarter turn to the left about y brings the door, to +X of its hinge, to -Z of it: 0.6 m before z = 5 - 0.325.
+    np.testing.assert_allclose(load(mine).aabb(6)[0], (1.675, 0, 4.075), atol=2e-3)
+
+
+def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
+    fridge(mine, rotation=[HALF, 0, HALF, 0], uniform_scale=0.5)
+    # What was at -Z is at -X, and everything half as far away.
+    np.testing.assert_allclose(load(mine).aabb(6), ((1.75, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
+
+
+def test_a_config_of_an_articulated_object_names_its_file(mine: Path) -> None:
+    place = fridge(mine)
+    (place / "fridge.urdf").rename(place / "cold.urdf")
+    write(
+        place / "fridge.ao_config.json", {"urdf_filepath": "cold.urdf", "uniform_scale": 2.0, "render_mode": "default"}
+    )
+    config = json.loads((mine / "toy.scene_dataset_config.json").read_text())
+    config["articulated_objects"]["paths"] = {".json": ["urdf/*"]}
+    write(mine / "toy.scene_dataset_config.json", config)
+    np.testing.assert_allclose(load(mine).aabb(6)[1], (2.6, 3.6, 5.6), atol=2e-3)
+
+
+def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
+    place = fridge(mine)
+    digest = load(mine).digest
+    model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025), (0, 0, 250)))
+    assert load(mine).digest != digest
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        ('filename="door.glb"', 'filename="gate.glb"', "gate.glb"),
+        ('xyz="0 0.9 0"', 'xyz="0 0.9"', "3 numbers"),
+        ("<cylinder", "<plane", "shape plane"),
+        ("</robot>", "", "no URDF"),
+        ('<parent link="body"/><child link="door"/>', '<parent link="door"/><child link="door"/>', "circle"),
+    ],
+)
+def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str, becomes: str, said: str) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace(was, becomes))
+    fails(mine, "articulated object 0 (fridge)", said)
+    with pytest.warns(UserWarning, match="fridge"):
+        assert 6 not in load(mine, "?missing=skip").by_id
+
+
+def test_an_articulated_object_that_nobody_defines_is_named(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
+    fails(mine, "articulated object 0 (fridge)", "is none of the 0 articulated_objects")
+
+
+def test_lights_are_ignored_and_that_is_said(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", default_lighting="lights/evening")
+    (said,) = json.loads(load(mine).notes["ignored"])
+    assert said.startswith("light setup lights/evening")
+
+
 # -- what is wrong ----------------------------------------------------------------------------------------------------
 def fails(folder: Path, *words: str, rest: str = "") -> None:
     with pytest.raises(SceneError) as caught:
@@ -378,13 +612,6 @@ def test_ktx2_textures_are_read_where_there_is_a_decoder(mine: Path) -> None:
         scene = load(mine)
     mesh = scene.assets[scene.by_id[4].asset].mesh
     np.testing.assert_allclose(np.median(mesh.texture.reshape(-1, 3), axis=0), (0, 160, 0), atol=4)
-
-
-def test_articulated_objects_are_named_as_unsupported(mine: Path) -> None:
-    edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
-    fails(mine, "articulated object fridge", "not supported")
-    with pytest.warns(UserWarning, match="fridge"):
-        assert len(load(mine, "?missing=skip").objects) == 16
 
 
 def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
-from humanclaw_houses.plan import CEILING, WALL, Area, Opening, Plan, Wall, room_at
+from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
 from humanclaw_houses.shapes import Array, Point, Shape, box, post, sheet
 from humanclaw_houses.stairs import staircase
 from humanclaw_houses.style import Style
@@ -39,7 +39,7 @@ class Finish:
     floor: Tile
 
 
-def draw_finishes(plan: Plan, style: Style) -> Mapping[str, Finish]:
+def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
     """A finish for every room; the boards of hall, living and dining room are the same throughout."""
     rng = style.rng
     boards = t.planks(t.pick(rng, t.WOODS[:3] + t.WOODS[4:]), rng)
@@ -68,7 +68,7 @@ def _floor_tiles(rng: np.random.Generator) -> Tile:
     return t.ceramic(t.pick(rng, ((196, 190, 180), (150, 152, 156), (214, 206, 192))), rng, 4)
 
 
-def build(plan: Plan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[Placed]:
+def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[Placed]:
     """Everything of one storey that does not move and is not furniture; heights are over the storey's floor."""
     outside = t.plain((206, 198, 186), style.rng)
     for area in plan.areas:
@@ -87,7 +87,7 @@ def build(plan: Plan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[
             yield from _fill(wall, opening, f"{above}{number}_{index}", style)
 
 
-def _stairs(plan: Plan, area: Area, finishes: Mapping[str, Finish], style: Style) -> Placed:
+def _stairs(plan: FloorPlan, area: Area, finishes: Mapping[str, Finish], style: Style) -> Placed:
     """The staircase, from the wall line of the hall to the wall behind the half-landing."""
     assert plan.stair is not None
     wall = next(wall for wall in plan.walls if wall.openings and wall.openings[0].kind == "stairs")
@@ -145,7 +145,7 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
-def _wall(plan: Plan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
+def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
     """Both faces, the reveals of the openings, the top, skirting, and a collision box for every solid stretch.
 
     Built along x; a wall along z is turned so that its x becomes z, and then its low room is at the model's +Z.
@@ -186,7 +186,7 @@ def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple
     return float(x + cos * ox + sin * oz), 0.0, float(z - sin * ox + cos * oz)
 
 
-def _face_ends(plan: Plan, wall: Wall, low: bool) -> tuple[float, float]:
+def _face_ends(plan: FloorPlan, wall: Wall, low: bool) -> tuple[float, float]:
     """Where a face of a wall begins and ends: at the face of a crossing wall, at the node where the wall runs on straight, or
     half a thickness beyond it at an outer corner."""
     across, ends = (-1 if low else 1), []

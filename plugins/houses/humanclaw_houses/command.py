@@ -11,9 +11,9 @@ from rich.table import Table
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
+from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets
 from humanclaw_houses.importers import open_collection
 from humanclaw_houses.importers.folder import COLUMNS, Facts
-from humanclaw_houses.intake import TRIANGLES, Report, take_in
 from humanclaw_houses.library import Library
 
 
@@ -39,10 +39,10 @@ def import_(
 
     Importing again changes nothing; importing another source into the same library adds to it.
     """
-    total = Report()
+    total = ImportReport()
     for collection in open_collection(source, name, Facts(licence, author, front, table)):
         with tqdm(collection.offers, desc=collection.name, unit="model", leave=False) as bar:
-            _add(total, take_in(collection, library, triangles, bar))
+            _add(total, import_assets(collection, library, triangles, bar))
     _tell(total, Console(), library)
     if not total.imported:
         raise HumanclawError(
@@ -63,15 +63,15 @@ def list_(library: Path) -> None:
     Console().print(table)
 
 
-def _add(total: Report, report: Report) -> None:
+def _add(total: ImportReport, report: ImportReport) -> None:
     total.imported += report.imported
     total.other += report.other
-    total.aside |= report.aside
+    total.rejected |= report.rejected
     for field in ("unchanged", "passed_over", "triangles", "hulls"):
         setattr(total, field, getattr(total, field) + getattr(report, field))
 
 
-def _tell(report: Report, console: Console, library: Path) -> None:
+def _tell(report: ImportReport, console: Console, library: Path) -> None:
     table = Table("category", "assets")
     for category, count in sorted(report.imported.items()):
         table.add_row(category, str(count))
@@ -79,15 +79,15 @@ def _tell(report: Report, console: Console, library: Path) -> None:
     table.add_section()
     table.add_row("all", str(count))
     console.print(table)
-    for name, reason in report.aside.items():
-        console.print(f"set aside: {name}: {reason}", highlight=False, markup=False)
+    for name, reason in report.rejected.items():
+        console.print(f"rejected: {name}: {reason}", highlight=False, markup=False)
     if report.other:
         console.print(f"left out, of no category: {report.other.total()} ({_some(report.other)})", highlight=False)
     if report.passed_over:
         console.print(f"left out, doors, windows and stairs: {report.passed_over}", highlight=False)
     console.print(
         f"{library}: {count} assets from this source ({report.unchanged} unchanged), {report.triangles} triangles, "
-        f"{report.hulls} hulls, {len(report.aside)} set aside.", highlight=False,
+        f"{report.hulls} hulls, {len(report.rejected)} rejected.", highlight=False,
     )  # fmt: skip
 
 

@@ -250,10 +250,10 @@ def _around_couch(space: Space, kit: Kit, seat: Placed, gap: float) -> None:
         space.try_put([_beside(seat, piece, out, -front + piece.size[2] / 2 + 0.1)])
 
 
-def _beside(thing: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
+def _beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
     """A piece at (x, z) in the frame of another."""
-    (dx, _, dz) = turn(np.array([[x, 0.0, z]]), thing.yaw)[0]
-    return Placed(piece, thing.x + float(dx), 0.0, thing.z + float(dz), thing.yaw + yaw, thing.room)
+    (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
+    return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
 
 
 def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
@@ -283,7 +283,7 @@ def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> boo
 def _set_down(space: Space, table: Placed, chairs: Sequence[Placed]) -> bool:
     """Place a table and its chairs if every chair can be got at."""
     want = [at_hand(chair) for chair in chairs]
-    return all(space.fits(thing) for thing in (table, *chairs)) and space.put(table, *chairs, want=want)
+    return all(space.fits(obj) for obj in (table, *chairs)) and space.put(table, *chairs, want=want)
 
 
 def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> list[tuple[float, float, float]]:
@@ -322,11 +322,11 @@ def _counters(space: Space, kit: Kit) -> None:
         pieces = pieces[::-1]
     along = start
     for piece in pieces:
-        thing = space.at_wall(piece, side, along + piece.size[0] / 2, gap=0.02)
+        obj = space.at_wall(piece, side, along + piece.size[0] / 2, gap=0.02)
         along += piece.size[0] + 0.002
-        if space.put(thing, keep=[space.ahead(thing, 0.6)]):
-            _above_unit(space, kit, fronts, thing)
-    if not any(thing.piece.asset.category == "fridge" for thing in space.things):
+        if space.put(obj, keep=[space.ahead(obj, 0.6)]):
+            _above_unit(space, kit, fronts, obj)
+    if not any(obj.piece.asset.category == "fridge" for obj in space.objects):
         _stand(space, kit, kitchen.fridge, front=0.65)
 
 
@@ -364,9 +364,9 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
     else:
         return
     along = unit.x - space.rect.x0 if side in ("south", "north") else unit.z - space.rect.z0
-    thing = space.at_wall(piece, side, along, y, gap=0.002)
-    if space.fits(thing, gap=-0.002):
-        space.put(thing)
+    obj = space.at_wall(piece, side, along, y, gap=0.002)
+    if space.fits(obj, gap=-0.002):
+        space.put(obj)
 
 
 def _bed(space: Space, kit: Kit, double: bool) -> bool:
@@ -444,7 +444,7 @@ def _wall_tv(space: Space, kit: Kit) -> Placed | None:
     return _stand(space, kit, media.floor_tv, 1.0, front=0.5, target=True)
 
 
-# -- single things -----------------------------------------------------------------------------------------------------
+# -- single objects ----------------------------------------------------------------------------------------------------
 def _stand(
     space: Space, kit: Kit, maker: Callable[..., Piece], *args: object, front: float = 0.0, target: bool = False
 ) -> Placed | None:
@@ -497,10 +497,10 @@ def _flush(space: Space, piece: Piece, rng: np.random.Generator) -> Sequence[Pla
     ]
 
 
-def _above(space: Space, thing: Placed, piece: Piece, y: float) -> None:
+def _above(space: Space, obj: Placed, piece: Piece, y: float) -> None:
     """Hang a piece on the wall behind another."""
-    back = -thing.piece.size[2] / 2 + piece.size[2] / 2 - 0.014
-    spot = replace(_beside(thing, piece, 0.0, back), y=y)
+    back = -obj.piece.size[2] / 2 + piece.size[2] / 2 - 0.014
+    spot = replace(_beside(obj, piece, 0.0, back), y=y)
     if space.fits(spot):
         space.put(spot)
 
@@ -536,7 +536,7 @@ def _light(space: Space, kit: Kit) -> None:
     space.put(Placed(piece, x, round(CEILING - piece.size[1], 3), z, 0.0, space.area.name))
 
 
-# -- small things ------------------------------------------------------------------------------------------------------
+# -- small objects -----------------------------------------------------------------------------------------------------
 _ON_TOP: Final[dict[str, tuple[Maker, ...]]] = {
     "kitchen": (small.cup, small.bottle, small.bowl, small.pot, small.cup),
     "dining": (small.vase, small.bowl, small.bottle, small.cup),
@@ -555,7 +555,7 @@ _ON_FLOOR: Final[tuple[Maker, ...]] = (
 
 
 def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
-    """Put up to so many small things on tops and floors, a room at a time."""
+    """Put up to so many small objects on tops and floors, a room at a time."""
     done = 0
     for round_ in range(8 * count):
         if done >= count:
@@ -566,7 +566,7 @@ def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
 
 
 def _on_top(space: Space, kit: Kit) -> bool:
-    hosts = [thing for thing in space.things if thing.piece.tops]
+    hosts = [obj for obj in space.objects if obj.piece.tops]
     if not hosts:
         return False
     host = hosts[int(kit.rng.integers(len(hosts)))]

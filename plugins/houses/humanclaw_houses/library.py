@@ -34,7 +34,7 @@ class _Frozen(BaseModel):
 
 
 class Level(_Frozen):
-    """A level rectangle that things can stand on. Metres, the asset's frame."""
+    """A level rectangle that objects can stand on. Metres, the asset's frame."""
 
     x0: float
     z0: float

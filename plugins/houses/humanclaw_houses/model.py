@@ -1,4 +1,4 @@
-"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that things can stand on."""
+"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that objects can stand on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Solid = Literal["", "box", "hull"]
 
 @dataclass(frozen=True)
 class Top:
-    """A level rectangle of an asset that things can be put on, in its own frame. Metres."""
+    """A level rectangle of an asset that objects can be put on, in its own frame. Metres."""
 
     x0: float
     z0: float

@@ -97,7 +97,7 @@ class Stair:
 
 
 @dataclass(frozen=True)
-class Plan:
+class FloorPlan:
     """One storey."""
 
     areas: tuple[Area, ...]
@@ -121,7 +121,7 @@ STAIR_WIDTH: Final = 2.22
 """Of the place for the stairs, between the middle lines of its walls: two flights of a metre and what is between them."""
 
 
-def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[Plan, ...]:
+def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[FloorPlan, ...]:
     """The storeys of a house from the lowest, with 4 to 12 rooms together. storeys: 1 or 2.
 
     Raises SceneError if none was found, which no seed has yet done.
@@ -133,15 +133,15 @@ def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[Plan, ...]:
     raise SceneError("no floor plan was found for this seed.", "Take another index and report this one.")
 
 
-def _one_storey(rng: np.random.Generator) -> tuple[Plan, ...] | None:
+def _one_storey(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
     areas = _draw_areas(rng)
     if areas is None:
         return None
     walls = _with_windows(_with_doors(_walls(areas), areas, rng), areas, rng)
-    return None if walls is None else (Plan(areas, tuple(walls)),)
+    return None if walls is None else (FloorPlan(areas, tuple(walls)),)
 
 
-def _two_storeys(rng: np.random.Generator) -> tuple[Plan, ...] | None:
+def _two_storeys(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
     """Living downstairs, sleeping upstairs; the stairs at the near end of the first row."""
     stair, hall, block = Stair.draw(rng), float(rng.uniform(1.6, 1.95)), bool(rng.random() < 0.4)
     depths = float(rng.uniform(3.3, 3.75)), float(rng.uniform(3.4, 4.3))
@@ -163,8 +163,8 @@ def _two_storeys(rng: np.random.Generator) -> tuple[Plan, ...] | None:
              for areas, upper in ((ground, False), (first, True))]  # fmt: skip
     if walls[0] is None or walls[1] is None:
         return None
-    plan = Plan(first, tuple(walls[1]), stair.rise, CEILING, stair)
-    return Plan(ground, tuple(walls[0]), 0.0, stair.rise, stair), _renamed(plan, {area.name for area in ground})
+    plan = FloorPlan(first, tuple(walls[1]), stair.rise, CEILING, stair)
+    return FloorPlan(ground, tuple(walls[0]), 0.0, stair.rise, stair), _renamed(plan, {area.name for area in ground})
 
 
 def _downstairs(rng: np.random.Generator, block: bool) -> list[str]:
@@ -179,7 +179,7 @@ def _upstairs(rng: np.random.Generator) -> list[str]:
     return ["bedroom", "bathroom", *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))])]
 
 
-def _renamed(plan: Plan, taken: set[str]) -> Plan:
+def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
     """The upper storey with names that the lower one has not; its hall is the landing."""
     names = {"": "", "stairs": "stairs"}
     for area in plan.areas:

@@ -115,7 +115,7 @@ class Ring:
 
 
 def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
-    """A skin through rings from the lowest to the highest (or inward, for hollow things), with flat ends."""
+    """A skin through rings from the lowest to the highest (or inward, for hollow objects), with flat ends."""
     rows = np.array([ring.points(segments) for ring in rings])
     around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
     u = np.concatenate([[0.0], np.cumsum(around)])

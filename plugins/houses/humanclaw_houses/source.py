@@ -15,7 +15,7 @@ from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
 from humanclaw_houses.names import seed_of
-from humanclaw_houses.plan import Area, Plan, draw_plans
+from humanclaw_houses.plan import Area, FloorPlan, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock
@@ -64,31 +64,31 @@ def _draft(rng: np.random.Generator, name: str, storeys: int, library: Library |
     for plan in plans:
         placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
     for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
-        placed += _lifted(space.things, space.floor)
+        placed += _lifted(space.objects, space.floor)
     return _scene(name, plans, placed, rng)
 
 
-def _lifted(things: Iterable[Placed], floor: float) -> Iterator[Placed]:
+def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
     """Things of a storey at their heights in the world."""
-    return (replace(thing, y=thing.y + floor) for thing in things)
+    return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
-def _furnish(plans: Sequence[Plan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
+def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
     areas = [(area, plan) for plan in plans for area in plan.areas]
     kit = Kit(style, rng, tuple(area.kind for area, _ in areas), stock)
     spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
     for space in spaces:
         furnish(space, kit)
-    things = [thing.piece for space in spaces for thing in space.things]
-    movable = sum(piece.mass > 0 for piece in things)
-    wanted = round((_MOVABLE * len(things) - movable) / (1 - _MOVABLE))
+    scene_objects = [obj.piece for space in spaces for obj in space.objects]
+    movable = sum(piece.mass > 0 for piece in scene_objects)
+    wanted = round((_MOVABLE * len(scene_objects) - movable) / (1 - _MOVABLE))
     scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
     return spaces
 
 
-def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
-    assets = {thing.piece.asset.name: thing.piece.asset for thing in placed}
-    objects = tuple(_object(number, thing) for number, thing in enumerate(placed, 1))
+def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
+    assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
+    objects = tuple(_object(number, obj) for number, obj in enumerate(placed, 1))
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
@@ -96,12 +96,12 @@ def _scene(name: str, plans: Sequence[Plan], placed: Sequence[Placed], rng: np.r
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 
 
-def _object(number: int, thing: Placed) -> SceneObject:
-    piece = thing.piece
-    position = tuple(round(float(v), 4) for v in (thing.x, thing.y, thing.z))
+def _object(number: int, obj: Placed) -> SceneObject:
+    piece = obj.piece
+    position = tuple(round(float(v), 4) for v in (obj.x, obj.y, obj.z))
     return SceneObject(
-        number, piece.asset.name, piece.asset.category, position, _quaternion(thing.yaw),  # type: ignore[arg-type]
-        piece.mass > 0, piece.mass, piece.friction, thing.room,
+        number, piece.asset.name, piece.asset.category, position, _quaternion(obj.yaw),  # type: ignore[arg-type]
+        piece.mass > 0, piece.mass, piece.friction, obj.room,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, label
 
 from humanclaw_houses.building import Placed
 from humanclaw_houses.model import Piece
-from humanclaw_houses.plan import Area, Opening, Plan, Wall
+from humanclaw_houses.plan import Area, FloorPlan, Opening, Wall
 from humanclaw_houses.shapes import Array
 
 Side = Literal["south", "north", "west", "east"]
@@ -26,7 +26,7 @@ BODY: Final = 0.32
 _POCKET: Final = 0.25
 """The largest piece of free floor that may be cut off, square metres."""
 REACH: Final = 0.42
-"""How far from the middle of a standing body a thing may be and still be at hand, metres."""
+"""How far from the middle of a standing body an object may be and still be at hand, metres."""
 _HEAD: Final = 1.9
 
 
@@ -77,37 +77,37 @@ def turn(points: Array, yaw: float) -> Array:
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
 
 
-def outline(points: Array, thing: Placed) -> Block:
+def outline(points: Array, obj: Placed) -> Block:
     """The box around some of a placed piece's own points."""
-    low, high = (f(turn(points, thing.yaw), axis=0) for f in (np.min, np.max))
-    rect = Rect(low[0] + thing.x, low[2] + thing.z, high[0] + thing.x, high[2] + thing.z)
-    return Block(rect, low[1] + thing.y, high[1] + thing.y)
+    low, high = (f(turn(points, obj.yaw), axis=0) for f in (np.min, np.max))
+    rect = Rect(low[0] + obj.x, low[2] + obj.z, high[0] + obj.x, high[2] + obj.z)
+    return Block(rect, low[1] + obj.y, high[1] + obj.y)
 
 
-def block_of(thing: Placed) -> Block:
-    return outline(np.array([thing.piece.low, [thing.piece.low[0], 0, thing.piece.high[2]],
-                             [thing.piece.high[0], 0, thing.piece.low[2]], thing.piece.high]), thing)  # fmt: skip
+def block_of(obj: Placed) -> Block:
+    return outline(np.array([obj.piece.low, [obj.piece.low[0], 0, obj.piece.high[2]],
+                             [obj.piece.high[0], 0, obj.piece.low[2]], obj.piece.high]), obj)  # fmt: skip
 
 
-def at_hand(thing: Placed) -> tuple[Rect, ...]:
+def at_hand(obj: Placed) -> tuple[Rect, ...]:
     """The places before the four sides of a piece from which a body can reach it; one of them must stay walkable."""
-    r = block_of(thing).rect
+    r = block_of(obj).rect
     return Rect(r.x0 - REACH, r.z0, r.x1 + REACH, r.z1), Rect(r.x0, r.z0 - REACH, r.x1, r.z1 + REACH)
 
 
-def local(thing: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
+def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     """A rectangle in the frame of a placed piece, as the box around it in the world."""
-    return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), thing).rect
+    return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), obj).rect
 
 
 class Space:
     """One room while it is being furnished. Heights are over its own floor."""
 
-    def __init__(self, area: Area, plan: Plan) -> None:
+    def __init__(self, area: Area, plan: FloorPlan) -> None:
         self.area = area
         self.floor = plan.floor
         self.rect = Rect(*area.inner)
-        self.things: list[Placed] = []
+        self.objects: list[Placed] = []
         self._taken: list[Block] = []
         self._solid: list[Rect] = []
         self._kept: list[Rect] = []
@@ -171,16 +171,16 @@ class Space:
         placed = [Placed(p.piece, p.x, y, p.z, p.yaw, p.room) for p in found]
         return [placed[k] for k in rng.permutation(len(placed))]
 
-    def fits(self, thing: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
+    def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
         """Inside the room, through nothing, in nobody's way, with so much free floor in front."""
-        block = block_of(thing)
+        block = block_of(obj)
         if not block.rect.within(self.rect) or self._blocked(block, gap, ignore):
             return False
         if block.y0 < _HEAD and any(block.rect.meets(rect) for rect in self._kept):
             return False
         if not front:
             return True
-        ahead = self.ahead(thing, front)
+        ahead = self.ahead(obj, front)
         return ahead.within(self.rect) and not self._blocked(Block(ahead, 0.03, 1.2), 0.0, ignore)
 
     def _blocked(self, block: Block, gap: float, ignore: Sequence[Block] = ()) -> bool:
@@ -198,41 +198,41 @@ class Space:
             return False
         return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
 
-    def clear_of_doors(self, thing: Placed) -> bool:
-        return not any(block_of(thing).rect.meets(door) for door in self._doors)
+    def clear_of_doors(self, obj: Placed) -> bool:
+        return not any(block_of(obj).rect.meets(door) for door in self._doors)
 
-    def rests(self, thing: Placed, host: Placed) -> bool:
-        """A thing on top of another one touches nothing else."""
-        return not self._blocked(block_of(thing), 0.01, ignore=(block_of(host),))
+    def rests(self, obj: Placed, host: Placed) -> bool:
+        """An object on top of another one touches nothing else."""
+        return not self._blocked(block_of(obj), 0.01, ignore=(block_of(host),))
 
-    def ahead(self, thing: Placed, front: float) -> Rect:
+    def ahead(self, obj: Placed, front: float) -> Rect:
         """The floor in front of a piece, as wide as it is."""
-        w, _, d = thing.piece.size
-        return local(thing, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
+        w, _, d = obj.piece.size
+        return local(obj, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
 
-    def put(self, *things: Placed, keep: Sequence[Rect] = (), want: Sequence[tuple[Rect, ...]] = ()) -> bool:
+    def put(self, *objects: Placed, keep: Sequence[Rect] = (), want: Sequence[tuple[Rect, ...]] = ()) -> bool:
         """Place a group if the room stays walkable, and undo it if not. keep: floor to stay free. want: groups of
         places; one of each group must remain in the way of a walking body."""
-        before = len(self.things), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
-        for thing in things:
-            self._add(thing)
+        before = len(self.objects), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
+        for obj in objects:
+            self._add(obj)
         self._kept += keep
         self._wanted += want
-        low = any(block_of(thing).y0 < _HEAD and thing.piece.asset.hulls for thing in things)
+        low = any(block_of(obj).y0 < _HEAD and obj.piece.asset.hulls for obj in objects)
         if low and not self.walkable():
             for items, count in zip(
-                (self.things, self._taken, self._solid, self._kept, self._wanted), before, strict=True
+                (self.objects, self._taken, self._solid, self._kept, self._wanted), before, strict=True
             ):
                 del items[count:]  # type: ignore[attr-defined]
             return False
         return True
 
-    def _add(self, thing: Placed) -> None:
-        self.things.append(thing)
-        if thing.piece.asset.hulls or thing.piece.size[1] > 0.03:  # rugs lie under things
-            self._taken.append(block_of(thing))
-        for hull in thing.piece.asset.hulls:
-            block = outline(np.asarray(hull, float), thing)
+    def _add(self, obj: Placed) -> None:
+        self.objects.append(obj)
+        if obj.piece.asset.hulls or obj.piece.size[1] > 0.03:  # rugs lie under objects
+            self._taken.append(block_of(obj))
+        for hull in obj.piece.asset.hulls:
+            block = outline(np.asarray(hull, float), obj)
             if block.y0 < _HEAD and block.y1 > 0.03:
                 self._solid.append(block.rect)
 
@@ -240,11 +240,11 @@ class Space:
         self, spots: Iterable[Placed], *, front: float = 0.0, keep: bool = True, target: bool = False, gap: float = 0.01
     ) -> Placed | None:
         """The first of some places that fits and leaves the room walkable."""
-        for thing in spots:
-            if self.fits(thing, front, gap):
-                kept = [self.ahead(thing, front)] if front and keep else []
-                if self.put(thing, keep=kept, want=[at_hand(thing)] if target else []):
-                    return thing
+        for obj in spots:
+            if self.fits(obj, front, gap):
+                kept = [self.ahead(obj, front)] if front and keep else []
+                if self.put(obj, keep=kept, want=[at_hand(obj)] if target else []):
+                    return obj
         return None
 
     # -- walking -------------------------------------------------------------------------------------------------------

@@ -16,14 +16,14 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Walkways:
-    """What can be walked in a house, on all storeys, movable things left where they stand."""
+class WalkableArea:
+    """What can be walked in a house, on all storeys, movable objects left where they stand."""
 
     scene: Scene
     floors: MultiFloorMap
 
     @classmethod
-    def of(cls, scene: Scene) -> Walkways:
+    def of(cls, scene: Scene) -> WalkableArea:
         return cls(scene, MultiFloorMap.of(scene).solid())
 
     @cached_property
@@ -57,10 +57,10 @@ class Walkways:
 def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
     """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the house is
     large enough, in the hall if that is possible, facing the longest free line of sight."""
-    ways = Walkways.of(scene)
-    plan = ways.floors.grids[0]
-    roomy = ways.room_at(0) > 0.55
-    far = _from_couches(ways)
+    walkable = WalkableArea.of(scene)
+    plan = walkable.floors.grids[0]
+    roomy = walkable.room_at(0) > 0.55
+    far = _from_couches(walkable)
     hall = np.any([plan.within(room) for room in scene.rooms if room.kind == "hall"] or [np.zeros_like(roomy)], axis=0)
     well = roomy & (far > 4) & (far < 10)
     choices = [well & hall, well, roomy & (far > 2.5), roomy, plan.fits(RADIUS), ~plan.blocked]
@@ -69,17 +69,17 @@ def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
     return Pose2D(round(x, 3), round(z, 3), _view(plan, x, z), plan.floor)
 
 
-def _from_couches(ways: Walkways) -> Array:
+def _from_couches(walkable: WalkableArea) -> Array:
     """Metres on foot from the nearest couch to the cells of the lowest floor; infinite without one."""
     goals = [
         [x, plan.floor, z]
-        for couch in ways.scene.of_category("couch")
-        for plan, near in zip(ways.floors.floors, ways.near(*ways.scene.aabb(couch.id), 0.4), strict=True)
+        for couch in walkable.scene.of_category("couch")
+        for plan, near in zip(walkable.floors.floors, walkable.near(*walkable.scene.aabb(couch.id), 0.4), strict=True)
         for x, z in plan.point(np.argwhere(near)).tolist()
     ]
     if not goals:
-        return np.full(ways.floors.grids[0].blocked.shape, np.inf)
-    return np.asarray(ways.floors.distances(np.array(goals))[0])
+        return np.full(walkable.floors.grids[0].blocked.shape, np.inf)
+    return np.asarray(walkable.floors.distances(np.array(goals))[0])
 
 
 def _view(plan: OccupancyGrid, x: float, z: float) -> float:

@@ -123,6 +123,6 @@ def _share_space(one: Placed, other: Placed) -> bool:
     return any((a ^ b).volume() > 1e-6 for a in first for b in second)
 
 
-def _solids(thing: Placed) -> list[Manifold]:
-    offset = np.array([thing.x, thing.y, thing.z])
-    return [Manifold.hull_points(turn(np.asarray(hull, float), thing.yaw) + offset) for hull in thing.piece.asset.hulls]
+def _solids(obj: Placed) -> list[Manifold]:
+    offset = np.array([obj.x, obj.y, obj.z])
+    return [Manifold.hull_points(turn(np.asarray(hull, float), obj.yaw) + offset) for hull in obj.piece.asset.hulls]

@@ -14,31 +14,31 @@ from humanclaw.navigation import RADIUS
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
-from humanclaw_houses.starting import Walkways
+from humanclaw_houses.starting import WalkableArea
 
 REACH: Final = 0.42
 """How far from the middle of a standing body a target may be, seen from above, metres."""
 FURNISHED: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
 """Every house has at least one of each of these, and each of them can be walked up to."""
 _SHARED: Final = 2e-5
-"""The volume that two things may share, cubic metres: a 2 cm cube at most counts as touching."""
+"""The volume that two objects may share, cubic metres: a 2 cm cube at most counts as touching."""
 
 
 def problems(scene: Scene) -> list[str]:
     """Everything wrong with a house, in words; empty if it can be used."""
-    ways = Walkways.of(scene)
+    walkable = WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
-    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, ways)]
-    for thing in scene.objects:
-        if thing.category in FURNISHED and not _any(ways.near(*scene.aabb(thing.id), REACH)):
-            found.append(f"{thing.asset} cannot be approached")
-        if thing.category in SEATS:
-            found += _wrong_seat(scene, thing)
-            if not _any(standing_room(scene, ways, thing)):
-                found.append(f"there is no room to stand before {thing.asset}")
-    plan = ways.floors.grids[0]
-    if plan.at(ways.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
+    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walkable)]
+    for obj in scene.objects:
+        if obj.category in FURNISHED and not _any(walkable.near(*scene.aabb(obj.id), REACH)):
+            found.append(f"{obj.asset} cannot be approached")
+        if obj.category in SEATS:
+            found += _wrong_seat(scene, obj)
+            if not _any(standing_room(scene, walkable, obj)):
+                found.append(f"there is no room to stand before {obj.asset}")
+    plan = walkable.floors.grids[0]
+    if plan.at(walkable.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
         found.append("there is no room at the start")
     return found
 
@@ -47,41 +47,41 @@ def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:
     return any(bool(mask.any()) for mask in masks)
 
 
-def unreached_rooms(scene: Scene, ways: Walkways) -> list[str]:
+def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
     """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are passed
     over if a storey that they lead to is reached."""
     names = []
     for room in scene.rooms:
-        for k, plan in enumerate(ways.floors.floors):
+        for k, plan in enumerate(walkable.floors.floors):
             free = plan.within(room) & plan.fits(RADIUS)
-            walked = int((free & np.isfinite(ways.reached[2 * k])).sum())
+            walked = int((free & np.isfinite(walkable.reached[2 * k])).sum())
             if abs(room.floor - plan.floor) < 0.5 and room.kind != "stairs" and walked < max(1.0, 0.75 * free.sum()):
                 names.append(room.name)
     return names
 
 
-def standing_room(scene: Scene, ways: Walkways, thing: SceneObject) -> tuple[NDArray[np.bool_], ...]:
-    """On each storey, the cells from which a body can sit down on a thing: before its front edge (beds: beside them too), and
+def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tuple[NDArray[np.bool_], ...]:
+    """On each storey, the cells from which a body can sit down on an object: before its front edge (beds: beside them too), and
     reached on foot."""
-    points = scene.assets[thing.asset].mesh.vertices
+    points = scene.assets[obj.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
-    plan = ways.floors.grids[0]
-    offset = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1)) - np.array(thing.position)[[0, 2]]
-    turn = matrix_from_quaternion(np.array(thing.rotation))[np.ix_([0, 2], [0, 2])]
+    plan = walkable.floors.grids[0]
+    offset = plan.point(np.moveaxis(np.indices(plan.blocked.shape), 0, -1)) - np.array(obj.position)[[0, 2]]
+    turn = matrix_from_quaternion(np.array(obj.rotation))[np.ix_([0, 2], [0, 2])]
     side, ahead = np.moveaxis(offset @ turn, -1, 0)
     before = (ahead > front) & (ahead < front + 0.5) & (np.abs(side) < max(half - 0.1, 0.2))
-    if thing.category == "bed":
+    if obj.category == "bed":
         before |= (np.abs(ahead) < front - 0.2) & (np.abs(side) > half) & (np.abs(side) < half + 0.5)
-    return tuple(before & near for near in ways.near(*scene.aabb(thing.id), 2.0))
+    return tuple(before & near for near in walkable.near(*scene.aabb(obj.id), 2.0))
 
 
-def _wrong_seat(scene: Scene, thing: SceneObject) -> list[str]:
+def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:
     """A seat is where the asset says if a collision hull ends there, and it can be sat on at 0.35 to 0.65 m."""
-    asset = scene.assets[thing.asset]
+    asset = scene.assets[obj.asset]
     if asset.seat_height is None or not 0.35 <= asset.seat_height <= 0.65:
-        return [f"{thing.asset} has its seat at {asset.seat_height} m"]
+        return [f"{obj.asset} has its seat at {asset.seat_height} m"]
     gap = min(abs(float(hull[:, 1].max()) - asset.seat_height) for hull in asset.hulls)
-    return [f"{thing.asset} has nothing to sit on at its seat height"] if gap > 0.015 else []
+    return [f"{obj.asset} has nothing to sit on at its seat height"] if gap > 0.015 else []
 
 
 def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
@@ -102,9 +102,9 @@ def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
     """The collision hulls of all objects in the world, and whose they are."""
     owners, hulls = [], []
-    for thing in scene.objects:
-        matrix = matrix_from_quaternion(np.array(thing.rotation))
-        for hull in scene.assets[thing.asset].hulls:
-            owners.append(thing.id)
-            hulls.append(hull.astype(float) @ matrix.T + np.array(thing.position))
+    for obj in scene.objects:
+        matrix = matrix_from_quaternion(np.array(obj.rotation))
+        for hull in scene.assets[obj.asset].hulls:
+            owners.append(obj.id)
+            hulls.append(hull.astype(float) @ matrix.T + np.array(obj.position))
     return np.array(owners), hulls

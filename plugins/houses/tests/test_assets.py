@@ -131,8 +131,8 @@ def test_the_summary_counts_what_came_in_what_was_left_out_and_names_what_was_br
 ) -> None:
     _, result = imported
     assert result.exit_code == 0, result.output
-    for words in ("couch", "chair", "wardrobe", "set aside: broken: m.obj cannot be read", "Grand piano",
-                  "doors, windows and stairs: 1", "3 assets", "set aside: toysofa: Toy sofa (couch): 0.22 m width"):  # fmt: skip
+    for words in ("couch", "chair", "wardrobe", "rejected: broken: m.obj cannot be read", "Grand piano",
+                  "doors, windows and stairs: 1", "3 assets", "rejected: toysofa: Toy sofa (couch): 0.22 m width"):  # fmt: skip
         assert words in " ".join(result.output.split()), (words, result.output)
 
 
@@ -223,7 +223,7 @@ def kit_library(work: Path, kit: Path) -> Path:
             "assets", "import", kit, "--out", work / "lib_kit", "--licence", "CC0-1.0", "--author", "Kit Maker"
         )
     assert result.exit_code == 0, result.output
-    assert "set aside: chairBroken" in result.output
+    assert "rejected: chairBroken" in result.output
     return work / "lib_kit"
 
 
@@ -346,10 +346,10 @@ def test_a_second_source_joins_the_first(library: Path) -> None:
 
 
 def test_a_house_takes_from_the_library_what_it_has_and_makes_the_rest(furnished: Scene) -> None:
-    sources = {furnished.assets[thing.asset].source == "generated" for thing in furnished.objects}
+    sources = {furnished.assets[scene_object.asset].source == "generated" for scene_object in furnished.objects}
     assert sources == {True, False}
     for category, credit in (("bed", "Kit Maker"), ("wardrobe", "Ada Example")):
-        named = [furnished.assets[thing.asset].source for thing in furnished.of_category(category)]
+        named = [furnished.assets[scene_object.asset].source for scene_object in furnished.of_category(category)]
         assert any(credit in text for text in named), (category, named)
 
 
@@ -369,11 +369,13 @@ def test_real_pieces_keep_their_proportions_and_nearly_their_size(furnished: Sce
 
 def test_real_seats_have_their_real_height(furnished: Scene) -> None:
     seen = 0
-    for thing in furnished.objects:
-        asset = furnished.assets[thing.asset]
-        if thing.category in SEATS and asset.source != "generated":
-            scale = float(np.ptp(asset.mesh.vertices[:, 0])) / {"couch": 2.2, "bed": 1.6}[thing.category]
-            assert asset.seat_height == pytest.approx({"couch": 0.44, "bed": 0.5}[thing.category] * scale, abs=0.006)
+    for scene_object in furnished.objects:
+        asset = furnished.assets[scene_object.asset]
+        if scene_object.category in SEATS and asset.source != "generated":
+            scale = float(np.ptp(asset.mesh.vertices[:, 0])) / {"couch": 2.2, "bed": 1.6}[scene_object.category]
+            assert asset.seat_height == pytest.approx(
+                {"couch": 0.44, "bed": 0.5}[scene_object.category] * scale, abs=0.006
+            )
             seen += 1
     assert seen
 

@@ -17,7 +17,7 @@ from humanclaw.navigation import goals_at
 from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
 from humanclaw_houses.source import house, storeys_of
-from humanclaw_houses.starting import Walkways
+from humanclaw_houses.starting import WalkableArea
 from humanclaw_houses.validity import FURNISHED, interpenetrating, problems
 
 SAMPLE = ("0", "12", "20", "train-17")
@@ -29,17 +29,17 @@ def scene(argument: str) -> Scene:
     return house(argument)
 
 
-def boxes(scene: Scene, thing: SceneObject) -> list[tuple[np.ndarray, np.ndarray]]:
-    """World boxes of the hulls of a thing that is turned by quarter turns."""
-    _, y, _, w = thing.rotation
+def boxes(scene: Scene, obj: SceneObject) -> list[tuple[np.ndarray, np.ndarray]]:
+    """World boxes of the hulls of an object that is turned by quarter turns."""
+    _, y, _, w = obj.rotation
     yaw = 2 * np.arctan2(y, w)
     turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
-    placed = [hull @ turn.T + np.array(thing.position) for hull in scene.assets[thing.asset].hulls]
+    placed = [hull @ turn.T + np.array(obj.position) for hull in scene.assets[obj.asset].hulls]
     return [(points.min(axis=0), points.max(axis=0)) for points in placed]
 
 
 def furniture(scene: Scene) -> list[SceneObject]:
-    return [thing for thing in scene.objects if thing.category not in STRUCTURE]
+    return [obj for obj in scene.objects if obj.category not in STRUCTURE]
 
 
 # -- the door ----------------------------------------------------------------------------------------------------------
@@ -76,22 +76,22 @@ def test_different_numbers_give_different_houses() -> None:
 # -- what is in a house ------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", SAMPLE)
 def test_every_house_has_all_six_target_categories(name: str) -> None:
-    assert {thing.category for thing in scene(name).objects} >= set(FURNISHED)
+    assert {obj.category for obj in scene(name).objects} >= set(FURNISHED)
 
 
 @pytest.mark.parametrize("name", SAMPLE)
-def test_a_house_has_between_60_and_400_things_and_about_a_fifth_can_be_moved(name: str) -> None:
-    things = furniture(scene(name))
-    share = sum(thing.movable for thing in things) / len(things)
-    assert 60 <= len(things) <= 400
+def test_a_house_has_between_60_and_400_objects_and_about_a_fifth_can_be_moved(name: str) -> None:
+    objects = furniture(scene(name))
+    share = sum(obj.movable for obj in objects) / len(objects)
+    assert 60 <= len(objects) <= 400
     assert 0.15 <= share <= 0.33
 
 
 @pytest.mark.parametrize("name", SAMPLE)
-def test_movable_things_have_plausible_mass_and_friction(name: str) -> None:
-    movable = [thing for thing in scene(name).objects if thing.movable]
-    assert all(0.1 <= thing.mass <= 15 and 0.2 <= thing.friction <= 0.9 for thing in movable)
-    assert all(scene(name).assets[thing.asset].hulls for thing in movable)
+def test_movable_objects_have_plausible_mass_and_friction(name: str) -> None:
+    movable = [obj for obj in scene(name).objects if obj.movable]
+    assert all(0.1 <= obj.mass <= 15 and 0.2 <= obj.friction <= 0.9 for obj in movable)
+    assert all(scene(name).assets[obj.asset].hulls for obj in movable)
 
 
 @pytest.mark.parametrize("name", SAMPLE)
@@ -107,8 +107,8 @@ def test_rooms_are_of_sensible_number_and_size(name: str) -> None:
 @pytest.mark.parametrize("name", SAMPLE)
 def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
     count = 0
-    for thing in scene(name).objects:
-        mesh = scene(name).assets[thing.asset].mesh
+    for obj in scene(name).objects:
+        mesh = scene(name).assets[obj.asset].mesh
         count += len(mesh.faces)
         assert mesh.uv.min() >= 0
         assert mesh.uv.max() <= 1
@@ -121,7 +121,7 @@ def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
 def doorways(scene: Scene) -> list[tuple[str, float, float]]:
     """(wall, width, height) of each hole in the walls' collision boxes that begins at the floor and is not filled."""
     found = []
-    doors = [scene.aabb(thing.id) for thing in scene.of_category("door")]
+    doors = [scene.aabb(obj.id) for obj in scene.of_category("door")]
     for wall in scene.of_category("wall"):
         parts = boxes(scene, wall)
         axis = 0 if np.ptp([p for pair in parts for p in pair], axis=0)[0] > 0.5 else 2
@@ -166,19 +166,17 @@ def test_nothing_is_wrong_with_a_house(name: str) -> None:
 def test_no_furniture_reaches_into_a_wall(name: str) -> None:
     """Independent of the generator's own check: boxes of hulls against boxes of walls, for what is turned by quarter turns."""
     walls = [box for wall in scene(name).of_category("wall") for box in boxes(scene(name), wall)]
-    for thing in furniture(scene(name)):
-        for low, high in boxes(scene(name), thing):
+    for obj in furniture(scene(name)):
+        for low, high in boxes(scene(name), obj):
             for wall_low, wall_high in walls:
                 overlap = np.minimum(high, wall_high) - np.maximum(low, wall_low)
-                assert overlap.min() < 0.01, (thing.asset, overlap)
+                assert overlap.min() < 0.01, (obj.asset, overlap)
 
 
-def test_things_put_into_each_other_are_noticed() -> None:
+def test_objects_put_into_each_other_are_noticed() -> None:
     whole = scene("0")
     couch, bed = whole.of_category("couch")[0], whole.of_category("bed")[0]
-    moved = [
-        SceneObject(**{**vars(thing), "position": bed.position}) if thing is couch else thing for thing in whole.objects
-    ]
+    moved = [SceneObject(**{**vars(obj), "position": bed.position}) if obj is couch else obj for obj in whole.objects]
     broken = Scene(whole.name, whole.assets, tuple(moved), whole.rooms, whole.start)
     assert (min(couch.id, bed.id), max(couch.id, bed.id)) in set(interpenetrating(broken))
 
@@ -195,12 +193,12 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
-    whole, ways = scene(name), Walkways.of(scene(name))
+    whole, walkable = scene(name), WalkableArea.of(scene(name))
     start = np.array([whole.start.x, whole.start.floor, whole.start.z])
-    assert ways.floors.grids[0].at(ways.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
-    for thing in whole.objects:
-        if thing.category in FURNISHED:
-            assert np.isfinite(ways.floors.geodesic(start, goals_at(ways.floors, whole, thing.id))), thing.asset
+    assert walkable.floors.grids[0].at(walkable.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
+    for obj in whole.objects:
+        if obj.category in FURNISHED:
+            assert np.isfinite(walkable.floors.geodesic(start, goals_at(walkable.floors, whole, obj.id))), obj.asset
 
 
 # -- storeys -----------------------------------------------------------------------------------------------------------
@@ -232,7 +230,7 @@ def test_the_steps_of_a_staircase_are_those_of_a_building_code() -> None:
 
 def test_over_every_step_there_is_room_for_a_head() -> None:
     whole = scene(TALL)
-    rest = [box for thing in whole.objects if thing.category not in ("stairs", "wall") for box in boxes(whole, thing)]
+    rest = [box for obj in whole.objects if obj.category not in ("stairs", "wall") for box in boxes(whole, obj)]
     for low, high in staircase(whole):
         x, z = (low + high)[[0, 2]] / 2
         over = [a[1] for a, b in rest if a[0] <= x <= b[0] and a[2] <= z <= b[2] and a[1] > high[1] - 0.01]
@@ -241,10 +239,10 @@ def test_over_every_step_there_is_room_for_a_head() -> None:
 
 def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
     """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something waist-high."""
-    whole, ways = scene(TALL), Walkways.of(scene(TALL))
-    plan = ways.floors.floors[1]
-    solid = np.array([box for thing in whole.objects for box in boxes(whole, thing)])
-    for cell in np.argwhere(np.isfinite(ways.reached[2]))[::7]:
+    whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
+    plan = walkable.floors.floors[1]
+    solid = np.array([box for obj in whole.objects for box in boxes(whole, obj)])
+    for cell in np.argwhere(np.isfinite(walkable.reached[2]))[::7]:
         point = plan.point(cell)
         for angle in np.linspace(0, 2 * np.pi, 8, endpoint=False):
             gap = 0  # a centimetre lies between the edge and the rail
@@ -259,13 +257,13 @@ def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
 
 
 def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
-    whole, ways = scene(TALL), Walkways.of(scene(TALL))
+    whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
     upstairs = [room for room in whole.rooms if room.floor > 2]
     assert {"bedroom", "bathroom", "landing"} <= {room.kind for room in upstairs}
     start = np.array([whole.start.x, 0.0, whole.start.z])
-    bed = next(thing for thing in whole.of_category("bed") if thing.position[1] > 2)
+    bed = next(obj for obj in whole.of_category("bed") if obj.position[1] > 2)
     direct = np.linalg.norm(np.array(bed.position) - start)
-    assert direct + 2 < ways.floors.geodesic(start, goals_at(ways.floors, whole, bed.id)) < 30
+    assert direct + 2 < walkable.floors.geodesic(start, goals_at(walkable.floors, whole, bed.id)) < 30
 
 
 def test_a_house_whose_stairs_are_barred_is_noticed() -> None:
@@ -289,10 +287,10 @@ def test_a_seat_at_a_wrong_height_is_noticed() -> None:
 @pytest.mark.parametrize("name", SAMPLE)
 def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str) -> None:
     limits = {"couch": (0.40, 0.48), "bed": (0.45, 0.60), "toilet": (0.40, 0.44)}
-    for thing in scene(name).objects:
-        if thing.category in SEATS:
-            asset = scene(name).assets[thing.asset]
-            low, high = limits[thing.category]
+    for obj in scene(name).objects:
+        if obj.category in SEATS:
+            asset = scene(name).assets[obj.asset]
+            low, high = limits[obj.category]
             assert asset.seat_height is not None
             assert low <= asset.seat_height <= high
             tops = [float(hull[:, 1].max()) for hull in asset.hulls]
@@ -302,17 +300,17 @@ def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str)
 
 
 @pytest.mark.parametrize("name", SAMPLE)
-def test_small_things_rest_on_something(name: str) -> None:
-    """Straight below each movable thing, within 5 mm of its lowest point, there is a collision box or the floor."""
+def test_small_objects_rest_on_something(name: str) -> None:
+    """Straight below each movable object, within 5 mm of its lowest point, there is a collision box or the floor."""
     whole = scene(name)
-    solid = {thing.id: boxes(whole, thing) for thing in whole.objects}
-    for thing in whole.objects:
-        if not thing.movable:
+    solid = {obj.id: boxes(whole, obj) for obj in whole.objects}
+    for obj in whole.objects:
+        if not obj.movable:
             continue
-        bottom = min(low[1] for low, _ in solid[thing.id])
-        x, _, z = thing.position
+        bottom = min(low[1] for low, _ in solid[obj.id])
+        x, _, z = obj.position
         below = [
-            high[1] for key, parts in solid.items() if key != thing.id for low, high in parts
+            high[1] for key, parts in solid.items() if key != obj.id for low, high in parts
             if low[0] <= x <= high[0] and low[2] <= z <= high[2] and high[1] <= bottom + 1e-3
         ]  # fmt: skip
-        assert bottom - max(below) < 0.015, thing.asset
+        assert bottom - max(below) < 0.015, obj.asset

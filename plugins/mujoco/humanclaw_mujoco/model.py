@@ -33,7 +33,7 @@ _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
 MOVABLE: Final = {"contype": 2, "conaffinity": 3, "group": FIXED_GROUP, "margin": _MARGIN}
 _BODY: Final = {"contype": 0, "conaffinity": 3, "group": BODY_GROUP, "margin": _MARGIN}
-"""Everything meets everything but the body itself, and fixed things one another."""
+"""Everything meets everything but the body itself, and fixed objects one another."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Pictures of a world from a software rasteriser: colour, depth and object ids on one CPU core."""
+"""Pictures of a world from a software rasterizer: colour, depth and object ids on one CPU core."""
 
 from __future__ import annotations
 
@@ -21,4 +21,4 @@ def _renderer() -> Renderer:
 
 @hookimpl
 def humanclaw_renderers(register: Register[RendererFactory]) -> None:
-    register("raster", _renderer, "Software rasteriser: colour, depth and object ids on one CPU core.")
+    register("raster", _renderer, "Software rasterizer: colour, depth and object ids on one CPU core.")

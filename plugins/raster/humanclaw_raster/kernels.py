@@ -50,8 +50,8 @@ FLAT: Final = 8
 """Numbers that _prepare writes, and where among them the normal of the face begins."""
 
 
-class Lens(NamedTuple):
-    """A pinhole."""
+class Pinhole(NamedTuple):
+    """A pinhole camera: intrinsics and pose."""
 
     eye: Array
     """(3,) world frame."""
@@ -61,8 +61,8 @@ class Lens(NamedTuple):
     """In pixels."""
 
 
-class Things(NamedTuple):
-    """The meshes of a model, put somewhere. N things."""
+class Instances(NamedTuple):
+    """The meshes of a model, put somewhere. N instances."""
 
     mesh: NDArray[np.int32]
     id: NDArray[np.int32]
@@ -73,11 +73,11 @@ class Things(NamedTuple):
     """(N, 3) world frame."""
 
 
-class Canopy(NamedTuple):
+class OverheadMap(NamedTuple):
     """Height maps from above. S storeys."""
 
     heights: Floats
-    """(S, Z, X) world height of the highest thing over each cell, minus infinity where there is none."""
+    """(S, Z, X) world height of the highest surface over each cell, minus infinity where there is none."""
     floors: Array
     """(S,) heights of the floors, ascending."""
     corner: Array
@@ -86,12 +86,12 @@ class Canopy(NamedTuple):
     """Side of a cell, metres."""
 
 
-class Hits(NamedTuple):
-    """What each pixel shows: nearness is 1 / depth and 0 where nothing is, face and thing are -1 there. All (H, W)."""
+class GBuffer(NamedTuple):
+    """What each pixel shows, all (H, W). Where nothing is, inverse_depth is 0, and face and instance are -1."""
 
-    nearness: Floats
+    inverse_depth: Floats
     face: NDArray[np.int32]
-    thing: NDArray[np.int32]
+    instance: NDArray[np.int32]
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -108,40 +108,42 @@ def _inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @_compiled
-def in_view(model: Model, things: Things, lens: Lens, width: int, height: int) -> tuple[NDArray[np.int32], Floats]:
-    """(K, 2) thing and cluster of all clusters that may be seen, and (K,) their least depths."""
+def in_view(
+    model: Model, instances: Instances, pinhole: Pinhole, width: int, height: int
+) -> tuple[NDArray[np.int32], Floats]:
+    """(K, 2) instance and cluster of all clusters that may be seen, and (K,) their least depths."""
     count = 0
-    for thing in range(things.mesh.size):
-        count += model.meshes[things.mesh[thing], 1] - model.meshes[things.mesh[thing], 0]
+    for instance in range(instances.mesh.size):
+        count += model.meshes[instances.mesh[instance], 1] - model.meshes[instances.mesh[instance], 0]
     found, depth = np.empty((count, 2), np.int32), np.empty(count, np.float32)
-    side, rise = width / 2 / lens.focal, height / 2 / lens.focal
+    side, rise = width / 2 / pinhole.focal, height / 2 / pinhole.focal
     side_slant, rise_slant = np.sqrt(1 + side * side), np.sqrt(1 + rise * rise)
     count = 0
-    for thing in range(things.mesh.size):
-        if not things.shown[thing]:
+    for instance in range(instances.mesh.size):
+        if not instances.shown[instance]:
             continue
-        to_lens, shift = _placed(things, thing, lens)
-        for cluster in range(model.meshes[things.mesh[thing], 0], model.meshes[things.mesh[thing], 1]):
-            x, y, z = _moved(to_lens, shift, model.spheres[cluster])
+        to_camera, shift = _placed(instances, instance, pinhole)
+        for cluster in range(model.meshes[instances.mesh[instance], 0], model.meshes[instances.mesh[instance], 1]):
+            x, y, z = _moved(to_camera, shift, model.spheres[cluster])
             radius = model.spheres[cluster, 3]
             behind = z + radius < NEAR
             if behind or abs(x) - side * z > radius * side_slant or abs(y) - rise * z > radius * rise_slant:
                 continue
-            found[count, 0], found[count, 1] = thing, cluster
+            found[count, 0], found[count, 1] = instance, cluster
             depth[count] = z - radius
             count += 1
     return found[:count], depth[:count]
 
 
 @_compiled
-def _placed(things: Things, thing: int, lens: Lens) -> tuple[Array, Array]:
-    """Rotation and shift from the frame of a thing's mesh to that of the camera."""
+def _placed(instances: Instances, instance: int, pinhole: Pinhole) -> tuple[Array, Array]:
+    """Rotation and shift from the frame of an instance's mesh to that of the camera."""
     turn, shift = np.zeros((3, 3)), np.zeros(3)
     for a in range(3):
         for b in range(3):
-            shift[a] += lens.axes[a, b] * (things.place[thing, b] - lens.eye[b])
+            shift[a] += pinhole.axes[a, b] * (instances.place[instance, b] - pinhole.eye[b])
             for c in range(3):
-                turn[a, b] += lens.axes[a, c] * things.turn[thing, c, b]
+                turn[a, b] += pinhole.axes[a, c] * instances.turn[instance, c, b]
     return turn, shift
 
 
@@ -155,23 +157,23 @@ def _moved(turn: Array, shift: Array, point: Floats) -> tuple[float, float, floa
 
 
 @_compiled
-def draw(model: Model, things: Things, lens: Lens, order: NDArray[np.int32], hits: Hits) -> None:
-    """Fill the hits with the nearest triangles. Both sides of a face are drawn. order: (K, 2) as from in_view, nearest first."""
+def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32], gbuffer: GBuffer) -> None:
+    """Fill the G-buffer with the nearest triangles, both sides of a face. order: (K, 2) as from in_view, nearest first."""
     seen, flat = np.empty((3, 3)), np.empty((4, 3))
     for item in range(order.shape[0]):
-        thing, cluster = order[item]
-        turn, shift = _placed(things, thing, lens)
+        instance, cluster = order[item]
+        turn, shift = _placed(instances, instance, pinhole)
         for face in range(model.clusters[cluster, 0], model.clusters[cluster, 1]):
             for corner in range(3):
                 seen[corner] = _moved(turn, shift, model.corners[face, corner])
-            count = _project(seen, lens.focal, hits.nearness.shape, flat)
+            count = _project(seen, pinhole.focal, gbuffer.inverse_depth.shape, flat)
             for last in range(2, count):
-                _fill(flat[0], flat[last - 1], flat[last], face, thing, hits)
+                _fill(flat[0], flat[last - 1], flat[last], face, instance, gbuffer)
 
 
 @_compiled
 def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> int:
-    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and nearness."""
+    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and inverse_depth."""
     count = 0
     for corner in range(3):
         here, there = seen[corner], seen[(corner + 1) % 3]
@@ -192,9 +194,9 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
 
 
 @_compiled
-def _fill(a: Array, b: Array, c: Array, face: int, thing: int, hits: Hits) -> None:
+def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuffer) -> None:
     """Row by row. A pixel belongs to a triangle if its middle does; of two triangles with a common side exactly one has it."""
-    height, width = hits.nearness.shape
+    height, width = gbuffer.inverse_depth.shape
     x0, y0, w0, x1, y1, w1, x2, y2, w2 = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     top = max(0, int(np.ceil(max(min(y0, y1, y2), 0.0) - 0.5)))
@@ -220,35 +222,37 @@ def _fill(a: Array, b: Array, c: Array, face: int, thing: int, hits: Hits) -> No
         right = int(np.ceil(min(max(long, short), float(width)) - 0.5))
         start = np.float32(corner + row * down)
         for column in range(left, right):
-            nearness = start + step * np.float32(column)
-            if nearness > hits.nearness[row, column]:
-                hits.nearness[row, column] = nearness
-                hits.face[row, column] = face
-                hits.thing[row, column] = thing
+            inverse_depth = start + step * np.float32(column)
+            if inverse_depth > gbuffer.inverse_depth[row, column]:
+                gbuffer.inverse_depth[row, column] = inverse_depth
+                gbuffer.face[row, column] = face
+                gbuffer.instance[row, column] = instance
 
 
 @_compiled
-def openness(model: Model, things: Things, lens: Lens, hits: Hits, canopy: Canopy) -> Floats:
+def ambient_occlusion(
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap
+) -> Floats:
     """(H / 2, W / 2) share of the light that reaches every second pixel.
 
-    Ambient occlusion in screen space takes the light of corners; things over a place take the light that falls on it from above.
+    Ambient occlusion in screen space takes the light of corners; instances over a place take the light that falls on it from above.
     """
-    height, width = (hits.nearness.shape[0] + 1) // 2, (hits.nearness.shape[1] + 1) // 2
+    height, width = (gbuffer.inverse_depth.shape[0] + 1) // 2, (gbuffer.inverse_depth.shape[1] + 1) // 2
     depth, normals = np.empty((height, width), np.float32), np.zeros((height, width, 3), np.float32)
     surface, last, owner = np.empty(SURFACE), -1, -1
     for row in range(height):
         for column in range(width):
-            depth[row, column] = 1 / hits.nearness[2 * row, 2 * column]
-            face, thing = hits.face[2 * row, 2 * column], hits.thing[2 * row, 2 * column]
-            if thing < 0:
+            depth[row, column] = 1 / gbuffer.inverse_depth[2 * row, 2 * column]
+            face, instance = gbuffer.face[2 * row, 2 * column], gbuffer.instance[2 * row, 2 * column]
+            if instance < 0:
                 continue
-            if face != last or thing != owner:
-                _prepare(model, things, lens, face, thing, surface)
-                last, owner = face, thing
+            if face != last or instance != owner:
+                _prepare(model, instances, pinhole, face, instance, surface)
+                last, owner = face, instance
             for axis in range(3):
                 normals[row, column, axis] = surface[FLAT + axis]
-    light = _occlusion(depth, normals, lens.focal / 2)
-    _shadow(depth, normals, lens, canopy, light)
+    light = _occlusion(depth, normals, pinhole.focal / 2)
+    _shadow(depth, normals, pinhole, overhead, light)
     return _smoothed(light, depth, normals)  # type: ignore[no-any-return]
 
 
@@ -283,11 +287,11 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
 
 
 @_compiled
-def _shadow(depth: Floats, normals: Floats, lens: Lens, canopy: Canopy, light: Floats) -> None:
+def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: OverheadMap, light: Floats) -> None:
     """Darken what lies under or close beside something. Light comes down in a cone; surfaces that face up receive it."""
     height, width = depth.shape
-    axes, eye, swing = lens.axes, lens.eye, _swing()
-    deep, wide = canopy.heights.shape[1:]
+    axes, eye, swing = pinhole.axes, pinhole.eye, _swing()
+    deep, wide = overhead.heights.shape[1:]
     for row in range(height):
         for column in range(width):
             n = normals[row, column]
@@ -295,19 +299,19 @@ def _shadow(depth: Floats, normals: Floats, lens: Lens, canopy: Canopy, light: F
             if up < 0.2:
                 continue
             z = depth[row, column]
-            right, down = (2 * column + 0.5 - width) / lens.focal * z, (2 * row + 0.5 - height) / lens.focal * z
-            x = (eye[0] + right * axes[0, 0] + down * axes[1, 0] + z * axes[2, 0] - canopy.corner[0]) / canopy.cell
+            right, down = (2 * column + 0.5 - width) / pinhole.focal * z, (2 * row + 0.5 - height) / pinhole.focal * z
+            x = (eye[0] + right * axes[0, 0] + down * axes[1, 0] + z * axes[2, 0] - overhead.corner[0]) / overhead.cell
             y = eye[1] + right * axes[0, 1] + down * axes[1, 1] + z * axes[2, 1]
-            z = (eye[2] + right * axes[0, 2] + down * axes[1, 2] + z * axes[2, 2] - canopy.corner[1]) / canopy.cell
+            z = (eye[2] + right * axes[0, 2] + down * axes[1, 2] + z * axes[2, 2] - overhead.corner[1]) / overhead.cell
             storey = 0
-            while storey + 1 < canopy.floors.size and canopy.floors[storey + 1] < y + 0.1:
+            while storey + 1 < overhead.floors.size and overhead.floors[storey + 1] < y + 0.1:
                 storey += 1
             turn, taken = (row % 4) * 4 + column % 4, 0
             for ray in range(RAYS):
                 aside, ahead = swing[turn, ray, 0] * CONE, swing[turn, ray, 1] * CONE
-                i, j = int(z + ahead / canopy.cell), int(x + aside / canopy.cell)
+                i, j = int(z + ahead / overhead.cell), int(x + aside / overhead.cell)
                 if i >= 0 and j >= 0 and i < deep and j < wide:
-                    over = canopy.heights[storey, i, j] - y
+                    over = overhead.heights[storey, i, j] - y
                     taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
             light[row, column] *= 1 - SHADE * min(1.0, up) * taken / RAYS
 
@@ -343,37 +347,39 @@ def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
 
 
 @_compiled
-def paint(model: Model, things: Things, lens: Lens, hits: Hits, light: Floats, rgb: NDArray[np.uint8]) -> None:
-    """Colour every pixel that shows something. light: as from openness. rgb: (H, W, 3), its other pixels stay as they are."""
-    height, width = hits.nearness.shape
+def paint(
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, rgb: NDArray[np.uint8]
+) -> None:
+    """Colour every pixel that shows something. light: as from ambient_occlusion. rgb: (H, W, 3), changed in place."""
+    height, width = gbuffer.inverse_depth.shape
     s, last, owner = np.empty(SURFACE), -1, -1
     for row in range(height):
-        down = (row + 0.5 - height / 2) / lens.focal
+        down = (row + 0.5 - height / 2) / pinhole.focal
         for column in range(width):
-            thing, face = hits.thing[row, column], hits.face[row, column]
-            if thing < 0:
+            instance, face = gbuffer.instance[row, column], gbuffer.face[row, column]
+            if instance < 0:
                 continue
-            if face != last or thing != owner:
-                _prepare(model, things, lens, face, thing, s)
-                last, owner = face, thing
-            depth, right = 1 / hits.nearness[row, column], (column + 0.5 - width / 2) / lens.focal
+            if face != last or instance != owner:
+                _prepare(model, instances, pinhole, face, instance, s)
+                last, owner = face, instance
+            depth, right = 1 / gbuffer.inverse_depth[row, column], (column + 0.5 - width / 2) / pinhole.focal
             b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
             c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
             bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
-            bright *= _light_at(light, hits.nearness, row, column)
+            bright *= _light_at(light, gbuffer.inverse_depth, row, column)
             u, v = s[20] + b * s[22] + c * s[24], s[21] + b * s[23] + c * s[25]
-            _texture(model, things.mesh[thing], u, v, s[26] * depth, bright, rgb, row, column)
+            _texture(model, instances.mesh[instance], u, v, s[26] * depth, bright, rgb, row, column)
 
 
 @_compiled
-def _prepare(model: Model, things: Things, lens: Lens, face: int, thing: int, out: Array) -> None:
+def _prepare(model: Model, instances: Instances, pinhole: Pinhole, face: int, instance: int, out: Array) -> None:
     """What all pixels of a face share.
 
     0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the camera
     frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading, world frame,
     at the first corner and its change to the others. 20..25: uv likewise. 26: texels a pixel at a depth of one metre.
     """
-    turn, shift = _placed(things, thing, lens)
+    turn, shift = _placed(instances, instance, pinhole)
     px, py, pz = _moved(turn, shift, model.corners[face, 0])
     qx, qy, qz = _moved(turn, shift, model.corners[face, 1])
     rx, ry, rz = _moved(turn, shift, model.corners[face, 2])
@@ -389,7 +395,7 @@ def _prepare(model: Model, things: Things, lens: Lens, face: int, thing: int, ou
     for axis in range(3):
         for corner in range(3):
             n = model.normals[face, corner]
-            t = things.turn[thing, axis]
+            t = instances.turn[instance, axis]
             out[11 + 3 * corner + axis] = side * (t[0] * n[0] + t[1] * n[1] + t[2] * n[2])
         out[14 + axis] -= out[11 + axis]
         out[17 + axis] -= out[11 + axis]
@@ -397,7 +403,7 @@ def _prepare(model: Model, things: Things, lens: Lens, face: int, thing: int, ou
         out[20 + axis] = model.uv[face, 0, axis]
         out[22 + axis] = model.uv[face, 1, axis] - model.uv[face, 0, axis]
         out[24 + axis] = model.uv[face, 2, axis] - model.uv[face, 0, axis]
-    out[26] = model.density[face] / lens.focal
+    out[26] = model.density[face] / pinhole.focal
 
 
 @_inlined
@@ -435,14 +441,14 @@ def _lit(x: float, y: float, z: float) -> float:
 
 
 @_inlined
-def _light_at(light: Floats, nearness: Floats, row: int, column: int) -> float:
+def _light_at(light: Floats, inverse_depth: Floats, row: int, column: int) -> float:
     """The light of the nearest samples, each by how near it is and whether it lies on the same surface."""
     if row % 2 == 0 and column % 2 == 0:
         return light[row // 2, column // 2]  # type: ignore[no-any-return]
-    here, total, weight = nearness[row, column], np.float32(1e-6), np.float32(1e-6)
+    here, total, weight = inverse_depth[row, column], np.float32(1e-6), np.float32(1e-6)
     for r in range(row // 2, min(row // 2 + 1 + row % 2, light.shape[0])):
         for c in range(column // 2, min(column // 2 + 1 + column % 2, light.shape[1])):
-            near = here / (here + 40 * abs(nearness[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            near = here / (here + 40 * abs(inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""A workshop for small scenes whose pictures can be worked out by hand."""
+"""A builder for small scenes whose pictures can be worked out by hand."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
 AWAY.root[:, 0] += 500.0
-"""A body that is far from everything, for pictures of things alone."""
+"""A body that is far from everything, for pictures of objects alone."""
 
 
 def box_mesh(size, colour):
@@ -38,7 +38,7 @@ def flat_mesh(vertices, faces, colour=(200, 200, 200)):
 
 
 @dataclass
-class Workshop:
+class SceneBuilder:
     """Things put together to a scene; ids count from 1."""
 
     assets: dict = field(default_factory=dict)
@@ -46,8 +46,8 @@ class Workshop:
 
     def mesh(self, mesh, position=(0, 0, 0), **facts):
         number = len(self.objects) + 1
-        self.assets[str(number)] = Asset(str(number), "thing", mesh, ())
-        self.objects.append(SceneObject(number, str(number), "thing", position, **facts))
+        self.assets[str(number)] = Asset(str(number), "object", mesh, ())
+        self.objects.append(SceneObject(number, str(number), "object", position, **facts))
         return number
 
     def box(self, size, position, colour=(200, 200, 200), **facts):
@@ -57,17 +57,17 @@ class Workshop:
         return self.box((20, 0.2, 20), (0, -0.2, 0))
 
     def scene(self):
-        return Scene("workshop", self.assets, tuple(self.objects), (), Pose2D(0, 0, 0))
+        return Scene("builder", self.assets, tuple(self.objects), (), Pose2D(0, 0, 0))
 
-    def look(self, lens, state=None):
+    def look(self, eye, state=None):
         renderer = RasterRenderer()
         renderer.load(self.scene())
-        return renderer.render(state or WorldState(AWAY, {}), lens)
+        return renderer.render(state or WorldState(AWAY, {}), eye)
 
 
 @pytest.fixture
-def workshop():
-    return Workshop()
+def builder():
+    return SceneBuilder()
 
 
 @pytest.fixture

@@ -28,10 +28,10 @@ def picture_of(texture, size=1.0):
     return mesh(vertices, [[0, 1, 2], [0, 2, 3]], texture, corners)
 
 
-# -- where things appear -----------------------------------------------------------------------------------------------
-def test_a_box_of_half_a_metre_at_two_metres_covers_64_by_64_pixels(workshop, camera):
-    box = workshop.box((0.5, 0.5, 0.5), (0, 0.75, 2.25))
-    view = workshop.look(camera((0, 1, 0), (0, 0, 1), 512))
+# -- where objects appear ----------------------------------------------------------------------------------------------
+def test_a_box_of_half_a_metre_at_two_metres_covers_64_by_64_pixels(builder, camera):
+    box = builder.box((0.5, 0.5, 0.5), (0, 0.75, 2.25))
+    view = builder.look(camera((0, 1, 0), (0, 0, 1), 512))
     rows, columns = np.nonzero(view.ids == box)
     # The focal length is 256 pixels: 0.5 m at 2 m are 64 pixels, and the box is in the middle.
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (224, 287, 224, 287)
@@ -39,67 +39,67 @@ def test_a_box_of_half_a_metre_at_two_metres_covers_64_by_64_pixels(workshop, ca
     assert view.depth[256, 256] == pytest.approx(2.0, abs=1e-5)
 
 
-def test_depth_is_measured_in_metres_along_the_optical_axis(workshop, camera):
-    wall = workshop.box((40, 40, 0.2), (0, -20, 5.1))
-    view = workshop.look(camera((3, 1, 0), (0, 0, 1)))
+def test_depth_is_measured_in_metres_along_the_optical_axis(builder, camera):
+    wall = builder.box((40, 40, 0.2), (0, -20, 5.1))
+    view = builder.look(camera((3, 1, 0), (0, 0, 1)))
     assert (view.ids == wall).all()
     assert view.depth == pytest.approx(np.full((128, 128), 5.0), abs=1e-4)
 
 
-def test_a_thing_is_drawn_where_a_pinhole_would_see_it(workshop, camera):
-    box = workshop.box((0.2, 0.2, 0.2), (1.0, 1.4, 2.1))
-    view = workshop.look(camera((0, 1, 0), (0, 0, 1), 512))
+def test_an_object_is_drawn_where_a_pinhole_would_see_it(builder, camera):
+    box = builder.box((0.2, 0.2, 0.2), (1.0, 1.4, 2.1))
+    view = builder.look(camera((0, 1, 0), (0, 0, 1), 512))
     rows, columns = np.nonzero((view.ids == box) & (view.depth < 2.0001))
     # Left is +X. The front face, at a depth of 2, spans x 0.9..1.1 and y 0.4..0.6 above the eye: pixels 128 to the metre.
     assert (columns.min(), rows.max()) == (round(256 - 1.1 * 128), round(256 - 0.4 * 128) - 1)
 
 
-def test_a_camera_that_looks_straight_down_sees_the_footprint(workshop, camera):
-    floor, table = workshop.floor(), workshop.box((2.0, 1.0, 1.0), (0, 0, 0))
-    ids = workshop.look(camera((0, 5, 0), (0, -1, 0), 512, up=(0, 0, 1))).ids
+def test_a_camera_that_looks_straight_down_sees_the_footprint(builder, camera):
+    floor, table = builder.floor(), builder.box((2.0, 1.0, 1.0), (0, 0, 0))
+    ids = builder.look(camera((0, 5, 0), (0, -1, 0), 512, up=(0, 0, 1))).ids
     # The top is 4 m away: 64 pixels to the metre. Up in the picture is +Z, and so +X is to the left.
     assert (ids == table).sum() == 128 * 64
     assert (ids[224:288, 192:320] == table).all()
     assert ids[0, 0] == floor
 
 
-def test_wide_pictures_have_square_pixels(workshop):
-    box = workshop.box((0.5, 0.5, 0.5), (0, 0.75, 2.25))
-    lens = Camera(np.array([0.0, 1, 0]), np.array([0.0, 0, 1]), np.array([0.0, 1, 0]), 90.0, 640, 256)
-    rows, columns = np.nonzero(workshop.look(lens).ids == box)
+def test_wide_pictures_have_square_pixels(builder):
+    box = builder.box((0.5, 0.5, 0.5), (0, 0.75, 2.25))
+    eye = Camera(np.array([0.0, 1, 0]), np.array([0.0, 0, 1]), np.array([0.0, 1, 0]), 90.0, 640, 256)
+    rows, columns = np.nonzero(builder.look(eye).ids == box)
     assert (np.ptp(rows) + 1, np.ptp(columns) + 1) == (32, 32)
 
 
-def test_a_floor_that_goes_on_behind_the_eyes_is_drawn_to_the_edge(workshop, camera):
-    floor = workshop.floor()
-    view = workshop.look(camera((0, 0.3, 0), (0, 0, 1)))
+def test_a_floor_that_goes_on_behind_the_eyes_is_drawn_to_the_edge(builder, camera):
+    floor = builder.floor()
+    view = builder.look(camera((0, 0.3, 0), (0, 0, 1)))
     assert (view.ids[67:] == floor).all()
     assert (view.ids[:63] == 0).all()
     # In the middle of the last row the line of sight falls 63.5 for every 64 forward.
     assert view.depth[127, 64] == pytest.approx(0.3 * 64 / 63.5, abs=1e-4)
 
 
-def test_faces_are_seen_from_both_sides(workshop, camera):
-    sheet = workshop.mesh(picture_of(np.full((2, 2, 3), 200, np.uint8)), (0, 1, 2))
-    assert workshop.look(camera((0, 1, 0), (0, 0, 1))).ids[64, 64] == sheet
-    assert workshop.look(camera((0, 1, 4), (0, 0, -1))).ids[64, 64] == sheet
+def test_faces_are_seen_from_both_sides(builder, camera):
+    sheet = builder.mesh(picture_of(np.full((2, 2, 3), 200, np.uint8)), (0, 1, 2))
+    assert builder.look(camera((0, 1, 0), (0, 0, 1))).ids[64, 64] == sheet
+    assert builder.look(camera((0, 1, 4), (0, 0, -1))).ids[64, 64] == sheet
 
 
-def test_where_nothing_is_there_is_bright_sky_without_an_end(workshop, camera):
-    workshop.floor()
-    view = workshop.look(camera((0, 5, 0), (0, 0.9, 1)))
+def test_where_nothing_is_there_is_bright_sky_without_an_end(builder, camera):
+    builder.floor()
+    view = builder.look(camera((0, 5, 0), (0, 0.9, 1)))
     assert (view.ids[:32] == 0).all()
     assert np.isinf(view.depth[:32]).all()
     assert view.rgb[:32].min() > 150
 
 
-def test_pixels_agree_with_rays_cast_at_random_triangles(workshop, camera):
-    """Each pixel against every triangle, by solving three equations: no code and no method in common with the rasteriser."""
+def test_pixels_agree_with_rays_cast_at_random_triangles(builder, camera):
+    """Each pixel against every triangle, by solving three equations: no code and no method in common with the rasterizer."""
     random = np.random.default_rng(3)
     triangles = random.normal(size=(60, 1, 3)) * [2, 2, 1] + [0, 0, 4] + random.normal(size=(60, 3, 3))
     for corners in triangles:
-        workshop.mesh(mesh(corners, [[0, 1, 2]], np.full((2, 2, 3), 200, np.uint8)))
-    view = workshop.look(camera((0, 0, 0), (0, 0, 1), 64))
+        builder.mesh(mesh(corners, [[0, 1, 2]], np.full((2, 2, 3), 200, np.uint8)))
+    view = builder.look(camera((0, 0, 0), (0, 0, 1), 64))
     middle = (np.arange(64) + 0.5 - 32) / 32
     rays = np.stack(np.broadcast_arrays(-middle[None, :], -middle[:, None], 1.0), -1).reshape(-1, 1, 3)
     sides = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]], -1)
@@ -121,7 +121,7 @@ def test_pixels_agree_with_rays_cast_at_random_triangles(workshop, camera):
     assert view.depth.ravel()[seen] == pytest.approx(nearest[seen], rel=1e-4)
 
 
-def test_a_surface_of_many_triangles_has_no_holes(workshop, camera):
+def test_a_surface_of_many_triangles_has_no_holes(builder, camera):
     """Triangles of about a pixel, at an angle: every pixel of the wall is covered by exactly one of them."""
     steps = np.linspace(-8, 8, 161)
     x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
@@ -129,204 +129,204 @@ def test_a_surface_of_many_triangles_has_no_holes(workshop, camera):
     faces = np.concatenate(
         [np.stack([corner, corner + 1, corner + 162], 1), np.stack([corner, corner + 162, corner + 161], 1)]
     )
-    wall = workshop.mesh(mesh(np.stack([x, y, 0.1 * x + 0.15 * y + 2], 1), faces, np.full((2, 2, 3), 200, np.uint8)))
-    assert (workshop.look(camera((0, 0, 0), (0.1, 0.05, 1))).ids == wall).all()
+    wall = builder.mesh(mesh(np.stack([x, y, 0.1 * x + 0.15 * y + 2], 1), faces, np.full((2, 2, 3), 200, np.uint8)))
+    assert (builder.look(camera((0, 0, 0), (0.1, 0.05, 1))).ids == wall).all()
 
 
 # -- the body ----------------------------------------------------------------------------------------------------------
-def test_from_outside_the_whole_body_is_seen(workshop, camera):
-    workshop.floor()
-    rows, _ = np.nonzero(workshop.look(camera((0, 1, 8), (0, 0, -1), 512), STANDING).ids == BODY_ID)
+def test_from_outside_the_whole_body_is_seen(builder, camera):
+    builder.floor()
+    rows, _ = np.nonzero(builder.look(camera((0, 1, 8), (0, 0, -1), 512), STANDING).ids == BODY_ID)
     tall = (rows.max() - rows.min()) * 8 / 256
     assert tall == pytest.approx(1.72, abs=0.08)
 
 
-def test_standing_eyes_see_no_part_of_their_own_head(workshop):
-    workshop.floor()
-    assert not (workshop.look(ego_camera(STANDING.body), STANDING).ids == BODY_ID).any()
+def test_standing_eyes_see_no_part_of_their_own_head(builder):
+    builder.floor()
+    assert not (builder.look(ego_camera(STANDING.body), STANDING).ids == BODY_ID).any()
 
 
-def test_eyes_that_look_down_see_their_own_feet(workshop, camera):
-    workshop.floor()
-    view = workshop.look(camera(ego_camera(STANDING.body).position, (0, -1, 0.3)), STANDING)
+def test_eyes_that_look_down_see_their_own_feet(builder, camera):
+    builder.floor()
+    view = builder.look(camera(ego_camera(STANDING.body).position, (0, -1, 0.3)), STANDING)
     assert (view.ids == BODY_ID).sum() > 100
     assert view.depth[view.ids == BODY_ID].max() > 1.2
 
 
-def test_arms_held_out_are_in_the_picture(workshop):
-    workshop.floor()
+def test_arms_held_out_are_in_the_picture(builder):
+    builder.floor()
     body = rest_pose()
     for side, sign in (("left", 1), ("right", -1)):
         body.rotations[0, JOINT_INDEX[f"{side}_shoulder"]] = (0.0, -1.3 * sign, 0.0)
-    view = workshop.look(ego_camera(body), WorldState(body, {}))
+    view = builder.look(ego_camera(body), WorldState(body, {}))
     assert (view.ids == BODY_ID)[:, :256].sum() > 500
     assert (view.ids == BODY_ID)[:, 256:].sum() > 500
 
 
-def test_the_head_comes_back_after_a_picture_from_inside_it(workshop, camera):
+def test_the_head_comes_back_after_a_picture_from_inside_it(builder, camera):
     renderer = RasterRenderer()
-    workshop.floor()
-    renderer.load(workshop.scene())
+    builder.floor()
+    renderer.load(builder.scene())
     outside = camera((0, 1.6, 1), (0, 0, -1))
     before = renderer.render(STANDING, outside)
     renderer.render(STANDING, ego_camera(STANDING.body))
     assert np.array_equal(renderer.render(STANDING, outside).ids, before.ids)
 
 
-# -- things that move --------------------------------------------------------------------------------------------------
-def test_movable_things_are_drawn_where_the_state_says(workshop):
-    workshop.floor()
-    box = workshop.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
-    lens = ego_camera(STANDING.body)
-    assert (workshop.look(lens, STANDING).ids == box).any()
+# -- objects that move -------------------------------------------------------------------------------------------------
+def test_movable_objects_are_drawn_where_the_state_says(builder):
+    builder.floor()
+    box = builder.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
+    eye = ego_camera(STANDING.body)
+    assert (builder.look(eye, STANDING).ids == box).any()
     away = WorldState(STANDING.body, {box: np.array([0.0, 0.0, -2.0, 0.0, 0.0, 0.0, 1.0])})
-    assert not (workshop.look(lens, away).ids == box).any()
+    assert not (builder.look(eye, away).ids == box).any()
 
 
-def test_things_turn_as_their_quaternion_says(workshop, camera):
-    plank = workshop.box((2.0, 0.2, 0.2), (0, 1, 3), movable=True, mass=1.0)
+def test_objects_turn_as_their_quaternion_says(builder, camera):
+    plank = builder.box((2.0, 0.2, 0.2), (0, 1, 3), movable=True, mass=1.0)
     upright = np.array([0.0, 0.0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
     far = rest_pose()
     far.root[:, 0] += 500.0
     assert matrix_from_quaternion(upright) @ [1, 0, 0] == pytest.approx([0, 1, 0])
-    ids = workshop.look(camera((0, 1, 0), (0, 0, 1)), WorldState(far, {plank: np.array([0, 1, 3, *upright])})).ids
+    ids = builder.look(camera((0, 1, 0), (0, 0, 1)), WorldState(far, {plank: np.array([0, 1, 3, *upright])})).ids
     rows, columns = np.nonzero(ids == plank)
     assert np.ptp(rows) > 5 * np.ptp(columns)
 
 
 # -- colours -----------------------------------------------------------------------------------------------------------
-def test_ids_match_the_colours_pixel_for_pixel(workshop, camera):
-    workshop.floor()
-    red = [workshop.box((0.3, 0.4, 0.3), (x, 0, 2 + x * x), RED) for x in (-1.0, 0.1, 1.2)]
-    blue = [workshop.box((0.1, 1.5, 0.1), (x, 0, 1.5), BLUE) for x in (-0.6, 0.0, 0.7)]
-    view = workshop.look(camera((0, 1.2, 0), (0, -0.4, 1), 256))
+def test_ids_match_the_colours_pixel_for_pixel(builder, camera):
+    builder.floor()
+    red = [builder.box((0.3, 0.4, 0.3), (x, 0, 2 + x * x), RED) for x in (-1.0, 0.1, 1.2)]
+    blue = [builder.box((0.1, 1.5, 0.1), (x, 0, 1.5), BLUE) for x in (-0.6, 0.0, 0.7)]
+    view = builder.look(camera((0, 1.2, 0), (0, -0.4, 1), 256))
     r, b = view.rgb[..., 0].astype(int), view.rgb[..., 2].astype(int)
     assert np.array_equal(r > 2 * b, np.isin(view.ids, red))
     assert np.array_equal(b > 2 * r, np.isin(view.ids, blue))
 
 
-def test_textures_are_the_right_way_round(workshop, camera):
+def test_textures_are_the_right_way_round(builder, camera):
     """A picture that is green at u = 0, and to the right of that red at v = 1 and blue at v = 0, seen from its front."""
     texture = np.zeros((64, 64, 3), np.uint8)
     texture[:32], texture[32:], texture[:, :16] = (255, 0, 0), (0, 0, 255), (0, 255, 0)
-    workshop.mesh(picture_of(texture), (0, 5, -1))
-    brightest = np.argmax(workshop.look(camera((0, 5, 0), (0, 0, -1))).rgb, axis=-1)
+    builder.mesh(picture_of(texture), (0, 5, -1))
+    brightest = np.argmax(builder.look(camera((0, 5, 0), (0, 0, -1))).rgb, axis=-1)
     # At distance 1 the picture spans pixels 32 to 96: u = 0.25 is at 48, v = 0.5 at 64.
     assert (brightest[33:95, 33:47] == 1).all()
     assert (brightest[33:63, 49:95] == 0).all()
     assert (brightest[65:95, 49:95] == 2).all()
 
 
-def test_textures_repeat_outside_of_their_square(workshop, camera):
+def test_textures_repeat_outside_of_their_square(builder, camera):
     texture = np.zeros((2, 64, 3), np.uint8)
     texture[:, :32], texture[:, 32:] = RED, BLUE
     square = picture_of(texture)
-    workshop.mesh(mesh(square.vertices, square.faces, texture, square.uv * [2, 1] - [1, 0]), (0, 5, -1))
-    row = workshop.look(camera((0, 5, 0), (0, 0, -1))).rgb[64].astype(int)
+    builder.mesh(mesh(square.vertices, square.faces, texture, square.uv * [2, 1] - [1, 0]), (0, 5, -1))
+    row = builder.look(camera((0, 5, 0), (0, 0, -1))).rgb[64].astype(int)
     # 64 pixels from 32 on show red, blue, red, blue.
     assert ((row[:, 0] > row[:, 2])[[40, 72]]).all()
     assert ((row[:, 2] > row[:, 0])[[56, 88]]).all()
 
 
-def test_a_fine_pattern_far_away_becomes_its_mean_instead_of_noise(workshop, camera):
+def test_a_fine_pattern_far_away_becomes_its_mean_instead_of_noise(builder, camera):
     texture = np.zeros((256, 256, 3), np.uint8)
     texture[(np.indices((256, 256)).sum(0) % 2).astype(bool)] = 255
-    wall = workshop.mesh(picture_of(texture, 2.0), (0, 5, -8))
-    view = workshop.look(camera((0, 5, 0), (0, 0, -1), 256))
+    wall = builder.mesh(picture_of(texture, 2.0), (0, 5, -8))
+    view = builder.look(camera((0, 5, 0), (0, 0, -1), 256))
     assert view.rgb[view.ids == wall].std() < 3
 
 
-def test_the_four_walls_of_a_room_differ_in_brightness(workshop, camera):
+def test_the_four_walls_of_a_room_differ_in_brightness(builder, camera):
     for size, x, z in [((8, 4, 0.2), 0, 3), ((8, 4, 0.2), 0, -3), ((0.2, 4, 8), 3, 0), ((0.2, 4, 8), -3, 0)]:
-        workshop.box(size, (x, 0, z))
-    views = [workshop.look(camera((0.5, 2, 0.5), (x, 0, z))) for x, z in ((0, 3), (0, -3), (3, 0), (-3, 0))]
+        builder.box(size, (x, 0, z))
+    views = [builder.look(camera((0.5, 2, 0.5), (x, 0, z))) for x, z in ((0, 3), (0, -3), (3, 0), (-3, 0))]
     assert np.diff(sorted(view.rgb[64, 64].mean() for view in views)).min() > 5
 
 
-def test_corners_are_darker_than_open_floor(workshop, camera):
-    floor = workshop.floor()
-    workshop.box((20, 3, 0.2), (0, 0, 4))
-    view = workshop.look(camera((0, 1.5, 0), (0, -0.6, 1), 256))
+def test_corners_are_darker_than_open_floor(builder, camera):
+    floor = builder.floor()
+    builder.box((20, 3, 0.2), (0, 0, 4))
+    view = builder.look(camera((0, 1.5, 0), (0, -0.6, 1), 256))
     column = view.rgb[:, 128, 0][view.ids[:, 128] == floor].astype(int)
     # Its first row lies at the wall, the last before the feet.
     assert column[2] < 0.95 * column[-20]
 
 
-def test_a_table_throws_a_soft_shadow_on_the_floor_below_it(workshop, camera):
-    floor = workshop.floor()
-    workshop.box((2.0, 0.05, 2.0), (0, 1.0, 3))
-    view = workshop.look(camera((0, 0.8, 0), (0, -0.4, 1), 256))
+def test_a_table_throws_a_soft_shadow_on_the_floor_below_it(builder, camera):
+    floor = builder.floor()
+    builder.box((2.0, 0.05, 2.0), (0, 1.0, 3))
+    view = builder.look(camera((0, 0.8, 0), (0, -0.4, 1), 256))
     below, ahead = (_row_of_floor(distance, eye=0.8, slope=-0.4, size=256) for distance in (3.0, 1.0))
     assert (view.ids[[below, ahead], 128] == floor).all()
     assert view.rgb[below, 128, 0] < 0.75 * view.rgb[ahead, 128, 0]
 
 
-def test_a_ceiling_and_walls_throw_no_shadow(workshop, camera):
-    workshop.floor()
-    lens = camera((0, 1.5, 0), (0, -1, 0.2), 64)
-    before = workshop.look(lens).rgb
-    workshop.box((20, 0.1, 20), (0, 2.5, 0))
-    assert np.array_equal(workshop.look(lens).rgb, before)
+def test_a_ceiling_and_walls_throw_no_shadow(builder, camera):
+    builder.floor()
+    eye = camera((0, 1.5, 0), (0, -1, 0.2), 64)
+    before = builder.look(eye).rgb
+    builder.box((20, 0.1, 20), (0, 2.5, 0))
+    assert np.array_equal(builder.look(eye).rgb, before)
 
 
-def test_the_shadow_of_a_thing_goes_where_it_goes(workshop, camera):
-    workshop.floor()
-    box = workshop.box((0.4, 0.4, 0.4), (0, 0.3, 2.0), movable=True, mass=1.0)
-    lens, far = camera((0, 1.5, 0), (0, -0.8, 1), 128), rest_pose()
+def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
+    builder.floor()
+    box = builder.box((0.4, 0.4, 0.4), (0, 0.3, 2.0), movable=True, mass=1.0)
+    eye, far = camera((0, 1.5, 0), (0, -0.8, 1), 128), rest_pose()
     far.root[:, 0] += 500.0
-    here = workshop.look(lens, WorldState(far, {})).rgb
-    gone = workshop.look(lens, WorldState(far, {box: np.array([0.0, 50.0, 0, 0, 0, 0, 1])})).rgb
+    here = builder.look(eye, WorldState(far, {})).rgb
+    gone = builder.look(eye, WorldState(far, {box: np.array([0.0, 50.0, 0, 0, 0, 0, 1])})).rgb
     row = _row_of_floor(1.7, eye=1.5, slope=-0.8, size=128)
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
 
-def test_a_flat_wall_does_not_shade_itself(workshop, camera):
-    workshop.box((80, 80, 0.2), (0, -40, 5.1))
+def test_a_flat_wall_does_not_shade_itself(builder, camera):
+    builder.box((80, 80, 0.2), (0, -40, 5.1))
     for forward in ((0, 0, 1), (0.5, 0.2, 1)):
-        assert np.ptp(workshop.look(camera((0, 1, 0), forward)).rgb[..., 0]) <= 2
+        assert np.ptp(builder.look(camera((0, 1, 0), forward)).rgb[..., 0]) <= 2
 
 
 # -- the renderer as a whole -------------------------------------------------------------------------------------------
-def test_pictures_have_the_promised_types(workshop):
-    workshop.floor()
-    view = workshop.look(ego_camera(STANDING.body), STANDING)
+def test_pictures_have_the_promised_types(builder):
+    builder.floor()
+    view = builder.look(ego_camera(STANDING.body), STANDING)
     assert (view.rgb.shape, view.rgb.dtype) == ((512, 512, 3), np.uint8)
     assert (view.depth.shape, view.depth.dtype) == ((512, 512), np.float32)
     assert (view.ids.shape, view.ids.dtype) == ((512, 512), np.int32)
 
 
-def test_the_same_moment_gives_the_same_bytes_whatever_was_drawn_before(workshop, camera):
-    workshop.floor()
-    box = workshop.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
-    renderer, lens = RasterRenderer(), ego_camera(STANDING.body)
-    renderer.load(workshop.scene())
-    first = renderer.render(STANDING, lens)
+def test_the_same_moment_gives_the_same_bytes_whatever_was_drawn_before(builder, camera):
+    builder.floor()
+    box = builder.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
+    renderer, eye = RasterRenderer(), ego_camera(STANDING.body)
+    renderer.load(builder.scene())
+    first = renderer.render(STANDING, eye)
     renderer.render(WorldState(rest_pose(), {box: np.array([1.0, 0, 1, 0, 1, 0, 0])}), camera((0, 3, -3), (0, -1, 1)))
-    for second in (renderer.render(STANDING, lens), workshop.look(lens, STANDING)):
+    for second in (renderer.render(STANDING, eye), builder.look(eye, STANDING)):
         assert all(
             getattr(first, part).tobytes() == getattr(second, part).tobytes() for part in ("rgb", "depth", "ids")
         )
 
 
-def test_a_renderer_can_load_one_scene_after_another(workshop):
+def test_a_renderer_can_load_one_scene_after_another(builder):
     renderer = RasterRenderer()
     for count in (1, 2):
-        thing = workshop.box((0.3, 0.3, 0.3), (0, 1, 1.5 * count))
-        renderer.load(workshop.scene())
+        obj = builder.box((0.3, 0.3, 0.3), (0, 1, 1.5 * count))
+        renderer.load(builder.scene())
         assert (renderer.render(STANDING, ego_camera(STANDING.body)).ids == 1).any()
     renderer.close()
-    assert thing == 2
+    assert obj == 2
 
 
-def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(workshop):
+def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(builder):
     """Packing a second scene takes no more memory at its height than the first did, whose texture alone has 12 MB."""
     corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    workshop.mesh(mesh(corners, [[0, 1, 2]], np.zeros((2048, 2048, 3), np.uint8)))
+    builder.mesh(mesh(corners, [[0, 1, 2]], np.zeros((2048, 2048, 3), np.uint8)))
     renderer, heights = RasterRenderer(), []
     tracemalloc.start()
     for _ in range(2):
         tracemalloc.reset_peak()
-        renderer.load(workshop.scene())
+        renderer.load(builder.scene())
         heights.append(tracemalloc.get_traced_memory()[1])
     renderer.close()
     left = tracemalloc.get_traced_memory()[0]
@@ -335,8 +335,8 @@ def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(workshop):
     assert left < 2**20
 
 
-def test_a_scene_with_nothing_in_it_is_sky(workshop, camera):
-    assert (workshop.look(camera((0, 1, 5), (0, 0, 1))).ids == 0).all()
+def test_a_scene_with_nothing_in_it_is_sky(builder, camera):
+    assert (builder.look(camera((0, 1, 5), (0, 0, 1))).ids == 0).all()
 
 
 def test_a_renderer_without_a_scene_says_so():

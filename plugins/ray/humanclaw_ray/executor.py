@@ -16,7 +16,7 @@ from ray.exceptions import RayActorError
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw_bench.executors import ONE_THREAD, EpisodeQueue
-from humanclaw_bench.worker import FAILED, Job, Report, Worker, pack, unpack
+from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport, pack, unpack
 
 LIVES: Final = 3
 """So often an episode may lose its actor, and so many actors in a row may die before they have played anything."""
@@ -35,7 +35,7 @@ class Player:
     def ready(self) -> None:
         """Returns once the player is there."""
 
-    def play(self, spec: EpisodeSpec, begun: Mapping[str, bytes]) -> Report:
+    def play(self, spec: EpisodeSpec, begun: Mapping[str, bytes]) -> WorkerReport:
         """begun: what an earlier session left of the episode."""
         folder = self._folder / spec.id
         unpack(folder, begun)
@@ -59,7 +59,7 @@ class RayExecutor:
     def stop(self) -> None:
         self._stopping = True
 
-    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[Report, None, None]:
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
         with _connected(self._address, self._workers):
             pool = _Pool(job, out, queue)
             try:
@@ -93,7 +93,7 @@ class _Pool:
             actor = self._player.remote(self._job)
             self._waiting[actor.ready.remote()] = (actor, None)
 
-    def heard(self, stopping: bool) -> Iterator[Report]:
+    def heard(self, stopping: bool) -> Iterator[WorkerReport]:
         """Wait a while for what the actors say, report it, and give them more to do."""
         if stopping and not self._told:
             self._told = True
@@ -103,7 +103,7 @@ class _Pool:
         for future in done:
             actor, spec = self._waiting.pop(future)
             try:
-                report: Report | None = ray.get(future)
+                report: WorkerReport | None = ray.get(future)
             except RayActorError as error:
                 yield from self._lost(spec, error)
                 continue
@@ -119,7 +119,7 @@ class _Pool:
             return
         self._waiting[actor.play.remote(spec, pack(self._out / spec.id))] = (actor, spec)
 
-    def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[Report]:
+    def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[WorkerReport]:
         """An actor has died: another takes its place and, up to a limit, its episode."""
         reason = str(error).strip().splitlines()[0]
         self._deaths += 1
@@ -134,7 +134,7 @@ class _Pool:
         if self._losses[spec.id] < LIVES:
             self._queue.give_back(spec)
         else:
-            yield Report(spec.id, FAILED, error=f"its actor died {LIVES} times. The last: {reason}")
+            yield WorkerReport(spec.id, FAILED, error=f"its actor died {LIVES} times. The last: {reason}")
 
     def dismiss(self) -> None:
         for actor, _ in self._waiting.values():

@@ -38,7 +38,7 @@ def play(tmp_path):
         plugins = Plugins.discover([Path(toy_world.FILE)])
         if "ray" not in {one.name for one in plugins.registered("executors")}:
             plugins.add(humanclaw_ray, "ray")
-        job = Job("walker", options, engines=TOY, files=(toy_world.FILE,))
+        job = Job("walker", options, backends=TOY, files=(toy_world.FILE,))
         player = plugins.make("executors", executor, 2)
         return run_split(specs, job, player, tmp_path / name, plugins=plugins, watch=watch)
 

@@ -134,11 +134,7 @@ class Replay:
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:
     """The same scene, open from above: without its ceilings and without what begins above a height, metres."""
-    kept = [
-        thing
-        for thing in scene.objects
-        if not thing.category.startswith("ceiling") and scene.aabb(thing.id)[0][1] < above
-    ]
+    kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
     return replace(scene, objects=tuple(kept))
 
 
@@ -313,7 +309,7 @@ class _Chart:
         for x, z, wide, deep, _ in house.rooms:
             # A little larger than the room, so that the floor goes on in the doorways.
             self.pen.rectangle(self.corners(x - 8, z - 8, wide + 16, deep + 16), fill="#f3efe6")
-        for outline, kind, _ in house.things:
+        for outline, kind, _ in house.objects:
             self.pen.polygon(self.line(outline), fill=FILLS[kind], outline="#a8a294")
         for outline in house.walls:
             self.pen.polygon(self.line(outline), fill="#4a4e55")

@@ -57,7 +57,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Milestone:
     """Found, reached, sat or stopped: whether, and one fact about it."""
 
     name: str
@@ -97,7 +97,7 @@ class HouseMap:
     rooms: tuple[tuple[float, float, float, float, str], ...] = ()
     """x, z, width, depth and kind."""
     walls: tuple[Polygon, ...] = ()
-    things: tuple[tuple[Polygon, str, str], ...] = ()
+    objects: tuple[tuple[Polygon, str, str], ...] = ()
     """Outline, kind (fixed, movable or stairs) and title."""
 
 
@@ -121,7 +121,7 @@ class PathMap:
 
 @dataclass(frozen=True)
 class ContactRow:
-    thing: str
+    obj: str
     parts: str
     steps: str
     kind: str
@@ -144,7 +144,7 @@ class EpisodeView:
     recorded: RecordedEpisode
     anchor: str
     words: str
-    stages: tuple[Stage, ...]
+    milestones: tuple[Milestone, ...]
     times: Mapping[str, float]
     tokens: int
     cost: float
@@ -226,7 +226,7 @@ def _seconds(value: float) -> str:
 
 # -- episodes ----------------------------------------------------------------------------------------------------------
 def _episode(recorded: RecordedEpisode, number: int) -> EpisodeView:
-    met = stages(recorded)
+    met = milestones(recorded)
     times = {part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS}
     anchor = f"episode-{number}-{re.sub(r'[^A-Za-z0-9]+', '-', recorded.record.spec.id)}"
     usage = sum((step.usage for step in recorded.steps), Usage())
@@ -270,16 +270,16 @@ def _spread(count: int, wanted: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, count - 1, min(count, wanted))}) if count else []
 
 
-def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
+def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
     """How far an episode came, by geometry and the active stop alone; metrics also ask what the agent acknowledged."""
     spec, steps = recorded.record.spec, recorded.steps
-    stopped = Stage("stopped", recorded.record.outcome == "stopped", f"after {len(steps)} steps")
+    stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {len(steps)} steps")
     if not spec.target_ids:
         return (stopped,)
     seen = [s.step for s in steps if in_view(s)]
     last = end_distance(recorded)
-    found = Stage("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
-    near = Stage(
+    found = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
+    near = Milestone(
         "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
     )
     if not spec.interact:
@@ -287,15 +287,15 @@ def stages(recorded: RecordedEpisode) -> tuple[Stage, ...]:
     return found, near, _sat(recorded), stopped
 
 
-def _sat(recorded: RecordedEpisode) -> Stage:
+def _sat(recorded: RecordedEpisode) -> Milestone:
     """Whether the hips were on a target when the episode was stopped."""
     on = [step.step for step in recorded.steps if on_target(recorded, step)]
     if on and on[-1] == recorded.steps[-1].step:
-        return Stage("sat", True, f"since step {on[-1]}")
-    return Stage("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
+        return Milestone("sat", True, f"since step {on[-1]}")
+    return Milestone("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
 
 
-def in_words(recorded: RecordedEpisode, met: Sequence[Stage]) -> str:
+def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
     """The outcome as a sentence."""
     record = recorded.record
     endings = {
@@ -393,19 +393,19 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _name(scene: Scene | None, key: int) -> str:
-    thing = scene.by_id.get(key) if scene else None
-    return f"{thing.category.replace('_', ' ')} {key}" if thing else f"object {key}"
+    obj = scene.by_id.get(key) if scene else None
+    return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"
 
 
 def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
     names = ("in view", "reached", "sat", "stopped")
     counts = {}
     for name in names:
-        asked = [stage for view in views for stage in view.stages if stage.name == name]
+        asked = [stage for view in views for stage in view.milestones if stage.name == name]
         if asked:
             counts[name] = (sum(stage.met for stage in asked), len(asked))
     return {
-        "stages": counts,
+        "milestones": counts,
         "steps": sum(len(view.recorded.steps) for view in views),
         "times": {part: sum(view.times[part] for view in views) for part in PARTS},
         "tokens": sum(view.tokens for view in views),
@@ -418,7 +418,7 @@ def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
 def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
     """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all are.
 
-    A pelvis, or the bottom of a thing, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
+    A pelvis, or the bottom of an object, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
     """
     return np.maximum(np.searchsorted(np.asarray(floors), np.asarray(heights) + 0.1, side="right") - 1, 0)
 
@@ -450,37 +450,37 @@ def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
         for r in scene.rooms
         if abs(r.floor - floor) < 0.5
     )
-    walls, things = [], []
-    for thing in sorted(scene.objects, key=lambda thing: scene.aabb(thing.id)[1][1]):
-        if thing.category in ("floor", "ceiling") or not _on_storey(scene, thing, floor):
+    walls, objects = [], []
+    for obj in sorted(scene.objects, key=lambda obj: scene.aabb(obj.id)[1][1]):
+        if obj.category in ("floor", "ceiling") or not _on_storey(scene, obj, floor):
             continue
-        outlines = _outlines(scene, thing, floor)
-        if thing.category in ("wall", "window"):
+        outlines = _outlines(scene, obj, floor)
+        if obj.category in ("wall", "window"):
             walls += outlines
         else:
-            kind = "stairs" if thing.category == "stairs" else "movable" if thing.movable else "fixed"
-            things += [(outline, kind, f"{thing.category.replace('_', ' ')} {thing.id}") for outline in outlines]
-    return HouseMap(key, (0, 0, 0, 0), title, floor, rooms, tuple(walls), tuple(things))
+            kind = "stairs" if obj.category == "stairs" else "movable" if obj.movable else "fixed"
+            objects += [(outline, kind, f"{obj.category.replace('_', ' ')} {obj.id}") for outline in outlines]
+    return HouseMap(key, (0, 0, 0, 0), title, floor, rooms, tuple(walls), tuple(objects))
 
 
-def _on_storey(scene: Scene, thing: SceneObject, floor: float) -> bool:
+def _on_storey(scene: Scene, obj: SceneObject, floor: float) -> bool:
     """Stairs are on the storeys that they join: they lead up to one whose floor is a step higher than their last."""
-    low, high = scene.aabb(thing.id)
-    bottom = floor - STEP if thing.category == "stairs" else floor + 0.02
+    low, high = scene.aabb(obj.id)
+    bottom = floor - STEP if obj.category == "stairs" else floor + 0.02
     return bool(low[1] < floor + OBSTACLE_HEIGHTS[1] and high[1] > bottom)
 
 
-def _outlines(scene: Scene, thing: SceneObject, floor: float) -> list[Polygon]:
+def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
     """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel above.
 
     Of stairs all pieces, from the lowest up.
     """
-    asset = scene.assets[thing.asset]
+    asset = scene.assets[obj.asset]
     if not asset.hulls:
-        return [_outline(scene.vertices(thing.id))]
-    turn = matrix_from_quaternion(np.array(thing.rotation))
-    pieces = [hull @ turn.T + np.array(thing.position) for hull in asset.hulls]
-    if thing.category == "stairs":
+        return [_outline(scene.vertices(obj.id))]
+    turn = matrix_from_quaternion(np.array(obj.rotation))
+    pieces = [hull @ turn.T + np.array(obj.position) for hull in asset.hulls]
+    if obj.category == "stairs":
         return [_outline(piece) for piece in sorted(pieces, key=lambda piece: float(piece[:, 1].max()))]
     low, high = floor + OBSTACLE_HEIGHTS[0], floor + OBSTACLE_HEIGHTS[1]
     return [_outline(p) for p in pieces if p[:, 1].min() < high and p[:, 1].max() > low]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from made import record_episode
 from PIL import Image
-from rooms import UPSTAIRS, asset, block, thing, two_storeys
+from rooms import UPSTAIRS, asset, block, scene_object, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.interfaces import Camera, View, WorldState
@@ -90,7 +90,7 @@ def test_a_poster_has_the_width_that_was_asked_for(made: tuple[RecordedEpisode, 
 def test_the_camera_looks_in_from_above_where_the_ceiling_was(made: tuple[RecordedEpisode, Scene]) -> None:
     lid = asset("lid", "ceiling", block(8, 0.1, 6))
     closed = replace(
-        made[1], assets={**made[1].assets, "lid": lid}, objects=(*made[1].objects, thing(90, lid, 4, 3, y=2.5))
+        made[1], assets={**made[1].assets, "lid": lid}, objects=(*made[1].objects, scene_object(90, lid, 4, 3, y=2.5))
     )
     assert [o.id for o in opened(closed).objects] == [o.id for o in made[1].objects]
 
@@ -105,8 +105,8 @@ def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, 
 
 def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[RecordedEpisode, Scene]) -> None:
     replay = Replay.of(*climbed)
-    below, whole = ({thing.id for thing in shown.objects} for shown in replay.scenes)
-    assert whole == {thing.id for thing in climbed[1].objects}
+    below, whole = ({scene_object.id for scene_object in shown.objects} for shown in replay.scenes)
+    assert whole == {scene_object.id for scene_object in climbed[1].objects}
     assert whole - below == {o.id for o in climbed[1].objects if o.position[1] > 2}
     heights = replay.motion.root[:, 1]
     assert (replay.storeys[heights < UPSTAIRS - 0.3] == 0).all()

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made import record_episode
-from rooms import UPSTAIRS, asset, block, thing, two_rooms, two_storeys
+from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
-from humanclaw_report.report import Table, house_maps, in_words, path_maps, stages, storeys_at, write_report
+from humanclaw_report.report import Table, house_maps, in_words, milestones, path_maps, storeys_at, write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -94,7 +94,7 @@ def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tu
 
 def test_the_outcome_is_told_in_words(run: tuple[Path, Scene]) -> None:
     episode = RecordedEpisode(run[0] / "one")
-    reached = stages(episode)
+    reached = milestones(episode)
     assert {stage.name: stage.met for stage in reached} == {
         "in view": True,
         "reached": True,
@@ -136,18 +136,18 @@ def test_a_house_with_one_floor_has_one_map_without_a_title() -> None:
     assert {kind for *_, kind in only.rooms} == {"bedroom", "living room"}
 
 
-def test_each_storey_shows_its_own_rooms_and_things_and_the_stairs() -> None:
+def test_each_storey_shows_its_own_rooms_and_objects_and_the_stairs() -> None:
     lower, upper = house_maps(two_storeys(), "house")
     assert (lower.title, upper.title) == ("ground floor", "upper floor")
     assert lower.box == upper.box
     assert {kind for *_, kind in lower.rooms} == {"living"}
     assert {kind for *_, kind in upper.rooms} == {"bedroom", "hall"}
-    names = [{name for _, _, name in drawn.things} for drawn in (lower, upper)]
+    names = [{name for _, _, name in drawn.objects} for drawn in (lower, upper)]
     assert names[0] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 30"}
     assert names[1] & {"potted plant 30", "potted plant 32", "bed 31"} == {"potted plant 32", "bed 31"}
     # The first step ends at x = 2.25 m, the last begins at 5.5.
     for drawn in (lower, upper):
-        stairs = " ".join(outline for outline, kind, _ in drawn.things if kind == "stairs")
+        stairs = " ".join(outline for outline, kind, _ in drawn.objects if kind == "stairs")
         assert "225,0" in stairs
         assert "550,0" in stairs
 
@@ -169,7 +169,7 @@ def test_the_path_is_drawn_on_the_storey_where_it_was_walked(climbed: tuple[Reco
 
 def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
     seat = asset("couch", "couch", block(1.6, 0.42, 0.9), seat=0.42)
-    scene = record_episode(tmp_path, two_storeys((seat, thing(20, seat, 7.4, 1.5, -np.pi / 2))))
+    scene = record_episode(tmp_path, two_storeys((seat, scene_object(20, seat, 7.4, 1.5, -np.pi / 2))))
     (drawn,) = path_maps(RecordedEpisode(tmp_path), house_maps(scene, "house"))
     assert drawn.house.title == "ground floor"
 
@@ -200,7 +200,7 @@ def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
     assert "senses" not in page.text
 
 
-def test_contacts_name_the_thing_and_the_part_of_the_body(page: Page) -> None:
+def test_contacts_name_the_object_and_the_part_of_the_body(page: Page) -> None:
     assert re.search(r"couch 20 left ankle 18.20", page.text)
 
 

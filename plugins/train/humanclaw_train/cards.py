@@ -18,7 +18,7 @@ from safetensors import safe_open
 from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
-from humanclaw_train.fidelity import Ratio, Report, Row
+from humanclaw_train.fidelity import FidelityReport, Ratio, Row
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import file_digest
 
@@ -47,7 +47,7 @@ _BASE_LIMITS: Final = (
 )
 
 
-def card(checkpoint: Path, report: Report | None = None) -> str:
+def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
     """The model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises CheckpointError."""
     import jinja2  # not on the bare machine that trains
 
@@ -55,7 +55,7 @@ def card(checkpoint: Path, report: Report | None = None) -> str:
     return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report))
 
 
-def _facts(checkpoint: Path, report: Report | None) -> dict[str, Any]:
+def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
     header = read_header(checkpoint)
     told, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
@@ -91,7 +91,7 @@ def _facts(checkpoint: Path, report: Report | None) -> dict[str, Any]:
     }
 
 
-def _row(header: Mapping[str, Any], checkpoint: Path, report: Report | None) -> Row | None:
+def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | None) -> Row | None:
     if report is None or report.base != header.get("base"):
         return None
     digest = file_digest(checkpoint)
@@ -125,7 +125,7 @@ def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Pa
     check: write nothing. The fidelity report is the one beside the base, if there is one.
     """
     reported = base.with_name(REPORT)
-    report = Report.load(reported) if reported.is_file() else None
+    report = FidelityReport.load(reported) if reported.is_file() else None
     files = [base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))]
     stale = []
     for file in files:

@@ -13,8 +13,8 @@ from humanclaw.pose import FUTURE, HISTORY, Array
 from humanclaw.recipes import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
-from humanclaw_train.commands import Commands, Trained
-from humanclaw_train.composer import SECONDS, Ints, play
+from humanclaw_train.commands import Commands, Ints, Trained
+from humanclaw_train.composer import SECONDS, play
 
 
 @dataclass(frozen=True)

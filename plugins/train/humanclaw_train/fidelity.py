@@ -160,7 +160,7 @@ def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, fl
 
 # -- the table ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Report:
+class FidelityReport:
     """The table with what it was measured on: what `--save` writes and model cards quote."""
 
     base: str
@@ -177,7 +177,7 @@ class Report:
         write_atomically(path, (json.dumps(_plain(asdict(self)), indent=1) + "\n").encode())
 
     @classmethod
-    def load(cls, path: Path) -> Report:
+    def load(cls, path: Path) -> FidelityReport:
         """Read what `save` wrote. Raises CheckpointError for anything else."""
         try:
             content = json.loads(path.read_text("utf-8"))
@@ -256,7 +256,7 @@ def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulat
     return 0
 
 
-def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | None) -> Report:
+def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | None) -> FidelityReport:
     generator = made_generator(options)
     paths = adapters(options.adapters, options.skills)
     rows = fidelity(generator, paths, options.rollouts, options.seed)
@@ -273,7 +273,7 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
     command = Command.of(first, paths[first])
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
-    return Report(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
+    return FidelityReport(generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows))
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:

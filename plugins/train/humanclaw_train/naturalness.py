@@ -11,6 +11,7 @@
 * Life: 120 random calls in a row, as the model feeds on its own motion.
 * Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
   generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end up.
+* Uncommanded: how far skills travel and turn on axes that they do not command, from standing and after walking.
 * First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
@@ -28,7 +29,7 @@ import numpy as np
 
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
-from humanclaw.measures import Declaration, suited
+from humanclaw.measures import MEASURES, Declaration, suited
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
@@ -331,6 +332,32 @@ def first_steps(
     return found
 
 
+# -- travel that nobody commanded --------------------------------------------------------------------------------------
+_FREE: Final = ("hips.left", "hips.forward", "heading.left")
+
+
+def uncommanded(
+    generator: DiTGenerator, commands: Sequence[Command], walks: Command, bodies: int = 30, seed: int = 0
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Skill to measure to what happens of it though the skill does not command it: (from standing, after walking at 1 m/s).
+
+    Means over bodies, in metres and radians. A skill that commands `hips.back` commands `hips.forward`.
+    """
+    before = ([generator.start() for _ in range(bodies)], straight_walks(generator, walks, 1.0, bodies, 2, seed))
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    for command in commands:
+        told = {one.measure.replace("back", "forward") for one in command.parameters}
+        values = command.draw(bodies, np.random.default_rng(seed))
+        rows = []
+        for motions in map(list, before):
+            extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
+            last = [motion[-HISTORY - FUTURE :] for motion in motions]
+            local = canonical(*(np.stack([getattr(one, part) for one in last]) for part in ("root", "rotations")))
+            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in told})
+        found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
+    return found
+
+
 # -- a long life -------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Life:
@@ -485,6 +512,17 @@ def drift_line(found: Drift) -> str:
     )
 
 
+def uncommanded_table(found: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
+    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands it."""
+
+    def cell(row: Mapping[str, tuple[float, float]], name: str) -> str:
+        scale = 180 / np.pi if name.startswith("heading") else 100.0
+        return " / ".join(f"{scale * value:+.1f}" for value in row[name]) if name in row else "-"
+
+    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in found.items()]
+    return _table(("uncommanded, from standing / after walking", "left cm", "ahead cm", "turn degrees"), rows)
+
+
 def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
     rows = [(skill, *(_cell(value, 2) for value in values)) for skill, values in found.items()]
     return _table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
@@ -534,6 +572,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             made = generated_gaits(generator, walks, seed=options.seed)
             clips = load_pack(options.clips) if options.clips else []
             print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
+            print("\n" + uncommanded_table(uncommanded(generator, commands, walks, seed=options.seed)), flush=True)
             print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(

@@ -9,7 +9,7 @@ from tiny_motion import write_adapter, write_base
 
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write_all
-from humanclaw_train.fidelity import Ratio, Report, Row
+from humanclaw_train.fidelity import FidelityReport, Ratio, Row
 from humanclaw_train.rollouts import file_digest
 
 SKILLS = Path(__file__).parents[2] / "skills"
@@ -30,7 +30,7 @@ def weights(tmp_path):
     return tmp_path
 
 
-def _report(weights: Path, base: str | None = None) -> Report:
+def _report(weights: Path, base: str | None = None) -> FidelityReport:
     adapter = weights / "sit_in_place" / "adapter.safetensors"
     row = Row(
         "sit_in_place",
@@ -38,7 +38,7 @@ def _report(weights: Path, base: str | None = None) -> Report:
         Ratio(1.0777, 0.02, 1, 2, 200),
         adapter=file_digest(adapter),
     )
-    return Report(base or read_header(adapter)["base"], "euler, 4 steps", 200, 0, 17.4, (row,))
+    return FidelityReport(base or read_header(adapter)["base"], "euler, 4 steps", 200, 0, 17.4, (row,))
 
 
 def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):

@@ -11,7 +11,7 @@ from tiny_motion import write_adapter
 from humanclaw import CheckpointError, PluginError, Plugins, pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
-from humanclaw_train.fidelity import Report, achieved, baseline, fidelity, main, markdown, realised
+from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, realised
 from humanclaw_train.realised import HIPS, Actor, flat, roll_realised, stage
 from humanclaw_train.rollouts import Command, Rollouts
 
@@ -168,7 +168,7 @@ def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
 @pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
 def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
     scene = stage(declaration(skill), {"h": 0.17, "d": 0.28})
-    boxes = [scene.aabb(thing.id) for thing in scene.of_category("stairs")]
+    boxes = [scene.aabb(obj.id) for obj in scene.of_category("stairs")]
     assert [high[1] for _, high in boxes] == pytest.approx([sign * 0.17 * k for k in (1, 2, 3)], abs=1e-6)
     assert [high[2] - low[2] for low, high in boxes] == pytest.approx([0.28] * 3, abs=1e-6)
     assert [high[2] for _, high in boxes[:-1]] == pytest.approx([low[2] for low, _ in boxes[1:]], abs=1e-6)
@@ -197,7 +197,7 @@ def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still
     printed = capsys.readouterr().out
     assert "| step_back |" in printed
     assert "ms a chunk" in printed
-    report = Report.load(file)
+    report = FidelityReport.load(file)
     assert report.base == still[0].digest
     assert markdown(report.rows) in printed
     assert main([*arguments, "--skills", "fly"]) == 2
@@ -209,4 +209,4 @@ def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
     file = tmp_path / "fidelity.json"
     file.write_text(json.dumps({"rows": [1]}))
     with pytest.raises(CheckpointError, match="holds no fidelity report"):
-        Report.load(file)
+        FidelityReport.load(file)

@@ -24,6 +24,7 @@ from humanclaw_train.naturalness import (
     real_peak,
     sequence_jerks,
     transitions,
+    uncommanded,
     walker,
 )
 from humanclaw_train.rollouts import Command, adapters
@@ -97,6 +98,13 @@ def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator,
     assert first_steps(generator, commands[:1], bodies=3) == {"walk": pytest.approx((0, 0, 0), abs=1e-3)}
     assert walker(commands) is commands[0]
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
+
+
+def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands):
+    found = uncommanded(generator, commands, commands[0], bodies=2)
+    assert set(found["walk"]) == set()
+    assert set(found["step_back"]) == {"hips.left", "heading.left"}
+    assert found["turn_in_place"]["hips.forward"] == pytest.approx((0, 0), abs=1e-3)
 
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):

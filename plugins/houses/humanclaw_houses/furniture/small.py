@@ -1,4 +1,4 @@
-"""Small things that can be pushed, kicked and knocked over."""
+"""Small objects that can be pushed, kicked and knocked over."""
 
 from __future__ import annotations
 

@@ -40,13 +40,13 @@ def _words(name: str) -> str:
 
 
 def otherwise(category: str, size: Vec3) -> str:
-    """What a thing is that is called one thing and has the size of another: a table 0.4 m high is a coffee table."""
+    """What an object is that is called one thing and has the size of another: a table 0.4 m high is a coffee table."""
     others = _table()["otherwise"].get(category, ())
     return next((other for other in (category, *others) if not misfit(other, size)), category)
 
 
 def misfit(category: str, size: Vec3, seat: float | None = None) -> str:
-    """Why a size cannot be that of a thing of a category, in words; empty if it can. Width and depth may be swapped."""
+    """Why a size cannot be that of an object of a category, in words; empty if it can. Width and depth may be swapped."""
     limits = _table()["sizes"][category]
     off = [
         [

@@ -49,7 +49,7 @@ class Collection:
     name: str
     offers: Sequence[Offer]
     passed_over: int = 0
-    """Doors, windows and other things that the collection says are no furniture."""
+    """Doors, windows and other objects that the collection says are no furniture."""
 
 
 def digest_of(path: Path, statement: str) -> str:

@@ -15,7 +15,7 @@ from humanclaw import HumanclawError
 from humanclaw.meshes import (
     ANYWHERE,
     MIDDLE,
-    Hollow,
+    KeepOutBox,
     Part,
     back_of,
     bake,
@@ -54,30 +54,32 @@ _POT: Final = 0.3
 
 
 @dataclass
-class Report:
+class ImportReport:
     """What came of an import."""
 
     imported: Counter[str] = field(default_factory=Counter)
     """Assets by category, those that were there already among them."""
     unchanged: int = 0
     other: Counter[str] = field(default_factory=Counter)
-    """Names of things that no category wants."""
-    aside: dict[str, str] = field(default_factory=dict)
+    """Names of objects that no category wants."""
+    rejected: dict[str, str] = field(default_factory=dict)
     """Models of a known category that could not be used, and why."""
     passed_over: int = 0
     triangles: int = 0
     hulls: int = 0
 
 
-def take_in(collection: Collection, library: Path, triangles: int, watch: Iterable[Offer] | None = None) -> Report:
+def import_assets(
+    collection: Collection, library: Path, triangles: int, watch: Iterable[Offer] | None = None
+) -> ImportReport:
     """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
 
     watch: the collection's offers, wrapped by something that shows how far they are. Raises HumanclawError if the library
-    cannot be written; a model that cannot be used is set aside.
+    cannot be written; a model that cannot be used is rejected.
     """
     index = read_index(library)
     known = {entry.id: entry for entry in index.assets} if index else {}
-    report, kept = Report(passed_over=collection.passed_over), {}
+    report, kept = ImportReport(passed_over=collection.passed_over), {}
     for offer in collection.offers if watch is None else watch:
         entry = _take(offer, collection, library, triangles, known, report)
         if entry:
@@ -98,7 +100,7 @@ def take_in(collection: Collection, library: Path, triangles: int, watch: Iterab
 
 
 def _take(
-    offer: Offer, collection: Collection, library: Path, triangles: int, known: dict[str, Entry], report: Report
+    offer: Offer, collection: Collection, library: Path, triangles: int, known: dict[str, Entry], report: ImportReport
 ) -> Entry | None:
     category = offer.category or category_of(offer.name, offer.group)
     if not category:
@@ -120,7 +122,7 @@ def _take(
             parts = read_model(path)
         return _entry(offer, parts, category, triangles, library, name, collection.name, digest, recipe)
     except (HumanclawError, OSError) as error:
-        report.aside[offer.id] = error.message if isinstance(error, HumanclawError) else str(error)
+        report.rejected[offer.id] = error.message if isinstance(error, HumanclawError) else str(error)
         return None
 
 
@@ -181,8 +183,8 @@ def _vec3(values: Array) -> Vec3:
     return x, y, z
 
 
-def _hulls(mesh: Mesh, category: str, level: Hollow | None) -> tuple[np.ndarray, ...]:
-    """Few pieces for small things, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
+def _hulls(mesh: Mesh, category: str, level: KeepOutBox | None) -> tuple[np.ndarray, ...]:
+    """Few pieces for small objects, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
     if category in _ONE_PIECE:
         return convex_pieces(mesh, 1)
     if category == "potted_plant":

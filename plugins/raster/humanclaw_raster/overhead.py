@@ -1,4 +1,4 @@
-"""What hangs over each place: height maps seen from above, one a storey, for the soft shadows under and beside things."""
+"""What hangs over each place: height maps seen from above, one a storey, for the soft shadows under and beside objects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw_raster import kernels
-from humanclaw_raster.kernels import Canopy, Hits, Lens, Things
+from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
 from humanclaw_raster.packing import Floats, Model
 
 CELL: Final = 0.04
@@ -22,46 +22,48 @@ _HIGH: Final = 1000.0
 """From so high up the map is seen that lines of sight are as good as parallel, metres."""
 
 
-class CanopyMaker:
+class OverheadMapper:
     """Keeps the map of all that stands still, and adds what moves to a copy."""
 
-    def __init__(self, scene: Scene, model: Model, things: Things, still: Sequence[int], moving: Sequence[int]) -> None:
-        """still, moving: rows of things. The last len(scene.objects) rows are the objects of the scene."""
-        boxes = np.array([scene.aabb(thing.id) for thing in scene.objects]).reshape(-1, 2, 3)
-        self._model, self._moving = model, _order(model, things, moving)
+    def __init__(
+        self, scene: Scene, model: Model, instances: Instances, still: Sequence[int], moving: Sequence[int]
+    ) -> None:
+        """still, moving: rows of instances. The last len(scene.objects) rows are the objects of the scene."""
+        boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
+        self._model, self._moving = model, _order(model, instances, moving)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         low, high = boxes[:, 0].min(axis=0, initial=0.0), boxes[:, 1].max(axis=0, initial=0.0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
         self._shape = tuple(np.ceil((high - low)[[2, 0]] / self._cell).astype(int) + 2)
         self._middle = (low + high) / 2
-        first = len(things.mesh) - len(boxes)
+        first = len(instances.mesh) - len(boxes)
         self._still = []
         for floor in self._floors:
             on_it = (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
             rows = [row for row in still if row >= first and on_it[row - first]]
-            self._still.append(self._drawn(things, _order(model, things, rows), float(floor), None))
+            self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
 
-    def now(self, things: Things) -> Canopy:
+    def now(self, instances: Instances) -> OverheadMap:
         """The map with what moves where it is now."""
         maps = []
         for floor, still in zip(self._floors, self._still, strict=True):
-            nearness = self._drawn(things, self._moving, float(floor), still)
+            inverse_depth = self._drawn(instances, self._moving, float(floor), still)
             with np.errstate(divide="ignore"):
-                maps.append(np.float32(floor + _HIGH) - np.float32(1) / nearness)
+                maps.append(np.float32(floor + _HIGH) - np.float32(1) / inverse_depth)
         corner = self._middle[[0, 2]] - np.array(self._shape[::-1]) / 2 * self._cell
-        return Canopy(np.stack(maps), self._floors, corner, self._cell)
+        return OverheadMap(np.stack(maps), self._floors, corner, self._cell)
 
-    def _drawn(self, things: Things, order: NDArray[np.int32], floor: float, before: Floats | None) -> Floats:
-        nearness = np.zeros(self._shape, np.float32) if before is None else before.copy()
-        hits = Hits(nearness, np.empty(self._shape, np.int32), np.empty(self._shape, np.int32))
+    def _drawn(self, instances: Instances, order: NDArray[np.int32], floor: float, before: Floats | None) -> Floats:
+        inverse_depth = np.zeros(self._shape, np.float32) if before is None else before.copy()
+        gbuffer = GBuffer(inverse_depth, np.empty(self._shape, np.int32), np.empty(self._shape, np.int32))
         eye = np.array([self._middle[0], floor + _HIGH, self._middle[2]])
         # Columns go along +X and rows along +Z.
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        kernels.draw(self._model, things, Lens(eye, axes, _HIGH / self._cell), order, hits)
-        return nearness
+        kernels.draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, gbuffer)
+        return inverse_depth
 
 
-def _order(model: Model, things: Things, rows: Sequence[int]) -> NDArray[np.int32]:
-    """(K, 2) row and cluster of all clusters of some things."""
-    pairs = [(row, cluster) for row in rows for cluster in range(*model.meshes[things.mesh[row]])]
+def _order(model: Model, instances: Instances, rows: Sequence[int]) -> NDArray[np.int32]:
+    """(K, 2) row and cluster of all clusters of some instances."""
+    pairs = [(row, cluster) for row in rows for cluster in range(*model.meshes[instances.mesh[row]])]
     return np.array(pairs, np.int32).reshape(-1, 2)

@@ -1,0 +1,180 @@
+"""Articulated objects as they stand: the links of a URDF file, each joint at rest.
+
+A joint is at rest at 0, or at the nearest value that its limits allow. Frames are the file's own, as in Habitat:
+a URDF is not turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree
+
+import numpy as np
+
+from humanclaw import SceneError
+from humanclaw.meshes import Part
+from humanclaw.pose import Array
+from humanclaw_habitat.primitives import primitive
+
+_MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
+_ROUND: Final = "segments_24_halfLen_1"
+_TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Brings the axis of a shape of Habitat's, +Y, to that of URDF's, +Z."""
+
+
+def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Part]:
+    """All that links show ('visual') or collide with ('collision'), in the frame of the root link, metres.
+
+    read: the parts of a model file. Raises SceneError if the file is no URDF, a joint leads nowhere or a shape is unknown.
+    """
+    robot = _root(path)
+    found: list[Part] = []
+    for link in robot.iter("link"):
+        place = _place(robot, link.get("name", ""), path)
+        for shape in link.iter(what):
+            frame = place @ _origin(shape, path)
+            parts = _shape(shape, path, read)
+            found += [replace(part, vertices=part.vertices @ frame[:3, :3].T + frame[:3, 3]) for part in parts]
+    return found
+
+
+def meshes(path: Path) -> list[Path]:
+    """The model files that a URDF names. Raises SceneError if it cannot be read."""
+    return sorted({_file(mesh, path) for mesh in _root(path).iter("mesh")})
+
+
+def joints(path: Path) -> int:
+    """How many joints of a URDF could move. Raises SceneError if it cannot be read."""
+    return sum(joint.get("type") in _MOVING for joint in _root(path).findall("joint"))
+
+
+def _root(path: Path) -> ElementTree.Element:
+    try:
+        robot = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
+    except ElementTree.ParseError as error:
+        raise SceneError(
+            f"{path} is no URDF: {error}.", "Fetch it again; in a git checkout run `git lfs pull`."
+        ) from error
+    if robot.tag != "robot":
+        raise SceneError(f"{path} is no URDF: it holds a {robot.tag}.")
+    return robot
+
+
+def _place(robot: ElementTree.Element, link: str, path: Path) -> Array:
+    """(4, 4) frame of a link in that of the root."""
+    above = {_named(joint, "child"): joint for joint in robot.findall("joint")}
+    frame = np.eye(4)
+    for _ in range(len(above) + 1):
+        if link not in above:
+            return frame
+        joint = above[link]
+        frame = _origin(joint, path) @ _rest(joint, path) @ frame
+        link = _named(joint, "parent")
+    raise SceneError(f"{path}: the joints go round in a circle at link {link!r}.")
+
+
+def _named(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(end)
+    return "" if found is None else found.get("link", "")
+
+
+def _rest(joint: ElementTree.Element, path: Path) -> Array:
+    """(4, 4) what a joint at rest does: nothing, unless its limits do not allow 0."""
+    limit, axis = joint.find("limit"), joint.find("axis")
+    frame = np.eye(4)
+    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return frame
+    value = float(np.clip(0.0, *_numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path)))
+    way = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, path)
+    way /= np.linalg.norm(way)
+    if joint.get("type") == "prismatic":
+        frame[:3, 3] = value * way
+    else:
+        frame[:3, :3] = _about(way, value)
+    return frame
+
+
+def _about(way: Array, angle: float) -> Array:
+    """(3, 3) rotation by an angle about a unit axis."""
+    cross = np.cross(np.eye(3), way)
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+
+def _origin(element: ElementTree.Element, path: Path) -> Array:
+    """(4, 4) frame of an element's origin: roll, pitch and yaw about fixed axes."""
+    origin = element.find("origin")
+    frame = np.eye(4)
+    if origin is not None:
+        roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, path)
+        x, y, z = np.eye(3)
+        frame[:3, :3] = _about(z, yaw) @ _about(y, pitch) @ _about(x, roll)
+        frame[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3, path)
+    return frame
+
+
+def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list[Part]]) -> list[Part]:
+    """The parts of a visual or collision element, in its own frame."""
+    geometry = element.find("geometry")
+    for shape in () if geometry is None else geometry:
+        if shape.tag == "mesh":
+            size = _numbers(shape.get("scale", "1 1 1"), 3, path)
+            faces = slice(None, None, 1 if np.prod(size) > 0 else -1)
+            return [
+                replace(part, vertices=part.vertices * size, faces=part.faces[:, faces])
+                for part in read(_file(shape, path))
+            ]
+        return [replace(part, colour=_colour(element, path) or part.colour) for part in _solid(shape, path)]
+    raise SceneError(f"{path}: a {element.tag} has no geometry.")
+
+
+def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
+    """A box, sphere, cylinder or capsule about its origin, round ones about +Z."""
+
+    def number(key: str) -> float:
+        return float(_numbers(shape.get(key, ""), 1, path)[0])
+
+    if shape.tag == "box":
+        name, size = "cubeSolid", _numbers(shape.get("size", ""), 3, path) / 2
+    elif shape.tag == "sphere":
+        name, size = "icosphereSolid_subdivs_2", np.full(3, number("radius"))
+    elif shape.tag == "cylinder":
+        name, size = f"cylinderSolid_{_ROUND}", np.array([number("radius"), number("radius"), number("length") / 2])
+    elif shape.tag == "capsule":
+        radius = number("radius")
+        name, size = f"capsule3DSolid_segments_24_halfLen_{number('length') / 2 / radius:.6f}", np.full(3, radius)
+    else:
+        raise SceneError(f"{path}: the shape {shape.tag} is not supported.")
+    turn = np.eye(3) if shape.tag == "box" else _TURN
+    for part in primitive(name):
+        yield replace(part, vertices=part.vertices @ turn.T * size)
+
+
+def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | None:
+    """The colour that a visual's material states there, as 0 to 255."""
+    found = element.find("material/color")
+    if found is None:
+        return None
+    red, green, blue = (
+        round(255 * float(value)) for value in np.clip(_numbers(found.get("rgba", ""), 4, path)[:3], 0, 1)
+    )
+    return red, green, blue
+
+
+def _file(mesh: ElementTree.Element, path: Path) -> Path:
+    return (path.parent / mesh.get("filename", "").removeprefix("package://").removeprefix("file://")).resolve()
+
+
+def _numbers(text: str, count: int, path: Path) -> Array:
+    """Numbers between blanks. Raises SceneError if they are not as many as there should be."""
+    try:
+        found = np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}.") from error
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise SceneError(f"{path}: there should be {count} numbers; got {text!r}.")
+    return found

@@ -1,0 +1,120 @@
+"""Damage to a record: whatever is cut, flipped or swapped is found, by file and line, or has changed nothing."""
+
+import json
+
+import numpy as np
+import pytest
+from made import record_episode
+
+from humanclaw.errors import RecordError
+from humanclaw.records import EpisodeRecord, RecordedEpisode, write_record
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a whole record."""
+    folder = tmp_path_factory.mktemp("whole") / "couch-0"
+    record_episode(folder)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    return tmp_path / "couch-0"
+
+
+def flipped(data, rng):
+    """One bit is another."""
+    place = int(rng.integers(len(data)))
+    return data[:place] + bytes([data[place] ^ (1 << int(rng.integers(8)))]) + data[place + 1 :]
+
+
+def cut(data, rng):
+    """The end is missing, or a piece from the middle."""
+    first, last = sorted(rng.integers(len(data), size=2))
+    return data[:first] + data[last + 1 :] if rng.random() < 0.5 else data[:first]
+
+
+def swapped(data, rng):
+    """Two lines have changed places, or one is there twice."""
+    lines = data.splitlines(keepends=True)
+    a, b = rng.integers(len(lines), size=2)
+    if rng.random() < 0.5:
+        return b"".join([*lines[:a], lines[b], *lines[a:]])
+    lines[a], lines[b] = lines[b], lines[a]
+    return b"".join(lines)
+
+
+def test_a_thousand_flips_cuts_and_swaps_are_each_found_or_harmless(whole):
+    before, rng = RecordedEpisode(whole).digest, np.random.default_rng(18)
+    files = [path for path in sorted(whole.rglob("*")) if path.is_file()]
+    weight = [0.3 if path.suffix.startswith(".json") else 0.4 / (len(files) - 2) for path in files]
+    found = 0
+    for _ in range(1000):
+        path = files[int(rng.choice(len(files), p=weight))]
+        data = path.read_bytes()
+        path.write_bytes((flipped, cut, swapped)[int(rng.integers(3))](data, rng))
+        try:
+            assert RecordedEpisode(whole).digest == before, f"{path} is damaged, and nobody noticed"
+        except RecordError as error:
+            found += str(whole) in str(error)
+        path.write_bytes(data)
+    assert found > 800  # Most of what is harmless swaps a line with itself.
+
+
+@pytest.mark.parametrize("name", ["steps.jsonl", "motion.npz", "frames/0000.jpg"])
+def test_a_file_that_is_gone_is_named(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(RecordError, match=f"cannot read .*{name}"):
+        RecordedEpisode(folder)
+
+
+def test_a_record_that_was_mended_by_hand_is_refused(folder):
+    path = folder / "episode.json"
+    path.write_text(path.read_text().replace('"outcome": "stopped"', '"outcome": "out_of_steps"'))
+    with pytest.raises(RecordError, match=r"episode\.json has been changed"):
+        RecordedEpisode(folder)
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (
+            lambda lines: [*lines[:2], lines[2][:-9] + b"\n", *lines[3:]],
+            r"steps\.jsonl:3 holds a line that is not a step",
+        ),
+        (lambda lines: [lines[0], *lines[2:]], r"steps\.jsonl:2 holds step 2: lines are missing"),
+        (lambda lines: [lines[0], *lines], r"steps\.jsonl:2 holds step 0"),
+    ],
+)
+def test_of_an_episode_under_way_damaged_lines_are_named(folder, damage, words):
+    """It has no digests yet: a crash left it there."""
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={"outcome": "running", "files": {}}))
+    path = folder / "steps.jsonl"
+    path.write_bytes(b"".join(damage(path.read_bytes().splitlines(keepends=True))))
+    with pytest.raises(RecordError, match=words):
+        RecordedEpisode(folder)
+
+
+def test_a_record_cut_in_half_is_named_with_the_line_where_it_ends(folder):
+    path = folder / "episode.json"
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(RecordError, match=r"episode\.json:\d+ is no record"):
+        RecordedEpisode(folder)
+
+
+@pytest.mark.parametrize("name", ["../../secret", "/etc/hostname"])
+def test_a_record_names_no_file_outside_its_folder(folder, name):
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={"files": {name: "0" * 64}}))
+    with pytest.raises(RecordError, match="lies elsewhere"):
+        RecordedEpisode(folder)
+    lines = [json.loads(line) for line in (folder / "steps.jsonl").read_text().split("\n")[:-1]]
+    lines[0]["frame_file"] = name
+    (folder / "steps.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    write_record(folder, record.model_copy(update={"files": {}}))
+    with pytest.raises(RecordError, match="not a step"):
+        _ = RecordedEpisode(folder).digest

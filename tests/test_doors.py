@@ -1,0 +1,58 @@
+"""The page of public doors is true: it lists the names that are there, and nobody outside the core goes by another way."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+import humanclaw
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "doors.md").read_text("utf-8")
+DOORS = set(re.findall(r"^\| `(humanclaw[a-z_.]*)` \|", PAGE, re.MULTILINE))
+BEHIND_MOTION = "plugins/train"
+
+
+def _imported(path: Path) -> set[str]:
+    """The modules of the core that a file imports names from."""
+    tree = ast.parse(path.read_text("utf-8"))
+    plain = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    named = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    return {name for name in plain | named if name.split(".")[0] == "humanclaw"}
+
+
+def _ways() -> list[tuple[str, str]]:
+    """(file, module) of every import of the core by what is not the core; tests beside a plugin may look deeper."""
+    files = [path for part in ("plugins", "skills", "harnesses", "examples") for path in (ROOT / part).rglob("*.py")]
+    inside = [path.relative_to(ROOT) for path in files]
+    return [
+        (path.as_posix(), name)
+        for path in inside
+        if "tests" not in path.parts and not any(part.startswith(".") for part in path.parts)
+        for name in _imported(ROOT / path)
+    ]
+
+
+def test_the_page_lists_every_name_of_the_first_door_and_no_other():
+    listed = re.findall(r"`(\w+)`", PAGE.split("## Names of")[1])
+    assert sorted(listed[1:]) == sorted(humanclaw.__all__)
+
+
+def test_every_name_of_the_first_door_is_there():
+    assert [name for name in humanclaw.__all__ if not hasattr(humanclaw, name)] == []
+
+
+def test_every_door_on_the_page_opens():
+    for door in DOORS:
+        module = importlib.import_module(door)
+        assert all(hasattr(module, name) for name in getattr(module, "__all__", ())), door
+
+
+def test_plugins_skills_harnesses_and_examples_go_by_the_doors_alone():
+    ways = _ways()
+    assert len(ways) > 300
+    behind = [way for way in ways if way[1] not in DOORS]
+    allowed = [way for way in behind if way[0].startswith(BEHIND_MOTION) and way[1].startswith("humanclaw.motion.")]
+    assert [way for way in behind if way not in allowed] == []
