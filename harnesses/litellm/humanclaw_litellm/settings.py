@@ -15,10 +15,10 @@ from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True},
+    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0},
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
 }
-"""What the options are when they are not given. paper: the baseline of the paper's ablation."""
+"""What the options are when they are not given. paper: the baseline of the paper's ablation, decided greedily."""
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
 

@@ -375,3 +375,10 @@ def test_a_server_that_answers_a_byte_at_a_time_does_not_outlast_the_deadline():
             client.complete([{"role": "user", "content": "?"}], {})
         stop.set()
     assert time.monotonic() - began < 5
+
+
+def test_the_papers_profile_decides_greedily_unless_told_otherwise():
+    paper = {"model": "m", "profile": "paper"}
+    assert Settings.of(paper).temperature == 0.0
+    assert Settings.of({**paper, "temperature": 0.7}).temperature == 0.7
+    assert Settings.of({"model": "m"}).temperature is None
