@@ -162,7 +162,8 @@ def named(
     return tuple(
         Result(
             agent if repeated[agent] == 1 else f"{agent} ({run})",
-            *map(tuple, zip(*found, strict=True)),
+            tuple(scores for scores, _ in found),
+            tuple(cause for _, cause in found),
             (asked or {}).get(run, 0),
         )
         for (agent, run), found in groups.items()
