@@ -35,7 +35,10 @@ def touch(obj: int, *frames: int, joint: str = "left_knee", group: str = "leg_fo
 
 
 def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | None = 4.0, **more: Any) -> StepRecord:
-    """A step as one writes it down. away: distance to the target after it. A stop ends the episode, "" is no usable call: nothing moves."""
+    """A step as one writes it down. away: distance to the target after it.
+
+    A stop ends the episode, "" is no usable call: nothing moves.
+    """
     params = more.pop("params", {"walk": {"z_cm": 40}, "turn_in_place": {"yaw_deg": 30}}.get(skill, {}))
     status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
     written: dict[str, Any] = {
