@@ -40,7 +40,7 @@ def second_opinion(folder: Path) -> str:
     reached = stopped and bool(gaps) and gaps[-1] <= 0.2
     done = [step for step in steps if step["status"] == "executed"]
     sits = [step for step in done if step["call"]["skill"] in ("sit", "sit_in_place")]
-    seated = stopped and bool(sits) and bool(targets.intersection(done[-1]["pelvis_contacts"]))
+    seated = stopped and bool(sits) and bool(targets.intersection(steps[-1]["pelvis_contacts"]))
     if seated if task["interact"] else reached:
         return SUCCESS
     if not any(a and b for a, b in zip(shown, said, strict=True)):
