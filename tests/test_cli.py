@@ -130,3 +130,12 @@ def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_repo
     assert "report: r/report.html" in told
     assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "interrupted"
     assert (tmp_path / "r/report.html").is_file()
+
+
+def test_a_run_answers_before_anything_is_loaded_that_takes_time():
+    probe = (
+        "import sys, humanclaw.cli as cli; cli.build(None).commands['run'].make_context('run', []); print(*sys.modules)"
+    )
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert "humanclaw.cli.options" in loaded
+    assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins"} & set(loaded)

@@ -3,9 +3,9 @@
 import pytest
 from click.testing import CliRunner
 
+from humanclaw import Backends, default_simulator
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
-from humanclaw.embodiment import Backends, default_simulator
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
@@ -82,7 +82,7 @@ def test_a_simulator_that_is_named_is_taken_and_no_simulator_at_all_is_told():
 @pytest.mark.parametrize(("asked", "recorded"), [([], "bullet"), (["--simulator", "mujoco"], "mujoco")])
 def test_the_record_names_the_simulator_that_was_chosen(asked, recorded, tmp_path):
     arguments = ["run", "--agent", "still", "--max-steps", "1", "--film", "none", "--out", str(tmp_path), *asked]
-    done = CliRunner().invoke(build(Plugins.discover()), arguments)
+    done = CliRunner().invoke(build(Plugins.discover), arguments)
     assert done.exit_code == 0, done.output
     (path,) = tmp_path.glob("*/episode.json")
     assert RecordedEpisode(path.parent).record.settings["body"]["simulator"] == recorded

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from humanclaw import Body
+from humanclaw._backends import Backends, check_senses
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT
-from humanclaw.embodiment import Backends
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Execution
 from humanclaw.pose import Motion, rest_pose
 from humanclaw.records import Call, Contact, Feedback, StepRecord, Touch
-from humanclaw.senses import check_senses, proprioception, tactile
+from humanclaw.senses import proprioception, tactile
 
 BEFORE = rest_pose(1)
 

@@ -234,7 +234,7 @@ def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(t
     (info / "entry_points.txt").write_text("[humanclaw]\nhc_hop = hc_hop\n")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.invalidate_caches()
-    command = build(Plugins.discover())
+    command = build(Plugins.discover)
     rows = {row["skill"]: row for row in json.loads(CliRunner().invoke(command, ["skills", "--json"]).output)}
     assert rows["hop"]["state"].startswith("disabled: parameter 'z_cm' of skill 'hop' is True")
     assert rows["walk"]["state"] == "ready (adapter)"

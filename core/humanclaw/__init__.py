@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from humanclaw._lazy import lazy
 
 if TYPE_CHECKING:
+    from humanclaw._backends import SENSES, Backends, default_simulator
     from humanclaw.contract import Check, Control, Keyframes, Skill, skill
-    from humanclaw.embodiment import Backends, Body, Chunk, default_simulator
+    from humanclaw.embodiment import Body, Chunk
     from humanclaw.episode import Episode
     from humanclaw.errors import (
         CallError,
@@ -54,15 +55,14 @@ if TYPE_CHECKING:
         load_run,
     )
     from humanclaw.scene import Scene
-    from humanclaw.senses import SENSES
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "SENSES": "senses",
+    "SENSES": "_backends",
     "Agent": "interfaces",
     "Attempt": "records",
-    "Backends": "embodiment",
+    "Backends": "_backends",
     "Body": "embodiment",
     "Call": "records",
     "CallError": "errors",
@@ -99,7 +99,7 @@ _HOMES = {
     "Usage": "records",
     "Verdict": "records",
     "Verifier": "interfaces",
-    "default_simulator": "embodiment",
+    "default_simulator": "_backends",
     "hookimpl": "hookspecs",
     "load_run": "records",
     "run_episode": "loop",

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, Self
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
+from humanclaw._backends import Backends, check_senses
 from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw.contract import Control, Plan, Skill
-from humanclaw.errors import CheckpointError, PluginError, blaming
+from humanclaw.errors import CheckpointError, blaming
 from humanclaw.interfaces import (
     Execution,
     MotionGenerator,
@@ -30,37 +31,7 @@ from humanclaw.plugins import Plugins
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, anchored
 from humanclaw.records import Call
 from humanclaw.scene import Scene
-from humanclaw.senses import check_senses, proprioception, tactile
-
-SIMULATORS: Final = ("bullet", "mujoco")
-"""Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest Pythons."""
-
-
-@dataclass(frozen=True)
-class Backends:
-    """Names of the implementations to use, as plugins registered them."""
-
-    simulator: str = ""
-    """Empty: the first of SIMULATORS that is installed, or else whatever is."""
-    renderer: str = "raster"
-    generator: str = "dit"
-    profile: str = "default"
-    """'default' or 'paper': settings of the simulator and the motion solver."""
-    senses: tuple[str, ...] = ("vision",)
-    """What an observation tells of the last call (humanclaw.senses); vision is the picture, and always on."""
-
-    def chosen(self, plugins: Plugins) -> Self:
-        """Return the same with every name filled in: what records and versions name."""
-        return replace(self, simulator=self.simulator or default_simulator(plugins))
-
-
-def default_simulator(plugins: Plugins) -> str:
-    """Choose the first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
-    installed = [offer.name for offer in plugins.registered("simulators")]
-    preferred = [name for name in SIMULATORS if name in installed] or installed
-    if not preferred:
-        raise PluginError("no simulator is installed.", "Run `pip install humanclaw-mujoco`.")
-    return preferred[0]
+from humanclaw.senses import proprioception, tactile
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,12 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from humanclaw.errors import HumanclawError, LimitError
-from humanclaw.records import Usage
+
+if TYPE_CHECKING:
+    from humanclaw.records import Usage
 
 Scope = Literal["call", "episode", "run"]
 """call: one question to a model, its retries included."""
@@ -50,6 +52,13 @@ class _Account:
         return now - self.began if unit == "seconds" else self.tokens if unit == "tokens" else self.usd
 
 
+def _nothing() -> Usage:
+    # Pydantic takes a while, and a command line is held to its limits before it answers.
+    from humanclaw.records import Usage
+
+    return Usage()
+
+
 class Meter:
     """Keeps the accounts of a run, of the episode under way and of its present call. One thread uses it at a time."""
 
@@ -58,13 +67,13 @@ class Meter:
         self.limits = dict(check_limits(limits or {}))
         self._clock = clock
         self._accounts: dict[Scope, _Account] = {scope: _Account(clock()) for scope in SCOPES}
-        self._total = Usage()
+        self._total = _nothing()
 
     def begin(self, scope: Scope) -> None:
         """Open a new account: of the next episode, or of the next call."""
         self._accounts[scope] = _Account(self._clock())
         if scope == "episode":
-            self._total = Usage()
+            self._total = _nothing()
 
     def add(self, usage: Usage) -> None:
         """Enter what an answer took, into every account."""

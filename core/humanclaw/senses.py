@@ -8,33 +8,20 @@ and for how long. Never a coordinate of the scene, never a name of what is touch
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from humanclaw._feedback import Displacement, Proprioception, Touch
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Execution
 from humanclaw.pose import Array, Motion, Pose2D, support_height, wrap_angle
 from humanclaw.records import Contact
 
-SENSES: Final = ("vision", "body", "touch")
-"""Vision is always on: it is the picture."""
-
 _UNDERFOOT: Final = 0.05
 """Metres below the ankle at which what a foot touches is what it stands on."""
 _PARTS: Final = {"head": "head", "torso": "torso", "arm_hand": "arm or hand", "leg_foot": "leg or foot"}
-
-
-def check_senses(names: Iterable[str]) -> tuple[str, ...]:
-    """Put the senses asked for, vision among them, in a fixed order. Raises HumanclawError for an unknown one."""
-    asked = set(names)
-    unknown = asked - set(SENSES)
-    if unknown:
-        raise HumanclawError(f"there is no sense {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(SENSES)}.")
-    return tuple(name for name in SENSES if name in asked | {"vision"})
 
 
 # -- where the limbs are -----------------------------------------------------------------------------------------------

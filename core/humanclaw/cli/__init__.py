@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import humanclaw
-from humanclaw import builtin
 from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
-from humanclaw.plugins import Plugins
 
 if TYPE_CHECKING:
     from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files
+    from humanclaw.plugins import Plugins
 
 __all__ = [
     "Commands", "Deciders", "build", "decider_options", "engine_options", "main", "plugin_files",
@@ -71,17 +70,24 @@ class Commands(click.Group):
 
 
 def build(plugins: Callable[[], Plugins]) -> click.Group:
-    """The command group with the core's commands and, once they are asked for, those of the plugins."""
+    """The command group with `run` and, once they are asked for, the commands of the plugins, the core's among them."""
+    from humanclaw.cli.run import run
 
     @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
     @click.version_option(humanclaw.__version__, prog_name="humanclaw")
     def humanclaw_command() -> None:
         """A human body for any tool-calling model: run episodes, look at them, and train the skills."""
 
-    builtin.humanclaw_commands(humanclaw_command)
+    humanclaw_command.add_command(run)
     return humanclaw_command
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Entry point of the console script."""
-    sys.exit(build(Plugins.discover).main(args=args, prog_name="humanclaw"))
+    sys.exit(build(_discover).main(args=args, prog_name="humanclaw"))
+
+
+def _discover() -> Plugins:
+    from humanclaw.plugins import Plugins
+
+    return Plugins.discover()

@@ -7,16 +7,17 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw.embodiment import Backends
+from humanclaw._backends import SENSES, Backends, check_senses
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Agent, Verifier
 from humanclaw.limits import Meter, check_limits
-from humanclaw.plugins import Plugins
-from humanclaw.senses import SENSES, check_senses
+
+if TYPE_CHECKING:
+    from humanclaw.interfaces import Agent, Verifier
+    from humanclaw.plugins import Plugins
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -15,9 +15,10 @@ import click
 from rich.console import Console
 from rich.status import Status
 
+from humanclaw._backends import SIMULATORS, Backends
 from humanclaw.cli.options import Deciders
 from humanclaw.cli.progress import StepProgress, summary
-from humanclaw.embodiment import SIMULATORS, Backends, Body
+from humanclaw.embodiment import Body
 from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode

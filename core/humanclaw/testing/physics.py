@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw._backends import default_simulator
 from humanclaw.contract import Control, Skill
-from humanclaw.embodiment import default_simulator
 from humanclaw.errors import HumanclawError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.half_physics.exertion import GROUND_FRICTION
