@@ -107,3 +107,22 @@ def test_a_distribution_requires_all_that_it_imports(folder):
 def test_every_skill_of_the_repository_is_in_the_table():
     skills = Path(__file__).parents[1] / "skills"
     assert {file.parent.name for file in skills.glob("*/*/*/schema.json")} == distributions.table()["skills"].keys()
+
+
+def test_what_the_newest_python_is_tested_on_imports_what_the_demo_installs_and_no_more():
+    line = next(
+        line for line in (folders()[0] / ".ci/run").read_text().splitlines() if "-newest/bin/python -m pytest" in line
+    )
+    named = [folders()[0] / word for word in line.split() if word.startswith("tests/")]
+    files = [file for path in named for file in (path.rglob("*.py") if path.is_dir() else [path])]
+    demo = {Requirement(text).name.replace("-", "_") for text in PROJECT["optional-dependencies"]["demo"]}
+    ours = {name for file in files for name in _at_the_top(file) if name.startswith("humanclaw_")}
+    assert files
+    assert ours <= demo
+
+
+def _at_the_top(file: Path) -> set[str]:
+    """The packages that a module imports as soon as it is loaded."""
+    body = ast.parse(file.read_text("utf-8")).body
+    plain = {alias.name for node in body if isinstance(node, ast.Import) for alias in node.names}
+    return {name.partition(".")[0] for name in plain | {n.module or "" for n in body if isinstance(n, ast.ImportFrom)}}

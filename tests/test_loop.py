@@ -62,6 +62,24 @@ def test_an_active_stop_ends_the_episode(play):
     assert [step.status for step in episode.steps] == ["stopped"]
 
 
+@pytest.mark.parametrize(
+    "before", [(), (STEP,), (Call("sit_in_place", {"h_cm": 50}),), (Call("walk", {"z_cm": 400}),) * 3]
+)
+def test_an_active_stop_ends_the_episode_where_the_body_is(play, body, before):
+    """Whatever came before it, also in full stride: the body stays, and what is measured is measured there."""
+    episode, _ = play(*before, STOP)
+    *rest, stop = episode.steps
+    assert (stop.status, stop.call.skill) == ("stopped", "stop")
+    assert (stop.motion_frames, stop.contacts, stop.touches) == (0, (), ())
+    assert (stop.start, stop.yaw_start) == (stop.end, stop.yaw_end)
+    assert len(episode.motion()) == 5 + sum(step.motion_frames for step in rest)
+    assert np.array_equal(episode.motion().root[-1], body.state().body.root[-1])
+    assert stop.target_distance is not None
+    if rest:
+        assert (stop.start, stop.target_distance) == (rest[-1].end, rest[-1].target_distance)
+        assert stop.pelvis_contacts == rest[-1].pelvis_contacts
+
+
 def test_an_episode_without_a_stop_runs_out_of_steps(play):
     episode, _ = play(*[Call("turn_in_place", {"yaw_deg": 20})] * 3, max_steps=3)
     assert (episode.record.outcome, episode.record.steps) == ("out_of_steps", 3)
@@ -91,13 +109,61 @@ def test_after_three_unusable_answers_the_step_is_lost_and_nothing_has_moved(pla
     lost = episode.steps[0]
     assert (lost.status, lost.call, lost.motion_frames) == ("invalid", None, 0)
     assert lost.start != (0.0, 0.0, 0.0)
-    assert len(episode.motion()) == 5 + 15  # standing, then the stop
+    assert len(episode.motion()) == 5  # standing
 
 
 def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
     episode, _ = play(STEP, ProviderError("503 for the fifth time"))
     assert (episode.record.outcome, episode.record.error) == ("infra_error", "503 for the fifth time")
     assert len(episode.steps) == 1
+
+
+class Broken(RecordingVerifier):
+    def verify(self, observation, call, skill, goal):
+        raise ZeroDivisionError("a bug")
+
+
+class NeverBegins(RecordingVerifier):
+    def begin(self, context):
+        raise ZeroDivisionError("a bug")
+
+
+@pytest.mark.parametrize(("judge", "steps"), [(Broken, 0), (NeverBegins, 0)])
+def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, judge, steps):
+    episode, _ = play(STEP, STOP, verifier=judge(None))
+    assert (episode.record.outcome, len(episode.steps)) == ("plugin_error", steps)
+    assert episode.record.error == f"{__name__.partition('.')[0]} raised ZeroDivisionError: a bug"
+
+
+def test_what_a_skill_raises_fails_the_episode_and_names_its_plugin(house, tmp_path):
+    plugin = tmp_path / "breaking.py"
+    plugin.write_text(
+        "from humanclaw import Keyframes, hookimpl, skill\n\n\n@skill()\ndef crack(times: int = 1) -> Keyframes:\n"
+        "    'Crack.'\n    if times > 3:\n        raise ZeroDivisionError('a bug')\n"
+        "    return Keyframes.cycle('head', axis='x', degrees=20, seconds=0.5, times=1)\n\n\n"
+        "@hookimpl\ndef humanclaw_skills(register):\n    register(crack)\n"
+    )
+    with Body(house, plugins=Plugins.discover([plugin])) as body:
+        record = run_episode(body, free_episode("crack", house), ScriptedAgent([STEP, Call("crack", {"times": 9})]))
+    assert (record.outcome, record.steps) == ("plugin_error", 1)
+    assert "breaking" in record.error
+    assert "ZeroDivisionError: a bug" in record.error
+
+
+def test_an_observer_that_raises_changes_no_outcome_and_keeps_no_other_from_hearing(house, tmp_path, caplog):
+    for name, body in (("deaf", "raise ZeroDivisionError"), ("hears", "(FOLDER / episode.outcome).touch()")):
+        (tmp_path / f"{name}.py").write_text(
+            "from pathlib import Path\nfrom humanclaw import hookimpl\n\nFOLDER = Path(__file__).parent\n\n\n"
+            f"@hookimpl\ndef humanclaw_step(episode, step):\n    {body}\n\n\n"
+            f"@hookimpl\ndef humanclaw_episode_end(episode, folder):\n    {body}\n"
+        )
+    for order in (("deaf", "hears"), ("hears", "deaf")):
+        plugins = Plugins.discover([tmp_path / f"{name}.py" for name in order])
+        with Body(house, plugins=plugins) as body:
+            assert run_episode(body, free_episode("stop", house), ScriptedAgent([STOP])).outcome == "stopped"
+        for heard in ("running", "stopped"):
+            (tmp_path / heard).unlink()
+    assert "'deaf' failed at humanclaw_step" in caplog.text
 
 
 def test_a_verifier_that_accepts_lets_the_call_through(play):

@@ -42,6 +42,8 @@ class Usage:
     estimated: bool = False
     cost_estimated: bool = False
     """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
+    tokens_reasoning: int = 0
+    """Of tokens_out those that the model thought with, as far as the provider tells."""
 
     def __add__(self, other: Usage) -> Usage:
         return Usage(
@@ -50,6 +52,7 @@ class Usage:
             self.cost + other.cost,
             self.estimated or other.estimated,
             self.cost_estimated or other.cost_estimated,
+            self.tokens_reasoning + other.tokens_reasoning,
         )
 
 

@@ -88,7 +88,7 @@ def begin_record(
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
         licences=body.scene.licences,
-        targets={key: _box(body.scene, key) for key in spec.target_ids},
+        targets=target_boxes(body.scene, spec.target_ids, body.state()),
         movable=tuple(one.id for one in objects if one.movable),
         ground=tuple(one.id for one in objects if one.category in GROUND),
         skills=skill_infos(body.plugins),
@@ -122,11 +122,6 @@ def _file_digest(path: Path, changed: int, size: int) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()
 
 
-def _box(scene: Scene, key: int) -> tuple[Vec3, Vec3]:
-    low, high = scene.aabb(key)
-    return vec3(low), vec3(high)
-
-
 # -- a moment ----------------------------------------------------------------------------------------------------------
 def vec3(point: Array) -> Vec3:
     """Round a point (3,) to hundredths of a millimetre."""
@@ -145,11 +140,18 @@ def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | 
     return round(metres, 3) if np.isfinite(metres) else None
 
 
-def target_distance(scene: Scene, targets: Sequence[int], body: Motion) -> float | None:
-    """From the nearest joint (pelvis, root and link origins) in the last frame to the nearest target's box, metres."""
+def target_boxes(scene: Scene, targets: Sequence[int], state: WorldState) -> dict[int, tuple[Vec3, Vec3]]:
+    """The bounding box of each target where it is now, metres: most chairs can be pushed."""
+    boxes = {key: scene.aabb(key, state.objects.get(key)) for key in targets}
+    return {key: (vec3(low), vec3(high)) for key, (low, high) in boxes.items()}
+
+
+def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> float | None:
+    """From the nearest joint (pelvis, root and link origins) to the nearest target's box, as both are now, metres."""
     if not targets:
         return None
-    return distance_to_nearest(body[-1:].joints(), map(scene.aabb, targets))
+    boxes = [scene.aabb(key, state.objects.get(key)) for key in targets]
+    return distance_to_nearest(state.body[-1:].joints(), boxes)
 
 
 def jpeg(view: View) -> bytes:

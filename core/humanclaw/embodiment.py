@@ -15,7 +15,7 @@ import numpy as np
 
 from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw.contract import Control, Plan, Skill
-from humanclaw.errors import CheckpointError, PluginError
+from humanclaw.errors import CheckpointError, PluginError, blaming
 from humanclaw.interfaces import (
     Execution,
     MotionGenerator,
@@ -168,7 +168,8 @@ class Body:
     def execute(self, call: Call) -> SkillExecution:
         """Carry out a call that has been checked already."""
         skill = self.plugins.skill(call.skill)
-        plan = skill.plan(call.params)
+        with blaming(self.plugins.owner(call.skill)):
+            plan = skill.plan(call.params)
         before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
         moment = time.perf_counter()
         for commanded in self._chunks(skill, plan):

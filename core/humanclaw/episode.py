@@ -28,13 +28,23 @@ from humanclaw._recorder import (
     distance_to_goal,
     jpeg,
     pelvis_contacts,
+    target_boxes,
     target_distance,
     touches,
     vec3,
     yaw,
 )
 from humanclaw.embodiment import Body, SkillExecution
-from humanclaw.errors import CallError, HumanclawError, LimitError, ProviderError, ReplayError, SceneError
+from humanclaw.errors import (
+    CallError,
+    HumanclawError,
+    LimitError,
+    PluginRunError,
+    ProviderError,
+    ReplayError,
+    SceneError,
+    blaming,
+)
 from humanclaw.interfaces import (
     Agent,
     DistanceFactory,
@@ -104,9 +114,9 @@ class Episode:
         )
         self._record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written: what they refuse leaves nothing behind.
-        for decider in (self._agent, verifier):
-            if decider:
-                decider.begin(self._context(decider))
+        self.fault: PluginRunError | None = None
+        """What a plugin raised, if that ended the episode."""
+        self._begin_deciders()
         self._folder = folder
         self._writer = EpisodeWriter(folder, self._record, replay) if folder else None
         self._trajectory = TrajectoryBuffer(body)
@@ -117,6 +127,9 @@ class Episode:
         self._asked: float | None = None
         """When the open question was put; None if none is open."""
         self._begin_step()
+        if self.fault:
+            self._end_by(self.fault)
+            return
         with self._closing():
             for step in replay:
                 self._replay_step(step)
@@ -154,7 +167,7 @@ class Episode:
 
     def target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
-        return target_distance(self.body.scene, self.spec.target_ids, self.body.state().body)
+        return target_distance(self.body.scene, self.spec.target_ids, self.body.state())
 
     def distance_to_goal(self) -> float | None:
         """Shortest way to a place beside the nearest target, metres; None if nothing measures it or there is none."""
@@ -172,6 +185,15 @@ class Episode:
                 self._question()
             self._asked = time.perf_counter()
         return Observation(len(self._steps), self.spec.instruction, view.rgb, self._feedback)
+
+    def ask(self) -> StepRecord | Refusal:
+        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent raises."""
+        if self._agent is None:
+            raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
+        seen = self.observe()
+        with self._closing(), blaming(_origin(self._agent)):
+            decision = self._agent.decide(seen, self.history)
+        return self.submit(decision)
 
     def submit(self, decision: Decision) -> StepRecord | Refusal:
         """Take a step. A decision that holds no legal call is refused; the last of several in a row costs the step.
@@ -206,9 +228,9 @@ class Episode:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        """Close the record. A provider's failure and a limit end the episode; they are in the record and go no further."""
+        """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than this."""
         self._end_by(fault)
-        return isinstance(fault, ProviderError | LimitError)
+        return isinstance(fault, ProviderError | LimitError | PluginRunError)
 
     # -- one step ------------------------------------------------------------------------------------------------------
     def _begin_step(self) -> None:
@@ -254,7 +276,8 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
+        with blaming(_origin(self._verifier)):
+            verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
         self._answered("verify", verdict.usage)
         if verdict.accepted or verdict.replacement is None:
             return verdict, call
@@ -264,24 +287,31 @@ class Episode:
             return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call
 
     def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
+        """Carry out a call. An active stop ends the episode where the body is: no motion follows."""
         before = self.body.state()
+        if self._stops(call):
+            return self._measure(before, call, verdict)
         done = self.body.execute(call)
         self._trajectory.add(done.chunks)
         self._seconds |= done.seconds
-        return self._measure(before, done, verdict)
+        return self._measure(before, call, verdict, done)
 
     def _measure(
-        self, before: WorldState, done: SkillExecution | None = None, verdict: Verdict | None = None
+        self,
+        before: WorldState,
+        call: Call | None = None,
+        verdict: Verdict | None = None,
+        done: SkillExecution | None = None,
     ) -> StepRecord:
-        """The record of a step: of a call that was executed, or of none."""
+        """The record of a step: of a call with the motion that it led to, or of none."""
         after, chunks = self.body.state(), done.chunks if done else ()
         scene, targets, ids = self.body.scene, self.spec.target_ids, self._look().ids
         return StepRecord(
             step=len(self._steps),
-            status=self._status(done.call) if done else "invalid",
+            status=("stopped" if self._stops(call) else "executed") if call else "invalid",
             attempts=tuple(self._attempts),
             verdict=verdict,
-            call=done.call if done else None,
+            call=call,
             proprioception=done.proprioception if done else None,
             tactile=done.tactile if done else None,
             target_pixels={key: int((ids == key).sum()) for key in targets},
@@ -293,14 +323,19 @@ class Episode:
             yaw_end=yaw(after),
             contacts=contacts(chunks),
             touches=touches(chunks),
-            target_distance=target_distance(scene, targets, chunks[-1].execution.realised) if chunks else None,
-            pelvis_contacts=pelvis_contacts(chunks),
+            targets=target_boxes(scene, targets, after),
+            target_distance=target_distance(scene, targets, after),
+            pelvis_contacts=pelvis_contacts(chunks) if chunks else self._resting(),
             geodesic=self.distance_to_goal(),
             seconds={part: round(seconds, 4) for part, seconds in self._seconds.items()},
         )
 
-    def _status(self, call: Call) -> Literal["executed", "stopped"]:
-        return "stopped" if self.body.skills[call.skill].role == "stop" else "executed"
+    def _stops(self, call: Call) -> bool:
+        return self.body.skills[call.skill].role == "stop"
+
+    def _resting(self) -> tuple[int, ...]:
+        """What the pelvis touches while nothing moves: what it touched when the last motion ended."""
+        return self._steps[-1].pelvis_contacts if self._steps else ()
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
         """A step is over: record it, remember it, tell the observers."""
@@ -320,7 +355,7 @@ class Episode:
         """Carry out a recorded step again, so that body, history and trajectory are as they were after it."""
         self._look()
         self._replay_decisions(step)
-        if step.call:
+        if step.call and step.status != "stopped":
             self._trajectory.add(self.body.execute(step.call).chunks)
         after = self.body.state()
         if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):
@@ -360,6 +395,9 @@ class Episode:
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, ProviderError):
             self._close("infra_error", str(fault))
+        elif isinstance(fault, PluginRunError):
+            self.fault = fault
+            self._close("plugin_error", str(fault))
         elif isinstance(fault, LimitError):
             self._close("limit_reached", str(fault), fault.scope)
         elif isinstance(fault, HumanclawError):
@@ -384,6 +422,16 @@ class Episode:
         return "out_of_steps" if len(self._steps) >= self.spec.max_steps else "interrupted"
 
     # -- parts ---------------------------------------------------------------------------------------------------------
+    def _begin_deciders(self) -> None:
+        """Tell agent and verifier their task. What they refuse is raised; what breaks ends the episode, once it has a record."""
+        for decider in (self._agent, self._verifier):
+            try:
+                with blaming(_origin(decider)):
+                    if decider:
+                        decider.begin(self._context(decider))
+            except PluginRunError as fault:
+                self.fault = fault
+
     def _context(self, decider: Agent | Verifier) -> EpisodeContext:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
@@ -395,6 +443,11 @@ class Episode:
         began = time.perf_counter()
         yield
         self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - began
+
+
+def _origin(decider: object) -> str:
+    """The package that an agent or a verifier comes from."""
+    return type(decider).__module__.partition(".")[0]
 
 
 def reset(body: Body, spec: EpisodeSpec) -> None:

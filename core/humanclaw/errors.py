@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class HumanclawError(Exception):
     """Something the user can mend. The command line prints it in one sentence with its remedy and exits with 2."""
@@ -47,5 +50,20 @@ class LimitError(Exception):
         self.scope = scope
 
 
+class PluginRunError(Exception):
+    """A plugin's code raised something in an episode. It ends as plugin_error: a failure, counted, with the plugin's name."""
+
+
 class ProviderError(Exception):
     """The model's provider failed for good, after all retries. The episode ends as infra_error; it is never a decision."""
+
+
+@contextmanager
+def blaming(plugin: str) -> Iterator[None]:
+    """Name the plugin whose code runs in the block in what it raises; what already says who can mend it goes on as it is."""
+    try:
+        yield
+    except (HumanclawError, CallError, LimitError, ProviderError, PluginRunError):
+        raise
+    except Exception as fault:
+        raise PluginRunError(f"{plugin} raised {type(fault).__name__}: {fault}") from fault

@@ -29,12 +29,13 @@ def run_episode(
     """Run one episode to its end. See Episode for the arguments.
 
     stopping: asked before each step; when true, the episode is broken off there and recorded as interrupted.
-    A provider's failure and a limit are outcomes; if the record's `limit` is "run", no further episode may begin. Everything else
+    A provider's failure, a plugin's and a limit are outcomes; if the record's `limit` is "run", no further
+    episode may begin. Everything else
     that is raised, KeyboardInterrupt included, is raised again once the record is closed.
     """
     with Episode(
         body, spec, agent, verifier, folder=folder, options=options, distance=distance, replay=replay, meter=meter
     ) as episode:
         while not (episode.done or stopping()):
-            episode.submit(agent.decide(episode.observe(), episode.history))
+            episode.ask()
     return episode.record

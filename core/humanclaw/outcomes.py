@@ -15,19 +15,34 @@ REACHED: Final = 0.2
 """Metres from the body to a target's bounding box within which it counts as reached."""
 FLOOR_THRESHOLD: Final = 0.0205
 """Contacts lower than this over the floor of the start are steps on the ground, metres."""
-_SENTENCE: Final = re.compile(r"[.!?](?=\s|$)|[;\n]")
+_CLAUSE: Final = re.compile(
+    r"[.!?](?=\s|$)|[;\n]|,?\s+(?:but|while|whereas|although|though|however|because|so)\s+"
+    r"|,?\s+and\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its)\b)"
+    r"|,\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its|with|without)\b)"
+)
+"""Where a clause ends: at a full stop, a semicolon, a contrast, and where "and" or a comma begins a new subject."""
 _NEGATION: Final = re.compile(
-    r"\b(?:no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|absent|missing|invisible|unseen)\b"
+    r"\b(?:no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|absent|missing|invisible|unseen|hidden|false)\b"
     r"|n['\u2019]t\b|\bout of (?:view|sight)\b"
 )
+_SEEKING: Final = re.compile(
+    r"\b(?:look|looks|looking|search|searches|searching|seek|seeks|seeking|hunt|hunting)\b(?!\s+at\b)"
+    r"|\b(?:need|needs|want|wants|try|trying|have|going|hope|hoping)\s+to\s+(?:find|locate|reach|see|get)\b"
+    r"|\b(?:to|must|should|will)\s+(?:find|locate)\b|\b(?:might|may|could|probably|perhaps|maybe|likely)\b"
+)
+"""Words of who has not seen it yet: a search or a guess is no sighting."""
 
 
 def acknowledges(text: str, category: str) -> bool:
-    """Tell whether a sentence names the target or an alias of its category (or says 'target') and holds no negation."""
+    """Whether a text says that the target is in view.
+
+    A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A negation
+    that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of it.
+    """
     names = (*ALIASES.get(category, (category.replace("_", " "),)), "target")
     named = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})(?:e?s)?\b")
-    sentences = _SENTENCE.split(text.lower().replace("_", " "))
-    return any(named.search(sentence) and not _NEGATION.search(sentence) for sentence in sentences)
+    clauses = _CLAUSE.split(text.lower().replace("_", " "))
+    return any(named.search(clause) and not (_NEGATION.search(clause) or _SEEKING.search(clause)) for clause in clauses)
 
 
 def in_view(step: StepRecord) -> bool:
@@ -52,15 +67,14 @@ def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
 def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord]) -> bool:
     """Decide whether an episode ended in success: an active stop within reach and, if it was asked for, after sitting.
 
-    What the pelvis rests on is that of the last executed step before the stop.
+    What the pelvis touches at the stop is what it touched in the last physics frame before it.
     """
     if not steps or steps[-1].status != "stopped":
         return False
-    distance = steps[-1].target_distance
-    if distance is None or distance > REACHED:
+    last = steps[-1]
+    if last.target_distance is None or last.target_distance > REACHED:
         return False
-    before = next((step for step in reversed(steps[:-1]) if step.call), None)
-    return not spec.interact or (before is not None and bool(set(before.pelvis_contacts) & set(spec.target_ids)))
+    return not spec.interact or bool(set(last.pelvis_contacts) & set(spec.target_ids))
 
 
 def footing(contact: Contact, ground: Set[int]) -> bool:
@@ -75,12 +89,12 @@ def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[C
 
 
 def end_distance(recorded: RecordedEpisode) -> float:
-    """From the nearest body point to the nearest target's bounding box at the end, metres; infinite if unknown.
+    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if unknown.
 
-    A step without a usable call leaves the body where it is, so the last distance that was recorded holds.
+    A stop moves nothing, so this is where the body was when it was called.
     """
-    known = [step.target_distance for step in recorded.steps if step.target_distance is not None]
-    return known[-1] if known else float("inf")
+    last = recorded.steps[-1].target_distance if recorded.steps else None
+    return float("inf") if last is None else last
 
 
 def reached(recorded: RecordedEpisode) -> bool:

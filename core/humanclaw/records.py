@@ -31,7 +31,7 @@ __all__ = [
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
-Outcome = Literal["running", "stopped", "out_of_steps", "infra_error", "limit_reached", "interrupted"]
+Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
 _AGAIN = "Run the episode again, or remove its folder."
 
@@ -113,11 +113,11 @@ class StepRecord(Record):
 
     step: int
     status: Literal["executed", "stopped", "invalid"]
-    """stopped: the body executed an active stop. invalid: no usable call came; nothing was executed."""
+    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. Neither moves anything."""
     attempts: tuple[Attempt, ...]
     verdict: Verdict | None = None
     call: Call | None = None
-    """The call that was executed."""
+    """The call that was executed, or the stop."""
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """What the body felt, as far as its senses were on."""
@@ -136,10 +136,12 @@ class StepRecord(Record):
     contacts: tuple[Contact, ...] = ()
     touches: tuple[tuple[int, int, int], ...] = ()
     """(frame of the step, object, object): a movable object touches another."""
+    targets: dict[int, tuple[Vec3, Vec3]] = {}
+    """Target id to its bounding box when the step ends: what can be pushed is not where it was."""
     target_distance: float | None = None
-    """Least distance from any body point to the bounding box of a target in the step's last frame, metres."""
+    """Least distance from any body point to any of these boxes, metres; None without a target."""
     pelvis_contacts: tuple[int, ...] = ()
-    """Ids that the pelvis touches in the step's last frame."""
+    """Ids that the pelvis touches in the last physics frame up to the end of the step."""
     geodesic: float | None = None
     """Shortest way from the pelvis after the step to a place beside the nearest target, metres; None if not measured."""
     seconds: dict[str, float] = {}
@@ -203,7 +205,7 @@ class EpisodeRecord(Record):
     licences: tuple[str, ...] = ()
     """'licence: whom to name', of everything in the scene."""
     targets: dict[int, tuple[Vec3, Vec3]] = {}
-    """Target id to its bounding box."""
+    """Target id to its bounding box at the start."""
     movable: tuple[int, ...] = ()
     """Ids of the objects that can be moved."""
     ground: tuple[int, ...] = ()
@@ -214,7 +216,7 @@ class EpisodeRecord(Record):
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""
-    """Why it ended as infra_error or limit_reached, or what the user is to mend."""
+    """Why it ended as plugin_error, infra_error or limit_reached, or what the user is to mend."""
     limit: str = ""
     """Whose limit was reached: call, episode or run; after a run's no further episode may begin."""
     usage: Usage = Usage()

@@ -123,20 +123,27 @@ class Scene:
     def of_category(self, category: str) -> tuple[SceneObject, ...]:
         return tuple(obj for obj in self.objects if obj.category == category)
 
-    def vertices(self, object_id: int) -> NDArray[np.float64]:
-        """Compute (N, 3) world positions of an object's mesh vertices, metres."""
+    def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
+        """Compute (N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
         obj = self.by_id[object_id]
+        place = np.array([*obj.position, *obj.rotation]) if pose is None else pose
         local = self.assets[obj.asset].mesh.vertices.astype(float)
-        return np.asarray(local @ matrix_from_quaternion(np.array(obj.rotation)).T + np.array(obj.position))
+        return np.asarray(local @ matrix_from_quaternion(place[3:]).T + place[:3])
 
     @cached_property
     def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
         points = {obj.id: self.vertices(obj.id) for obj in self.objects}
         return {key: (value.min(axis=0), value.max(axis=0)) for key, value in points.items()}
 
-    def aabb(self, object_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest corner of an object's axis-aligned bounding box, metres."""
-        return self._boxes[object_id]
+    def aabb(self, object_id: int, pose: Array | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of an object's axis-aligned bounding box, metres.
+
+        pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene says.
+        """
+        if pose is None:
+            return self._boxes[object_id]
+        points = self.vertices(object_id, pose)
+        return points.min(axis=0), points.max(axis=0)
 
     @cached_property
     def digest(self) -> str:

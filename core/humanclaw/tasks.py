@@ -18,11 +18,11 @@ SEATS: Final = ("bed", "couch", "toilet")
 """What a body sits down on when it is asked to: what stays where it is under its weight."""
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "chair": ("chair", "armchair", "seat", "stool"),
-    "couch": ("couch", "sofa", "settee", "loveseat"),
+    "couch": ("couch", "sofa", "settee", "loveseat", "sectional"),
     "bed": ("bed", "mattress"),
     "potted_plant": ("potted plant", "plant", "flowerpot"),
-    "tv": ("tv", "television", "tv screen", "monitor"),
-    "toilet": ("toilet", "lavatory", "wc"),
+    "tv": ("tv", "television", "tv screen", "screen", "monitor"),
+    "toilet": ("toilet", "lavatory", "wc", "commode"),
 }
 """Words by which a sentence names what is to be found, by its category; a category without any is named by itself."""
 

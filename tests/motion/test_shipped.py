@@ -8,8 +8,7 @@ import pytest
 from humanclaw.measures import Declaration, outcomes
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import STANDING_HEIGHT, Motion, Pose2D, support_height
-from humanclaw_train.chunks import canonical
+from humanclaw.pose import HISTORY, STANDING_HEIGHT, Motion, Pose2D, support_height
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {
@@ -45,7 +44,8 @@ def _rollout(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed
 def _outcome(skill: str, motion: Motion) -> dict[str, float]:
     """What a chunk achieves of each parameter, by the measures that the skill's schema declares."""
     parameters = Declaration.read(_adapter(skill).parent).parameters
-    found = outcomes(parameters, *canonical(motion.root[None], motion.rotations[None]))[0]
+    chunk = Pose2D.of_history(motion[:HISTORY]).to_local(motion)
+    found = outcomes(parameters, chunk.root[None], chunk.rotations[None])[0]
     return {one.name: value for one, value in zip(parameters, found, strict=True)}
 
 

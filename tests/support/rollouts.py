@@ -35,11 +35,14 @@ def touch(obj: int, *frames: int, joint: str = "left_knee", group: str = "leg_fo
 
 
 def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | None = 4.0, **more: Any) -> StepRecord:
-    """A step as one writes it down. away: distance to the target after it. A stop ends the episode; "" is no usable call."""
+    """A step as one writes it down. away: distance to the target after it.
+
+    A stop ends the episode, "" is no usable call: nothing moves.
+    """
     params = more.pop("params", {"walk": {"z_cm": 40}, "turn_in_place": {"yaw_deg": 30}}.get(skill, {}))
     status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
     written: dict[str, Any] = {
-        "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill else 0, "target_distance": away if skill else None,
+        "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill not in ("", "stop") else 0, "target_distance": away,
         "attempts": (Attempt(Decision(visible_state=says)),), "call": Call(skill=skill, params=params) if skill else None,
     }  # fmt: skip
     return StepRecord(step=0, status=status, **(written | more))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import datetime
+import signal
 import sys
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -57,7 +60,7 @@ def play(
     status.update(
         "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a machine)"
     )
-    with Body(scene, seed=seed, plugins=plugins, backends=backends) as body:
+    with _interrupted_by_sigterm(), Body(scene, seed=seed, plugins=plugins, backends=backends) as body:
         status.update(f"Playing; the record is in {folder}")
         try:
             record = run_episode(
@@ -78,6 +81,23 @@ def play(
     status.update("Writing the report")
     _report(plugins, backends, out, folder, film, console)
     _exit(record)
+
+
+@contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """A request to end is Ctrl-C by another name: the record is closed and the report written."""
+
+    def handle(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:

@@ -15,7 +15,16 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX, TOE_SOLE
 from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, solve
-from humanclaw.pose import FPS, HISTORY, Motion, forward_kinematics, matrix_from_vector, vector_from_matrix, yaw_matrix
+from humanclaw.pose import (
+    FPS,
+    HISTORY,
+    Motion,
+    forward_kinematics,
+    matrix_from_vector,
+    smoothstep,
+    vector_from_matrix,
+    yaw_matrix,
+)
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe is meant to stand."""
@@ -107,7 +116,7 @@ def _levelling(stances: list[_Stance], turn: Array) -> Array:
 
 def _arrival(stance: _Stance) -> Array:
     """(stop - start,) from 0 at the end of the history to 1 when a stance under way has come to where it should be."""
-    return _eased(np.arange(stance.stop - stance.start) / _SETTLE)
+    return smoothstep(np.arange(stance.stop - stance.start) / _SETTLE)
 
 
 def _corrections(stances: list[_Stance], inside: Array) -> Array:
@@ -120,17 +129,12 @@ def _corrections(stances: list[_Stance], inside: Array) -> Array:
     ]
     for index, stance in enumerate(stances):
         before, after = stance.start - bounds[2 * index], bounds[2 * index + 3] - (stance.stop - 1)
-        rising = _eased(1 - (stance.start - frames) / min(max(before, 1), _FADE))
-        falling = _eased(1 - (frames - stance.stop + 1) / min(max(after, 1), _FADE))
+        rising = smoothstep(1 - (stance.start - frames) / min(max(before, 1), _FADE))
+        falling = smoothstep(1 - (frames - stance.stop + 1) / min(max(after, 1), _FADE))
         total += np.where(frames < stance.start, rising, 0.0)[:, None] * inside[stance.start]
         total += np.where(frames >= stance.stop, falling, 0.0)[:, None] * inside[stance.stop - 1]
     total[:HISTORY] = 0
     return total
-
-
-def _eased(share: Array) -> Array:
-    share = np.clip(share, 0.0, 1.0)
-    return np.asarray(share * share * (3 - 2 * share))
 
 
 def _bent(side: str, joints: Array, turns: Array, ankle: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
 from humanclaw.interfaces import Simulator
-from humanclaw.pose import FPS, FUTURE, Array, Motion, rest_pose
+from humanclaw.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
 from humanclaw.records import Contact
 from humanclaw.scene import Scene
 
@@ -85,7 +85,7 @@ def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Moti
         other = feet[1 - moving]
         over = np.array([0.0, min(goal[1], other[1]) + 0.93, goal[2] if step == count else (goal[2] + other[2]) / 2])
         for t in np.arange(1, 19) / 18:
-            smooth = t * t * (3 - 2 * t)
+            smooth = smoothstep(t)
             foot = start + (goal - start) * smooth
             foot[1] = start[1] + (goal[1] - start[1]) * min(1.0, 1.6 * smooth) + 0.06 * np.sin(np.pi * t)
             feet[moving], pelvis = foot, from_pelvis + (over - from_pelvis) * smooth

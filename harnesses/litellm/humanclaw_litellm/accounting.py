@@ -24,14 +24,16 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
     estimated = not any(tokens) or _counted_by_litellm(response, settings.model, messages, tokens[0])
     if estimated:
         tokens = (_tokens_sent(messages, request), len(said) // _LETTERS_A_TOKEN)
+    details = getattr(counted, "completion_tokens_details", None)
+    thought = 0 if estimated else int(getattr(details, "reasoning_tokens", 0) or 0)
     told = getattr(counted, "cost", None)
     if isinstance(told, int | float) and not estimated:
-        return Usage(*tokens, float(told))
+        return Usage(*tokens, float(told), tokens_reasoning=thought)
     prices = price_of(settings)
     cost = sum(count * price for count, price in zip(tokens, prices, strict=True)) if prices else 0.0
     if prices and not estimated:
         cost = _cost_by_list(response, settings, cost)
-    return Usage(*tokens, cost, estimated, cost_estimated=True)
+    return Usage(*tokens, cost, estimated, cost_estimated=True, tokens_reasoning=thought)
 
 
 def price_of(settings: Settings) -> tuple[float, float] | None:

@@ -11,7 +11,10 @@ import json
 import logging
 import os
 import re
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,6 +25,7 @@ from humanclaw.records import Usage
 from humanclaw.tools import json_objects
 from humanclaw_litellm.accounting import price_of, usage_of
 from humanclaw_litellm.library import load, missing_keys
+from humanclaw_litellm.redaction import redact
 from humanclaw_litellm.settings import ModelError, Settings
 
 Json = dict[str, Any]
@@ -29,17 +33,22 @@ _LOG: Final = logging.getLogger(__name__)
 _LONGEST_BACKOFF: Final = 60.0
 _LONGEST_RETRY_AFTER: Final = 600.0
 _SHORTEST_TIMEOUT: Final = 0.05
+_GRACE: Final = 0.25
 _HINTS: Final = frozenset({"parallel_tool_calls"})
 _NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _RETRY_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
-_SECRET_NAME: Final = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL", re.IGNORECASE)
-_SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[\w-]{20,}|(?<=Bearer )\S+")
 
 
 class RefusalError(Exception):
     """The provider understood the request and will not serve it in this form."""
+
+
+class _TooSlowError(Exception):
+    """The deadline has passed, whether or not bytes still trickle in."""
+
+    status_code = 408
 
 
 class _NoAnswerError(Exception):
@@ -128,10 +137,13 @@ class Client:
         optional = {"api_base": settings.api_base, "api_key": self._key()}
         chosen = {"temperature": settings.temperature, "max_tokens": settings.max_tokens}
         known = load().get_supported_openai_params(settings.model) or ()
-        response = load().completion(
+        seconds = max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left()))
+        response = _within(
+            seconds,
+            load().completion,
             model=settings.model,
             messages=messages,
-            timeout=max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
+            timeout=seconds,
             num_retries=0,
             max_retries=0,
             drop_params=False,  # What was asked for is sent or refused, never left out in silence; hints may be.
@@ -225,12 +237,27 @@ class Client:
         return None
 
 
-def redact(text: str, *secrets: str) -> str:
-    """The text without these secrets, without the values of secret environment variables and without what looks like a key."""
-    kept = [value for name, value in os.environ.items() if _SECRET_NAME.search(name)]
-    for value in sorted((value for value in (*kept, *secrets) if len(value) >= 8), key=len, reverse=True):
-        text = text.replace(value, "[redacted]")
-    return _SECRET_FORM.sub("[redacted]", text)
+def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
+    """What a call gives, by the clock on the wall: a client's own timeout begins anew with every byte that comes.
+
+    A request that is too slow is left to a thread that nobody waits for. Raises _TooSlowError.
+    """
+    answer: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            answer.set_result(ask(**request))
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=run, name="request", daemon=True).start()
+    try:
+        # A client that keeps its own deadline says more of what went wrong: it goes first.
+        return answer.result(seconds + _GRACE)
+    except FutureTimeoutError:
+        if answer.done():
+            raise
+        raise _TooSlowError(f"no answer within {seconds:.3g} s") from None
 
 
 def retry_after(error: BaseException | None) -> float:

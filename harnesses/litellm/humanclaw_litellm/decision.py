@@ -80,6 +80,8 @@ def read(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], st
         completion.cut_off
     ):  # Even a call that looks whole may lack its last parameters: some providers close what was open.
         return (), "The last answer was cut off before its call was complete: be brief."
+    if completion.finish_reason == "content_filter":
+        return (), "The last answer was withheld by the provider's filter."
     if completion.calls:
         return _read_calls(completion)
     try:

@@ -10,14 +10,15 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
 
 from humanclaw import HumanclawError
+from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True},
+    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0},
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
 }
-"""What the options are when they are not given. paper: the baseline of the paper's ablation."""
+"""What the options are when they are not given. paper: the baseline of the paper's ablation, decided greedily."""
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
 
@@ -27,15 +28,20 @@ class ModelError(HumanclawError):
 
 
 def _without_credentials(url: str) -> str:
-    if urlsplit(url).username or urlsplit(url).query:
-        raise ValueError("it must hold no user, password or query, because options are recorded; use auth_env")
+    parts = urlsplit(url)
+    if parts.username or parts.password or parts.query or parts.fragment or holds_key(parts.path):
+        raise ValueError(
+            "it must hold no user, password, query, fragment or key, because options are recorded; use auth_env"
+        )
     return url
 
 
 def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
-    taken = sorted({"api_key", "messages", "model", "tools", "stream", "extra_headers", "headers"} & set(params))
+    taken = sorted({"messages", "model", "tools", "stream"} & set(params))
     if taken:
         raise ValueError(f"{taken[0]} cannot be set here")
+    if place := next(secrets_in(params), ""):
+        raise ValueError(f"{redact(place)} looks like a key, and options are recorded; use auth_env")
     return params
 
 
@@ -80,6 +86,7 @@ class Settings(BaseModel):
             raise ModelError("no model is named.", "Name one with --model, such as --model openai/gpt-4o-mini.")
         for key in set(given) - set(cls.model_fields):
             cls._refuse_near_miss(key)
+        _refuse_secrets(given)
         try:
             return cls(**_profile(given) | given)
         except ValidationError as error:
@@ -114,6 +121,18 @@ class Settings(BaseModel):
         near = difflib.get_close_matches(key.removeprefix("verifier_"), cls.model_fields, n=1, cutoff=0.8)
         if near and not key.startswith("verifier_"):
             raise ModelError(f"there is no option {key!r}.", f"Did you mean {near[0]}?")
+
+
+def _refuse_secrets(given: Mapping[str, Any]) -> None:
+    """Options of other parts are recorded too, such as the address of a verifier that is not in use."""
+    for key, value in given.items():
+        try:
+            if isinstance(value, str) and "://" in value:
+                _without_credentials(value)
+        except ValueError as error:
+            raise ModelError(f"option {key} is not valid: {error}.") from None
+        if isinstance(value, str) and redact(value) != value:
+            raise ModelError(f"option {key} holds a key, and options are recorded.", "Name its variable: auth_env.")
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:

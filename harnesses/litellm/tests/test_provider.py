@@ -1,17 +1,20 @@
 """What happens when the provider fails, what a request costs, and where a key may never appear."""
 
+import contextlib
 import datetime
 import email.utils
 import logging
 import os
+import socket
 import subprocess
 import sys
+import threading
 import time
 import traceback
 
 import pytest
 
-from humanclaw import HumanclawError, ProviderError
+from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw.testing import (
     OpenAIServer,
     Reply,
@@ -24,6 +27,7 @@ from humanclaw.testing import (
     truncated,
     without_usage,
 )
+from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
 
 KEY = "planted-0123456789-key"
@@ -250,13 +254,47 @@ def test_a_cost_that_the_provider_tells_is_believed(begin, view):
         ({"model": "m", "mode": "magic"}, "option mode is not valid"),
         ({"model": "m", "api_key": KEY}, "options are recorded"),
         ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
-        ({"model": "m", "params": {"api_key": KEY}}, "api_key cannot be set here"),
+        ({"model": "m", "params": {"api_key": KEY}}, "api_key looks like a key"),
+        (
+            {"model": "m", "params": {"extra_body": [{"Authorization": KEY}]}},
+            "extra_body.0.Authorization looks like a key",
+        ),
+        ({"model": "m", "params": {"extra_body": {"client_secret": KEY}}}, "options are recorded"),
+        ({"model": "m", "params": {"metadata": {"note": f"sk-{KEY}"}}}, "metadata.note looks like a key"),
+        ({"model": "m", "params": f'{{"extra_headers": {{"x": "{KEY}"}}}}'}, "option params is not valid"),
+        ({"model": "m", "api_base": f"http://:{KEY}@host/v1"}, "options are recorded"),
+        ({"model": "m", "api_base": f"http://host/v1?key={KEY}"}, "options are recorded"),
+        ({"model": "m", "api_base": f"http://host/v1#{KEY}"}, "options are recorded"),
+        ({"model": "m", "api_base": f"http://host/sk-{KEY}/v1"}, "options are recorded"),
+        ({"model": "m", "api_base": "http://host/aB3dE6gH9jK2mN5pQ8sT/v1"}, "options are recorded"),
+        ({"model": "m", "verifier_api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
+        ({"model": "m", "profile": f"sk-{KEY}"}, "options are recorded"),
     ],
 )
 def test_an_option_that_cannot_be_meant_is_refused_in_one_sentence(options, words):
     with pytest.raises(HumanclawError, match=words) as fault:
         Settings.of(options)
     assert KEY not in str(fault.value)
+
+
+def test_a_key_of_the_environment_is_refused_wherever_it_is_given(monkeypatch):
+    monkeypatch.setenv("SOME_API_KEY", "open-sesame-42")
+    for options in ({"api_base": "http://host/open-sesame-42/v1"}, {"params": {"user": "open-sesame-42"}}):
+        with pytest.raises(HumanclawError, match="options are recorded") as fault:
+            Settings.of({"model": "m", **options})
+        assert "open-sesame-42" not in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"api_base": "https://gateway.ai.cloudflare.com/v1/0123456789abcdef0123456789abcdef/gateway-1/openai"},
+        {"api_base": "https://name.openai.azure.com/openai/deployments/gpt-4o-2024-08-06"},
+        {"params": {"max_completion_tokens": 9, "input_cost_per_token": 1e-6, "thinking": {"budget_tokens": 1024}}},
+    ],
+)
+def test_an_address_and_params_without_a_key_are_taken(options):
+    assert Settings.of({"model": "m", **options})
 
 
 def test_options_may_come_as_text_and_those_of_other_parts_are_passed_over():
@@ -305,3 +343,42 @@ with OpenAIServer([status(500)]) as server:
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, env=env, check=False
     )
     assert (done.stdout, done.stderr) == ("ProviderError {'127.0.0.1'}\n", "")
+
+
+def drip(listener, stop):
+    """A server that answers every request with one byte a tenth of a second, without an end."""
+    while not stop.is_set():
+        try:
+            connection, _ = listener.accept()
+        except OSError:
+            return
+        connection.recv(65536)
+        connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: 100000\r\n\r\n")
+        with contextlib.suppress(OSError):
+            while not stop.wait(0.1):
+                connection.sendall(b" ")
+        connection.close()
+
+
+def test_a_server_that_answers_a_byte_at_a_time_does_not_outlast_the_deadline():
+    Client(Settings(model="openai/x", api_base="http://127.0.0.1:9/v1")).begin(
+        Meter()
+    )  # Importing litellm takes seconds.
+    stop = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=drip, args=(listener, stop), daemon=True).start()
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/v1"
+        client = Client(Settings(model="openai/x", api_base=address, timeout=1.0, num_retries=0))
+        client.begin(Meter())
+        began = time.monotonic()
+        with pytest.raises(ProviderError, match="no answer within 1 s"):
+            client.complete([{"role": "user", "content": "?"}], {})
+        stop.set()
+    assert time.monotonic() - began < 5
+
+
+def test_the_papers_profile_decides_greedily_unless_told_otherwise():
+    paper = {"model": "m", "profile": "paper"}
+    assert Settings.of(paper).temperature == 0.0
+    assert Settings.of({**paper, "temperature": 0.7}).temperature == 0.7
+    assert Settings.of({"model": "m"}).temperature is None

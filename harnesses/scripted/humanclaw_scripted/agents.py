@@ -40,13 +40,10 @@ DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
 """What it asks skills for: measures that their parameters command, whatever the skills are called."""
 _WAY: Final = ("hips.left", "hips.forward", "hips.back")
-STOP_DISTANCES: Final = (0.11, 0.19)
-"""Distance to the target's bounding box at which the oracle is content, metres, while it can move on and once it cannot. Both are
-inside the benchmark's 0.2: limbs that come to rest end up to 0.085 m farther away than COASTING foretells (621 stops)."""
+STOP_DISTANCE: Final = 0.19
+"""Distance to the target's bounding box at which the oracle stops, metres: inside the benchmark's 0.2."""
 TURN_FIRST: Final = float(np.radians(28))
 """Heading error above which it turns on the spot before it walks, radians."""
-COASTING: Final = 0.5
-"""Share of the last step that a body in motion goes on for when it stops: 0.3 m after 0.6 m."""
 MAX_STEP: Final = 0.6
 """Its longest step, metres in 0.5 s: an easy walk."""
 LOOK_AHEAD: Final = 0.7
@@ -245,7 +242,7 @@ class OracleAgent:
             return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
-        if not self._spec.interact and self._distance(state, pose) <= STOP_DISTANCES[self._memory.blocked > 0]:
+        if not self._spec.interact and self._distance(state) <= STOP_DISTANCE:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         if self._memory.blocked >= 2:
             return self._break_free(pose)
@@ -314,7 +311,7 @@ class OracleAgent:
         assert stand is not None
         if not self._arrived(pose, stand, 0.2):
             return self._follow(pose, self._last)
-        low, high = (corner[[0, 2]] for corner in self._scene.aabb(stand.target))
+        low, high = (corner[[0, 2]] for corner in _box(self._scene, self._state(), stand.target))
         edge = np.clip(pose.point, low, high)
         self._memory.sideways |= self._memory.blocked > 0
         if self._memory.sideways:
@@ -375,7 +372,7 @@ class OracleAgent:
 
     def _on_seat(self, state: WorldState, target: int) -> bool:
         """Whether the hips are over a target and down on its seat."""
-        low, high = self._scene.aabb(target)
+        low, high = _box(self._scene, state, target)
         obj = self._scene.by_id[target]
         seat = self._scene.assets[obj.asset].seat_height
         point = state.body.root[-1]
@@ -488,12 +485,11 @@ class OracleAgent:
     def _noun(self) -> str:
         return str(self._spec.target_category).replace("_", " ") or "target"
 
-    def _distance(self, state: WorldState, pose: PelvisPose) -> float:
-        """To the nearest target, now and once the body has come to rest, whichever is more: it may be walking past."""
-        before = self._memory.before or pose
-        way = COASTING * (pose.root - before.root) * [1, 0, 1]
-        joints, boxes = state.body.joints()[-1], [self._scene.aabb(key) for key in self._spec.target_ids]
-        return max(distance_to_nearest(joints, boxes), distance_to_nearest(joints + way, boxes))
+    def _distance(self, state: WorldState) -> float:
+        """From the nearest joint to the nearest target, metres."""
+        return distance_to_nearest(
+            state.body.joints()[-1], [_box(self._scene, state, k) for k in self._spec.target_ids]
+        )
 
     def _goal(self) -> str:
         if not self._spec.target_ids:
@@ -569,6 +565,11 @@ def _on_stairs(pose: PelvisPose, run: StairRun) -> tuple[float, float]:
     return float(along @ run.way), float(along @ across)
 
 
+def _box(scene: Scene, state: WorldState, target: int) -> tuple[Array, Array]:
+    """Bounding box of a target where it now is."""
+    return scene.aabb(target, state.objects.get(target))
+
+
 def _hip_bottom(state: WorldState) -> float:
     """Height of the lowest point of the pelvis link, metres."""
     (shape,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
@@ -583,7 +584,7 @@ def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -
     It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
     """
     camera = ego_camera(state.body)
-    low, high = scene.aabb(target)
+    low, high = _box(scene, state, target)
     grid = np.stack(np.meshgrid([0.05, 0.5, 0.95], [0.05, 0.5, 0.95], [0.05, 0.5, 0.95]), -1).reshape(-1, 3)
     points = low + grid * (high - low)
     right = np.cross(camera.forward, camera.up)

@@ -42,7 +42,8 @@ class Senses:
         return self._state()
 
     def boxes(self) -> list[tuple[Any, Any]]:
-        return [self._scene.aabb(key) for key in self.context.spec.target_ids]
+        objects = self._state().objects
+        return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
 
     def reach(self) -> float:
         """From the nearest body point to the nearest target's bounding box, metres."""

@@ -7,7 +7,7 @@ view that a decision was made from, together with what the agent said of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Final, Literal
@@ -18,6 +18,7 @@ from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.measures import to_si
 from humanclaw.outcomes import REACHED, in_view
 from humanclaw.pose import Array
+from humanclaw.records import Vec3
 from humanclaw.scene import distance_to_nearest
 from humanclaw_bench.metrics import Scores, claims, is_sit, sat_down, score
 
@@ -85,14 +86,19 @@ def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...
     """Geodesic where it was recorded, else the straight line over the floor, which is never longer."""
     floor = record.start.floor
     begin = (
-        record.geodesic if record.geodesic is not None else _straight(record, (record.start.x, floor, record.start.z))
+        record.geodesic
+        if record.geodesic is not None
+        else _straight(record.targets, (record.start.x, floor, record.start.z))
     )
-    rest = (step.geodesic if step.geodesic is not None else _straight(record, step.end) for step in steps)
+    rest = (
+        step.geodesic if step.geodesic is not None else _straight(step.targets or record.targets, step.end)
+        for step in steps
+    )
     return (begin, *rest)
 
 
-def _straight(record: EpisodeRecord, point: Sequence[float]) -> float:
-    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in record.targets.values()]
+def _straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
+    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in targets.values()]
     return distance_to_nearest(np.array(point)[[0, 2]], boxes)
 
 
@@ -205,8 +211,8 @@ CAUSES: Final = (
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """The first stage that was not met; None for a success, an instruction that is not scored and an unfinished episode."""
-    if not scores.finished or scores.success is None or scores.success:
+    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's failure."""
+    if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:
         return "find"

@@ -26,6 +26,7 @@ from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, m
 from humanclaw_bench.worker import Job
 
 RUN = click.Path(path_type=Path)
+PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing.")
 NAMES = ("main", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
 
 
@@ -114,12 +115,17 @@ def _candidates(number: int, starts: int, seed: int) -> list[EpisodeSpec]:
 @click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
 @click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+@PARTIAL
 @plugin_files
 def table(
-    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, files: tuple[Path, ...]
-) -> None:
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, partial: bool,
+    files: tuple[Path, ...],
+) -> None:  # fmt: skip
     """Print the paper's tables for one or more runs, a row for each agent."""
-    tables = all_tables(_results(runs, files), paper=paper, seed=seed)
+    results = _results(runs, files)
+    if form == "latex":
+        _require_whole(results, partial)
+    tables = all_tables(results, paper=paper, seed=seed)
     for name in only or [name for name in NAMES if tables[name].rows and tables[name].columns]:
         if form == "terminal":
             _print(terminal(tables[name], console().width))
@@ -131,11 +137,15 @@ def table(
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap and the random swaps.")
-def compare_command(a: Path, b: Path, seed: int) -> None:
+@PARTIAL
+def compare_command(a: Path, b: Path, seed: int, partial: bool) -> None:
     """Compare two runs over the episodes that both finished, and say which differences are noise."""
     one, two = _one(a), _one(b)
+    _require_whole((one, two), partial)
     differences = compare(one.scores, two.scores, seed=seed)
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
+    for result in (one, two):
+        click.echo(result.note)
     left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
     if left_out:
         many = "episodes have" if left_out > 1 else "episode has"
@@ -154,7 +164,7 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
         out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(main_table(named({run.name: found}), paper=False), console().width))
+    _print(terminal(main_table(named({run.name: found}, {run.name: _asked(run)}), paper=False), console().width))
     click.echo(f"scores: {out}")
 
 
@@ -185,7 +195,22 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
     extra = metrics_of(Plugins.discover(files))
-    return named({str(run): scored(load_run(run), extra, run.name) for run in runs})
+    return named(
+        {str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): _asked(run) for run in runs}
+    )
+
+
+def _asked(run: Path) -> int:
+    """How many episodes a run is of; 0 if its folder does not tell."""
+    path = run / "run.json"
+    return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
+
+
+def _require_whole(results: Sequence[Result], partial: bool) -> None:
+    """Raises RecordError for a run with missing episodes, unless they were asked for."""
+    for result in results:
+        if result.partial and not partial:
+            raise RecordError(f"the run is not complete: {result.note}", "Go on with it, or say --partial.")
 
 
 def _one(run: Path) -> Result:

@@ -19,7 +19,21 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport
+from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport, pack, unpack
+
+__all__ = [
+    "FAILED",
+    "ONE_THREAD",
+    "EpisodeQueue",
+    "Executor",
+    "Job",
+    "LocalExecutor",
+    "Worker",
+    "WorkerReport",
+    "local",
+    "pack",
+    "unpack",
+]
 
 ONE_THREAD: Final = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"

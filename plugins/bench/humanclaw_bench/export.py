@@ -22,7 +22,7 @@ from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, Ste
 from humanclaw.pose import HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
-from humanclaw_bench.metrics import FINISHED, Extra, Scores, score
+from humanclaw_bench.metrics import Extra, Scores, ended, score
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +94,9 @@ def to_lerobot(run: Path, out: Path) -> Path:
     without a decision and those that a provider broke are left out. Raises RecordError if out exists or nothing is left.
     """
     writer = _need("lerobot.datasets.lerobot_dataset", "lerobot").LeRobotDataset
-    episodes = [episode for episode in load_run(run) if episode.steps and episode.record.outcome in FINISHED]
+    episodes = [
+        episode for episode in load_run(run) if episode.steps and ended(episode.record.outcome, episode.record.limit)
+    ]
     if not episodes:
         raise RecordError(
             f"no episode in {run} has come to an end.", "Go on with the run: `humanclaw bench run --out`."

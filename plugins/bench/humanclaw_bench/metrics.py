@@ -1,11 +1,12 @@
 """What an episode was worth, from its record alone (paper, section 4.2; the tables of section 5).
 
-Rates speak of episodes that ended by themselves. One that the provider broke (infra_error) or that was cut short is counted
-apart and is in no number: it says nothing about the agent.
+Rates speak of episodes that ended: by themselves, by a limit of their own, or because a plugin failed (plugin_error). One that the
+provider or the machine broke (infra_error) or that was cut short is counted apart and in no number: it says nothing of the agent.
 """
 
 from __future__ import annotations
 
+import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,9 +24,17 @@ from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
 
+MOVES: Final = 0.001
+"""Metres in a frame from which on an object moves; less is the trembling of what rests."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
-FINISHED: Final = ("stopped", "out_of_steps")
+FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
+_LOG: Final = logging.getLogger("humanclaw")
+
+
+def ended(outcome: str, limit: str) -> bool:
+    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet again."""
+    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
 # -- what the agent says ---------------------------------------------------------------------------------------------------
@@ -47,9 +56,9 @@ def sat_down(recorded: RecordedEpisode) -> bool:
 
 def stayed_seated(recorded: RecordedEpisode) -> bool:
     """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
-    before = [step for step in recorded.steps if step.status == "executed"]
+    steps = recorded.steps
     stopped = recorded.record.outcome == "stopped"
-    return stopped and any(is_sit(recorded, step) for step in before) and on_target(recorded, before[-1])
+    return stopped and any(is_sit(recorded, step) for step in steps) and on_target(recorded, steps[-1])
 
 
 # -- what the body ran into ------------------------------------------------------------------------------------------------
@@ -108,9 +117,11 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Length of the paths of disturbed objects from the frame on in which each was disturbed, metres, all together."""
+    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was disturbed, that
+    moves it."""
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
-    return float(sum(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces))
+    ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
+    return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
 
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
@@ -155,6 +166,8 @@ class Scores:
     outcome: Outcome
     find: bool | None
     geo_find: bool | None
+    false_claims: float
+    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such steps."""
     nav: bool | None
     geo_nav: bool | None
     nav_1m: bool | None
@@ -175,6 +188,19 @@ class Scores:
     tokens_out: int
     cost: float
     """US dollars."""
+    tokens_reasoning: int = 0
+    """Of tokens_out those that the model thought with, as far as its provider tells."""
+    spl: float = float("nan")
+    soft_spl: float = float("nan")
+    """NavSR, and how much of the way was made, each weighted by path length; NaN where no way was measured."""
+    limit: str = ""
+    """Whose limit ended it, if one did."""
+    error: str = ""
+    """What ended it, if it was no decision: a plugin that failed is named in it."""
+    verified: int = 0
+    """Steps whose call went to a verifier."""
+    unasked: int = 0
+    """Of those, steps whose call was let through without an answer of the verifier that could be used."""
     tier: str = ""
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
@@ -184,7 +210,7 @@ class Scores:
 
     @property
     def finished(self) -> bool:
-        return self.outcome in FINISHED
+        return ended(self.outcome, self.limit)
 
     @property
     def success(self) -> bool | None:
@@ -212,6 +238,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         category=spec.target_category,
         outcome=record.outcome,
         **_successes(recorded),
+        false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
         disturbed=len(since),
@@ -222,10 +249,48 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         tokens_in=sum(usage.tokens_in for usage in usages),
         tokens_out=sum(usage.tokens_out for usage in usages),
         cost=sum(usage.cost for usage in usages),
+        tokens_reasoning=sum(usage.tokens_reasoning for usage in usages),
+        spl=(spls := path_weighted(recorded))[0],
+        soft_spl=spls[1],
+        limit=record.limit,
+        error=record.error,
+        verified=sum(step.verdict is not None for step in steps),
+        unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
-        extra={name: float(measure(recorded)) for name, measure in (extra or {}).items()},
+        extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
+    """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
+
+    The way is the geodesic at the start, the path that of the pelvis over the floor from step to step. NaN without a geodesic.
+    """
+    way, steps = recorded.record.geodesic, recorded.steps
+    if way is None or not recorded.record.spec.target_category:
+        return float("nan"), float("nan")
+    path = sum(float(np.hypot(step.end[0] - step.start[0], step.end[2] - step.start[2])) for step in steps)
+    weight = way / max(path, way) if max(path, way) else 1.0
+    left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
+    made = max(0.0, 1 - left / way) if way else float(left == 0)
+    nav = recorded.record.outcome == "stopped" and reached(recorded)
+    return float(nav) * weight, made * weight
+
+
+def _false_claims(recorded: RecordedEpisode) -> float:
+    category = recorded.record.spec.target_category
+    blind = [step for step in recorded.steps if category and not any(step.target_pixels.values())]
+    return sum(claims(step, category) for step in blind) / len(blind) if blind else float("nan")
+
+
+def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
+    """A plugin's metric; NaN if it raises, which changes nothing else."""
+    try:
+        return float(measure(recorded))
+    except Exception:
+        _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
+        return float("nan")
 
 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
@@ -280,7 +345,7 @@ def _rate(name: str, field: str) -> Metric:
 
 
 def _mean(
-    name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["lower", ""] = "lower",
+    name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["higher", "lower", ""] = "lower",
     percent: bool = False,
 ) -> Metric:  # fmt: skip
     def parts(scores: Scores) -> tuple[float, float] | None:
@@ -296,20 +361,27 @@ def _collision(name: str, group: str) -> Metric:
 
 FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("InteractSR", "interact")
 COLLISIONS: Final = _collision("Coll.", "any")
+UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
+"""Share of the calls that a verifier should have checked and that were let through unasked."""
 MAIN: Final = (
     FIND, NAV, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.disturbed, 2),
     Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("Jerk", lambda s: s.jerk),
     _mean("steps", lambda s: s.steps, better=""),
-    _mean("in tok/step", lambda s: s.tokens_in / s.steps if s.steps else np.nan, 0),
-    _mean("out tok/step", lambda s: s.tokens_out / s.steps if s.steps else np.nan, 0),
+    Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
+    Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
     _mean("cost ($)", lambda s: s.cost, 3),
+    Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
+    UNASKED,
+    _mean("SPL", lambda s: s.spl, 3, better="higher"),
+    _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),
 )  # fmt: skip
 """Columns of the paper's main table, and what an episode cost."""
 VARIANTS: Final = (
     FIND, _rate("GeoFindSR", "geo_find"), NAV, _rate("GeoNavSR", "geo_nav"), _rate("NavSR@1m", "nav_1m"),
     INTERACT, _rate("GeoInteractSR", "geo_interact"),
+    _mean("false claims", lambda s: s.false_claims, percent=True),
 )  # fmt: skip
 BODY: Final = (
     COLLISIONS, _collision("Arm/Hand", "arm_hand"), _collision("Torso", "torso"), _collision("Leg/Foot", "leg_foot"),

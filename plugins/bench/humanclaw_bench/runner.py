@@ -23,10 +23,9 @@ from filelock import FileLock, Timeout
 import humanclaw
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
 from humanclaw.hookspecs import noun
-from humanclaw.records import Outcome
 from humanclaw.storage import write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.metrics import FINISHED
+from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 FORMAT: Final = 1
@@ -112,7 +111,7 @@ def has_ended(folder: Path) -> bool:
         found = recorded(folder)
     except RecordError:
         return False  # The worker that begins it anew says why.
-    return found is not None and _ended(found.record.outcome, found.record.limit)
+    return found is not None and ended(found.record.outcome, found.record.limit)
 
 
 def damage(run: Path) -> tuple[int, tuple[str, ...]]:
@@ -139,17 +138,13 @@ def _damage(folder: Path) -> str:
     return ""
 
 
-def _ended(outcome: Outcome, limit: str) -> bool:
-    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
-
-
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
     used = {"run.usd": status.cost, "run.tokens": status.tokens, "run.seconds": status.seconds}
     return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
 
 
 def _counted(status: RunStatus, report: WorkerReport, seconds: float) -> RunStatus:
-    done, failed = _ended(report.outcome, report.limit), report.outcome == FAILED
+    done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
         steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
@@ -264,7 +259,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _stops(executor: Executor) -> Iterator[threading.Event]:
-    """The first SIGINT stops the run after the steps under way; the second ends it at once."""
+    """The first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
     stopped = threading.Event()
 
     def handle(number: int, frame: object) -> None:
@@ -276,8 +271,9 @@ def _stops(executor: Executor) -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():
         yield stopped
         return
-    before = signal.signal(signal.SIGINT, handle)
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stopped
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

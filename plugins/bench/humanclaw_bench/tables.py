@@ -17,11 +17,13 @@ from rich.text import Text
 
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
-from humanclaw_bench.metrics import BODY, FINISHED, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
+from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
 from humanclaw_bench.splits import CATEGORIES
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
 
 NONE: Final = Estimate(float("nan"))
+MOST_UNASKED: Final = 0.01
+"""Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
 MARK: Final = "\u2020"
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
@@ -101,21 +103,51 @@ class Result:
     scores: tuple[Scores, ...]
     causes: tuple[Cause | None, ...]
     """One a score; None for an episode that did not fail."""
+    asked: int = 0
+    """Episodes of the run, as its run.json says; 0 if there is none."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
         return tuple(s for s in self.scores if s.finished)
 
     @property
+    def total(self) -> int:
+        """Episodes that there should be."""
+        return max(self.asked, len(self.scores))
+
+    @property
+    def partial(self) -> bool:
+        """Whether episodes are missing: not run yet, cut short by a limit of the run, or broken by the infrastructure."""
+        return len(self.finished) < self.total
+
+    @property
     def note(self) -> str:
-        """How many episodes the numbers are of, and which were left out of them."""
-        apart = Counter(s.outcome for s in self.scores if s.outcome not in FINISHED)
+        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not asked."""
+        apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
-        return f"{self.name}: {len(self.finished)} episode{'' if len(self.finished) == 1 else 's'}{left_out}."
+        count = f"{len(self.finished)} of {self.total}" if self.partial else str(self.total)
+        return f"{self.name}: {count} episode{'' if self.total == 1 else 's'}{left_out}.{self._broken}{self._unasked}"
+
+    @property
+    def _broken(self) -> str:
+        faults = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
+        return "".join(
+            f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items())
+        )
+
+    @property
+    def _unasked(self) -> str:
+        verified, unasked = (sum(getattr(s, name) for s in self.finished) for name in ("verified", "unasked"))
+        if not verified:
+            return ""
+        warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
+        return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
 
 
-def named(runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]]) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent, verifier and simulator.
+def named(
+    runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], asked: Mapping[str, int] | None = None
+) -> tuple[Result, ...]:
+    """Scored episodes by run to one result a run, agent, verifier and simulator. asked: how many episodes each run is of.
 
     The simulator's name is told only where there are several, and a run's only where the rest repeats.
     """
@@ -128,7 +160,12 @@ def named(runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]]) -> tuple[Re
             groups.setdefault((agent, run), []).append((scores, cause))
     repeated = Counter(agent for agent, _ in groups)
     return tuple(
-        Result(agent if repeated[agent] == 1 else f"{agent} ({run})", *map(tuple, zip(*found, strict=True)))
+        Result(
+            agent if repeated[agent] == 1 else f"{agent} ({run})",
+            tuple(scores for scores, _ in found),
+            tuple(cause for _, cause in found),
+            (asked or {}).get(run, 0),
+        )
         for (agent, run), found in groups.items()
     )
 

@@ -124,7 +124,9 @@ class Worker:
             meter=self._meter,
         ) as self._episode:  # fmt: skip
             while not (self._episode.done or self._stopping()):
-                self._episode.submit(agent.decide(self._episode.observe(), self._episode.history))
+                self._episode.ask()
+        if self._episode.fault:
+            traceback.print_exception(self._episode.fault)
 
     def _fail(self, spec: EpisodeSpec, error: str) -> None:
         mark(self._out / spec.id, FAILED, error)

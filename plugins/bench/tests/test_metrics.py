@@ -50,6 +50,20 @@ METRIC = {metric.name: metric for metric in ALL}
         ("I am in the bedroom beside a bedside table.", "bed", False),
         ("A chair and a table.", "couch", False),
         ("", "couch", False),
+        ("A couch is ahead and nothing blocks the way", "couch", True),
+        ("A couch is ahead, no obstacle between us.", "couch", True),
+        ("I see the couch but not the tv.", "couch", True),
+        ("I see the couch but not the tv.", "tv", False),
+        ("Looking for a couch", "couch", False),
+        ("I am looking at a couch", "couch", True),
+        ("I need to find the couch.", "couch", False),
+        ("The couch might be behind the wall.", "couch", False),
+        ("target_visible: false", "couch", False),
+        ("target_visible: true", "couch", True),
+        ("A grey sectional on the left", "couch", True),
+        ("A large flat screen on the wall", "tv", True),
+        ("A white commode", "toilet", True),
+        ("No table, couch or bed.", "couch", False),
         ("A piano stands there", "piano", True),
     ],
 )
@@ -78,6 +92,12 @@ def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, fo
     assert (scores.find, scores.geo_find) == (found, in_view)
 
 
+def test_false_claims_are_the_share_of_the_views_without_a_target_in_which_it_is_claimed(tmp_path: Path) -> None:
+    steps = [step(says=SEE), step(says="A wall."), step(says="A wall."), step(says=SEE), step(says=SEE, pixels=1)]
+    assert score(rollout(tmp_path, steps)).false_claims == 0.5
+    assert np.isnan(score(rollout(tmp_path, steps[4:], name="seen")).false_claims)
+
+
 def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
     attempts = (Attempt(Decision(visible_state=SEE), "no call"), Attempt(Decision(visible_state="A wall.")))
     assert score(rollout(tmp_path, [step(pixels=900, attempts=attempts)])).find is False
@@ -91,7 +111,7 @@ def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
         ([step(away=0.1), step("stop", away=0.21)], False, False, True),
         ([step("stop", away=1.01)], False, False, False),
         ([step(away=0.1)], False, True, False),
-        ([step(away=0.1), step("", away=None)], False, True, False),
+        ([step(away=0.1), step("", away=0.1)], False, True, False),
         ([step(away=0.1), step(away=3.0)], False, False, False),
         ([step("", away=None)], False, False, False),
     ],
@@ -111,8 +131,8 @@ ON, OFF = {"pelvis_contacts": (COUCH,)}, {"pelvis_contacts": (TABLE,)}
     ("steps", "sat", "geo"),
     [
         ([step("sit_in_place", **ON), step("stop", **ON)], True, True),
-        ([step("sit_in_place", **ON), step("stop")], True, True),
-        ([step("sit_in_place", **ON), step("turn_in_place"), step("stop", **ON)], False, True),
+        ([step("sit_in_place", **ON), step("", **ON), step("stop", **ON)], True, True),
+        ([step("sit_in_place", **ON), step("turn_in_place"), step("stop")], False, True),
         ([step("sit_in_place"), step("turn_in_place", **ON), step("stop", **ON)], True, False),
         ([step("walk", **ON), step("stop", **ON)], False, False),
         ([step("sit_in_place", **OFF), step("stop", **OFF)], False, False),
@@ -145,7 +165,8 @@ def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_gr
         step(contacts=(touch(TABLE, height=2.021),)),
         step(contacts=(touch(LAMP, height=3.0),)),
         step("", away=None),
-        step("stop", contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
+        step(contacts=(touch(TABLE, height=3.0, group="head"), touch(TABLE, height=3.0, group="torso"))),
+        step("stop"),
     ]
     shares = collisions(rollout(tmp_path, steps, start=Pose2D(x=0, z=0, yaw=0, floor=2.0)))
     assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
@@ -239,6 +260,48 @@ def test_the_disturbed_path_is_pooled_over_objects_and_not_over_episodes(tmp_pat
     assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
 
 
+def test_the_path_of_a_thing_counts_from_the_first_frame_that_moves_it(tmp_path: Path) -> None:
+    path = np.zeros((HISTORY + 15, 7))
+    path[:, 0] = np.concatenate([np.arange(HISTORY + 10) * 0.0005, np.full(5, 1.0 + 0.0005 * (HISTORY + 9))])
+    recorded = rollout(tmp_path, [step(contacts=(touch(LAMP, 0),))], objects={LAMP: path})
+    moved = recorded.objects()
+    assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(1.0)
+
+
+# -- length of the path --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("legs", "left", "away", "stops", "spl", "soft"),
+    [
+        (2, 0.0, 0.1, True, 1.0, 1.0),  # 4 m of way, straight there
+        (4, 0.0, 0.1, True, 0.5, 0.5),  # twice as far as need be
+        (4, 1.0, 2.0, True, 0.0, 0.375),  # stopped with a quarter of the way left, after 8 m
+        (2, 0.0, 0.1, False, 0.0, 1.0),  # arrived, and did not notice
+        (1, 6.0, 6.0, True, 0.0, 0.0),  # farther away than before
+    ],
+)
+def test_success_is_weighted_by_the_length_of_the_path(
+    tmp_path: Path, legs: int, left: float, away: float, stops: bool, spl: float, soft: float
+) -> None:
+    ways = [step(start=(2.0 * k, 1, 0), end=(2.0 * k + 2, 0.5, 0), away=away, geodesic=left) for k in range(legs)]
+    end = [step("stop", start=(2.0 * legs, 1, 0), end=(2.0 * legs, 1, 0), away=away, geodesic=left)] if stops else []
+    scores = score(rollout(tmp_path, [*ways, *end], geodesic=4.0))
+    assert (scores.spl, scores.soft_spl) == (pytest.approx(spl), pytest.approx(soft))
+
+
+def test_without_a_measured_way_there_is_no_path_weighted_success(tmp_path: Path) -> None:
+    assert np.isnan(score(rollout(tmp_path, [step("stop", away=0.1)])).spl)
+
+
+def test_tokens_are_pooled_over_steps_and_those_of_reasoning_told_apart(tmp_path: Path) -> None:
+    def spent(tokens: int, thought: int) -> tuple[Attempt, ...]:
+        return (Attempt(Decision(usage=Usage(tokens, tokens, tokens_reasoning=thought))),)
+
+    short = score(rollout(tmp_path, [step("stop", attempts=spent(1000, 600))], name="short"))
+    long = score(rollout(tmp_path, [step(attempts=spent(100, 0))] * 9, name="long"))
+    assert estimate(METRIC["out tok/step"], [short, long]).value == pytest.approx(1900 / 10)
+    assert estimate(METRIC["reasoning tok/step"], [short, long]).value == pytest.approx(60)
+
+
 # -- jerk --------------------------------------------------------------------------------------------------------------
 def track(x: np.ndarray, z: np.ndarray | None = None, yaw: np.ndarray | None = None) -> Motion:
     still = rest_pose(len(x))
@@ -298,7 +361,9 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
     whole = [generated[0], realised[0]]
     for made, real in zip(generated[1:], realised[1:], strict=True):
         whole = [whole[0].then(made), whole[1].then(real)]
-    recorded = rollout(tmp_path, [step(motion_frames=15), step(motion_frames=30), step("stop")], motion=tuple(whole))
+    recorded = rollout(
+        tmp_path, [step(motion_frames=15), step(motion_frames=30), step(), step("stop")], motion=tuple(whole)
+    )
     line = generated_trajectory(recorded)
     assert len(line) == 60
     np.testing.assert_allclose(line.root[:, 0], np.arange(1, 61) * 0.4 / 15, atol=1e-9)

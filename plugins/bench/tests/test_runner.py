@@ -17,8 +17,10 @@ from filelock import FileLock
 
 from humanclaw import Backends, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.records import EpisodeRecord, write_record
+from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
+from humanclaw_bench.metrics import score
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 
@@ -218,11 +220,17 @@ def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     assert play(toy_world.specs(4), **trouble)[0].done == 4
 
 
-def test_a_bug_breaks_its_own_episode_alone(play, tmp_path, capsys):
+def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play, tmp_path, capsys):
     trouble = {"in": "toy-0", "what": "bug", "once": str(tmp_path / "once")}
     status, _, folder = play(toy_world.specs(3), **trouble)
-    assert (status.done, status.failed) == (2, 1)
-    assert RecordedEpisode(folder / "toy-0").record.error == "ZeroDivisionError: a bug"
+    assert (status.done, status.failed) == (3, 0)
+    recorded = RecordedEpisode(folder / "toy-0")
+    assert recorded.record.outcome == "plugin_error"
+    assert recorded.record.error.endswith("raised ZeroDivisionError: a bug")
+    assert "toy_world" in recorded.record.error
+    scores = score(recorded)
+    assert (scores.finished, scores.nav) == (True, False)
+    assert attribute(recorded) is None
     assert "in befall" in capsys.readouterr().err
 
 
@@ -252,6 +260,8 @@ from pathlib import Path
 sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
+from humanclaw_bench.attribution import attribute
+from humanclaw_bench.metrics import score
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw.records import EpisodeRecord, write_record

@@ -80,7 +80,46 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
     table = main_table(named({"run": scores}), paper=False)
     assert table.rows[0].cells[1] == wilson(1, 1)
-    assert table.notes == ("model: 1 episode; apart from every number: 1 infra_error.",)
+    assert table.notes == ("model: 1 of 2 episodes; apart from every number: 1 infra_error.",)
+
+
+def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(base: Scores) -> None:
+    broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
+    spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
+    table = main_table(named({"run": [(s, None) for s in (base, broken, *spent)]}), paper=False)
+    assert table.rows[0].cells[1] == wilson(1, 4)
+    assert table.notes == (
+        "model: 4 of 5 episodes; apart from every number: 1 limit_reached. Failed by a plugin, and counted: 1 "
+        "(humanclaw_nod raised ValueError: no).",
+    )
+
+
+@pytest.mark.parametrize(("unasked", "told"), [(1, "1.0 %."), (2, "2.0 %. Warning")])
+def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int, told: str) -> None:
+    scores = replace(base, verifier="llm", verified=100, unasked=unasked)
+    table = main_table(named({"run": [(scores, None)]}), paper=False)
+    column = [c.title for c in table.columns].index("unasked")
+    assert table.rows[0].cells[column].value == unasked / 100
+    assert f"Let through unasked: {told}" in table.notes[0]
+    assert ("Warning" in table.notes[0]) is (unasked > 1)
+
+
+def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: Path) -> None:
+    whole, part = write_run(tmp_path / "a", 2, 1), write_run(tmp_path / "b", 2, 1)
+    (part / "run.json").write_text(json.dumps({"episodes": 5}))
+    assert "3 of 5 episodes" in invoke("table", part).output.replace("\n", " ")
+    for command in (("table", part, "--format", "latex"), ("compare", whole, part)):
+        assert "not complete: model: 3 of 5 episodes" in invoke(*command).output.replace("\n", " ")
+        assert invoke(*command, "--partial").exit_code == 0
+
+
+def test_a_metric_that_raises_is_not_known_and_harms_nothing(tmp_path: Path) -> None:
+    def broken(recorded: object) -> float:
+        raise ZeroDivisionError
+
+    scores = score(rollout(tmp_path, SAT), {"broken": broken, "one": lambda recorded: 1.0})
+    assert str(scores.extra["broken"]) == "nan"
+    assert (scores.extra["one"], scores.interact) == (1.0, True)
 
 
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
@@ -228,7 +267,7 @@ def test_rescore_writes_a_line_an_episode(tmp_path: Path) -> None:
     one, two = (json.loads(line) for line in (tmp_path / "scores.jsonl").read_text().splitlines())
     assert (one["episode"], one["interact"], "cause" in one) == ("e00", True, False)
     assert (two["cause"], two["stage"], two["capability"]) == ("stop while far", "nav", "ego-spatial distance")
-    assert two["jerk"] == pytest.approx(0.0, abs=1e-6)
+    assert one["jerk"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_number_that_is_not_known_is_null(tmp_path: Path) -> None:

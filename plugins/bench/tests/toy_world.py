@@ -72,6 +72,30 @@ class Simulator:
     def close(self) -> None: ...
 
 
+class Pushing(Simulator):
+    """With every chunk the couch (20) goes two metres along x, away from whoever stands at its left end."""
+
+    push = 2.0
+
+    def reset(self, scene: Scene, start: object) -> WorldState:
+        thing = scene.by_id[20]
+        self._couch = np.array([*thing.position, *thing.rotation])
+        return super().reset(scene, start)
+
+    def execute(self, motion: Motion) -> Execution:
+        self._couch = self._couch + [self.push, 0, 0, 0, 0, 0, 0]
+        return super().execute(motion)
+
+    def state(self) -> WorldState:
+        return WorldState(self._body, {20: self._couch})
+
+
+class Pulling(Pushing):
+    """And here towards them."""
+
+    push = -2.0
+
+
 class Renderer:
     def load(self, scene: Scene) -> None: ...
 
@@ -137,6 +161,8 @@ def humanclaw_motion_generators(register: object) -> None:
 @hookimpl
 def humanclaw_simulators(register: object) -> None:
     register("toy", Simulator)
+    register("pushing", Pushing)
+    register("pulling", Pulling)
 
 
 @hookimpl

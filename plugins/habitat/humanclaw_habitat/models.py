@@ -49,7 +49,7 @@ from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces
 
-VERSION: Final = 2
+VERSION: Final = 3
 """To be raised when the same files give another asset."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35

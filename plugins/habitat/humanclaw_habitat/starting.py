@@ -2,18 +2,57 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import Scene
-from humanclaw.navigation import OccupancyGrid
-from humanclaw.pose import Pose2D
+from humanclaw.navigation import CELL, OccupancyGrid
+from humanclaw.pose import Array, Pose2D
+
+_HEAD: Final = 1.9
+"""A ceiling is at least so far over its floor, metres."""
+_ROOF: Final = 4.0
+"""Square metres of free floor below a ceiling that make a building of a scene, with an outside."""
+
+
+def indoors(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
+    """Cells where a body could begin: free ones, and if there is a building those below its ceilings."""
+    free = ~(plan.blocked | plan.movable)
+    roofed = free & _roofed(scene, plan)
+    return np.asarray(roofed if roofed.sum() * CELL**2 >= _ROOF else free)
+
+
+def _roofed(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
+    """Cells of a floor that lie below a ceiling."""
+    over = np.zeros(plan.blocked.shape, bool)
+    for thing in scene.objects:
+        for hull in scene.assets[thing.asset].hulls if thing.category == "ceiling" else ():
+            points = hull + np.array(thing.position)
+            if points[:, 1].min() >= plan.floor + _HEAD:
+                _mark(over, points[:, [0, 2]], plan)
+    return over
+
+
+def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:
+    """Set the cells whose middle is within the convex hull of (K, 2) points."""
+    try:
+        sides = ConvexHull(points).equations
+    except QhullError:  # It is a line from above.
+        return
+    (i, j), (k, m) = plan.cell(points.min(axis=0)), plan.cell(points.max(axis=0))
+    window = (slice(i, k + 1), slice(j, m + 1))
+    middle = plan.point(np.moveaxis(np.mgrid[window], 0, -1))
+    cells[window] |= (middle @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=-1)
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:
     """The place on a floor that is farthest from everything, facing the way, of eight, in which one sees farthest."""
     plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
-    cell = np.unravel_index(int(np.where(blocked, 0.0, plan.clearance).argmax()), blocked.shape)
+    cell = np.unravel_index(int(np.where(indoors(scene, plan), plan.clearance, 0.0).argmax()), blocked.shape)
     place = plan.point(np.array(cell))
 
     def sight(yaw: float) -> float:

@@ -15,8 +15,7 @@ import ray
 from ray.exceptions import RayActorError
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw_bench.executors import ONE_THREAD, EpisodeQueue
-from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport, pack, unpack
+from humanclaw_bench.executors import FAILED, ONE_THREAD, EpisodeQueue, Job, Worker, WorkerReport, pack, unpack
 
 LIVES: Final = 3
 """So often an episode may lose its actor, and so many actors in a row may die before they have played anything."""

@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from humanclaw import HumanclawError, Plugins
-from humanclaw_report.report import write_report
 
 
 @click.command()
@@ -15,6 +14,8 @@ from humanclaw_report.report import write_report
 @click.option("--out", type=click.Path(path_type=Path), help="Where to write; the default is report.html in the run.")
 def report(folder: Path, out: Path | None) -> None:
     """Write the page that shows a run: filmstrips, maps, calls and tables."""
+    from humanclaw_report.report import write_report
+
     try:
         click.echo(write_report(folder, out, Plugins.discover().scene))
     except OSError as error:

@@ -289,9 +289,8 @@ def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
 
 def _sat(recorded: RecordedEpisode) -> Milestone:
     """Whether the hips were on a target when the episode was stopped."""
-    moved = [step for step in recorded.steps if step.status == "executed"]
-    on = [step.step for step in moved if on_target(recorded, step)]
-    if moved and on and on[-1] == moved[-1].step:
+    on = [step.step for step in recorded.steps if on_target(recorded, step)]
+    if on and on[-1] == recorded.steps[-1].step:
         return Milestone("sat", True, f"since step {on[-1]}")
     return Milestone("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
 from humanclaw.motion import Limb, solve
-from humanclaw.pose import FPS, FUTURE, HISTORY, forward_kinematics, matrix_from_vector, rest_pose
+from humanclaw.pose import FPS, FUTURE, HISTORY, forward_kinematics, matrix_from_vector, rest_pose, smoothstep
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import augment, gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
@@ -34,7 +34,6 @@ from humanclaw_train.curves import (
     floor,
     quintic,
     raised,
-    smooth,
     smoother,
     soft_minimum,
     turned,
@@ -214,7 +213,7 @@ def plan(state: State, c: Commands) -> Plan:
     tight = c.does("stride") & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
     shuffle = tight | c.does("shuffle")
     strides = c.does("stride") & ~shuffle
-    flow = np.where(strides, smooth((np.abs(z) - 0.02) / 0.25), 0.0)
+    flow = np.where(strides, smoothstep((np.abs(z) - 0.02) / 0.25), 0.0)
     end = floor(state.root) + turned(step, state.yaw)
     base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
     first = _first_foot(state, c, x, yaw, shuffle)
@@ -467,7 +466,7 @@ def _cleared(
 ) -> tuple[Array, Array, Array, Array]:
     """The track of a foot, lifted where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
-    lack = clearance_lack(state, p, edge, track, NOSE) * (smooth(GRID / 0.2) * c.stairs[:, None])
+    lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
     moving[:, -1] = moving[:, -2]
     kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
@@ -476,7 +475,7 @@ def _cleared(
     ).max(-1)
     raised_by = np.lib.stride_tricks.sliding_window_view(wide, 5, axis=1) @ kernel
     sole = sole.copy()
-    sole[..., 1] += raised_by * smooth(GRID / 0.15)
+    sole[..., 1] += raised_by * smoothstep(GRID / 0.15)
     return sole, yaw, pitch, bend
 
 
@@ -509,7 +508,7 @@ def _landing_pitch(swing: Swing, p: Plan, m: Steps, u: Array, planted: Mask, mov
     swung = cubic(GRID / touch, swing.pitch0[:, None], swing.pitch_rate[:, None] * touch, land, 0.0)
     kick = np.where(planted, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
     swung = swung + kick[:, None] * bump(1.15 * u)
-    return np.where(touch < GRID, land * (1 - smooth((GRID - touch) / 0.2)), swung)
+    return np.where(touch < GRID, land * (1 - smoothstep((GRID - touch) / 0.2)), swung)
 
 
 def _second_swing(state: State, p: Plan, c: Commands, m: Steps, tolerance: Array) -> tuple[Array, Array, Array, Array]:
@@ -539,7 +538,7 @@ def _lift(state: State, p: Plan, c: Commands, m: Steps, swing: Swing, u: Array) 
     drop = np.where(p.level > state.level, 0.45, 0.6) * np.abs(p.level - state.level)
     arc = np.select([c.rise > 0, c.rise < 0], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
     hang = (m.clearance + drop) * p.flow
-    return np.asarray(hang[:, None] * smooth(1.3 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
+    return np.asarray(hang[:, None] * smoothstep(1.3 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
 
 
 def _leaving_pitch(swing: Swing, p: Plan, m: Steps, down: float) -> tuple[Array, Array]:
@@ -547,11 +546,11 @@ def _leaving_pitch(swing: Swing, p: Plan, m: Steps, down: float) -> tuple[Array,
     backwards = np.sum(swing.travel * p.facing, -1) < -0.05
     peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
     rise, top = 0.28, np.asarray(m.lift + 0.08)[:, None]
-    heel = peak * smooth((GRID - rise) / (top - rise))
+    heel = peak * smoothstep((GRID - rise) / (top - rise))
     hang, slope = 0.24 * p.flow[:, None] * peak, -2.0 * p.flow[:, None] * peak
     fall = cubic((GRID - top) / (1 - top), peak, 0.0, hang, slope * (1 - top))
     before = cubic(GRID / down, swing.pitch0[:, None], swing.pitch_rate[:, None] * down, np.zeros((1, 1)), 0.0)
-    bend = np.maximum(heel, 0.0) * np.where(top < GRID, 1 - smooth((GRID - top) / 0.25), 1.0)
+    bend = np.maximum(heel, 0.0) * np.where(top < GRID, 1 - smoothstep((GRID - top) / 0.25), 1.0)
     return before + np.where(top < GRID, fall, heel), bend
 
 
@@ -587,7 +586,7 @@ def _striding_foot(
     height = gait.settled(state.foot[:, foot, 1] - state.level, state.foot_velocity[:, foot, 1], height, 0.4)
     pitch = style.roll[:, None] * gait.pitch(steps.since(foot), p.speed[:, None])
     pitch = gait.settled(state.foot_pitch[:, foot], state.foot_pitch_rate[:, foot], pitch)
-    bend = np.maximum(pitch, 0.0) * (1 - smooth((steps.since(foot) + gait.LIFT) / 0.25))
+    bend = np.maximum(pitch, 0.0) * (1 - smoothstep((steps.since(foot) + gait.LIFT) / 0.25))
     return raised(track[..., :2], state.level[:, None] + np.maximum(height, 0.0)), track[..., 2], pitch, bend
 
 

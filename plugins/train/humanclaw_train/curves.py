@@ -8,12 +8,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def smooth(u: Array) -> Array:
-    """0 to 1 with no velocity at the ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u * u * (3 - 2 * u))
-
-
 def smoother(u: Array) -> Array:
     """0 to 1 with no velocity and no acceleration at the ends."""
     u = np.clip(u, 0.0, 1.0)

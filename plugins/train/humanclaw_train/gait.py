@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import FPS, FUTURE
-from humanclaw_train.curves import Array, bump, cubic, smooth, smoother
+from humanclaw.pose import FPS, FUTURE, smoothstep
+from humanclaw_train.curves import Array, bump, cubic, smoother
 
 Ints = NDArray[np.int_]
 GRID: Final = np.arange(FUTURE + 1) / FUTURE
@@ -38,7 +38,7 @@ def amplitudes(speed: Array) -> Array:
     ripple = np.clip(0.26 - 0.1 * (speed - 0.9), 0.12, 0.28)
     ahead = ripple * speed / (2 * np.pi * cadence(speed) * FPS / FUTURE)
     up = np.clip(0.019 + 0.012 * (speed - 0.9), 0.008, 0.03)
-    fade = smooth(speed / 0.5)
+    fade = smoothstep(speed / 0.5)
     return np.asarray(np.stack([side, ahead, up], -1) * fade[:, None])
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
 from humanclaw.motion import REACH, SIDES, TOE_BASE, Limb, solve
-from humanclaw.pose import matrix_from_vector, wrap_angle
+from humanclaw.pose import matrix_from_vector, smoothstep, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -40,8 +40,7 @@ def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Ar
     pivots pass into one another, so that the ankle's velocity is continuous.
     """
     flat, tilted = foot_orientation(yaw, np.zeros_like(pitch)), foot_orientation(yaw, pitch)
-    weight = np.clip((pitch / blend + 1) / 2, 0.0, 1.0)
-    weight = (weight * weight * (3 - 2 * weight))[..., None]
+    weight = smoothstep((pitch / blend + 1) / 2)[..., None]
     up = np.array([0.0, SOLE, 0.0])
     toe = sole + up + flat @ TOE_BASE - tilted @ TOE_BASE
     heel = sole + up + flat @ HEEL - tilted @ HEEL

@@ -1,0 +1,51 @@
+"""Keys: what looks like one, and texts without them. What is recorded or shown goes through here."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+_SECRET_VARIABLE: Final = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL", re.IGNORECASE)
+_SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[\w-]{20,}|(?<=Bearer )\S+")
+_SECRET_FIELD: Final = re.compile(
+    r"key|pass(word|wd|phrase)|secret|credential|auth|bearer|cookie|headers?$|(^|_)(id_|access_|refresh_|session_)?token$",
+    re.IGNORECASE,
+)
+"""Names that hold keys. Counts and prices of tokens, such as max_tokens and input_cost_per_token, do not."""
+_NO_SECRET: Final = frozenset({"input_cost_per_token", "output_cost_per_token", "prompt_cache_key"})
+_RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{20,}")
+"""A part of a path that nobody would choose as a name: capitals, small letters and digits, and long."""
+
+
+def redact(text: str, *secrets: str) -> str:
+    """The text without these secrets, without the values of secret environment variables and without what looks like a key."""
+    for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
+        text = text.replace(value, "[redacted]")
+    return _SECRET_FORM.sub("[redacted]", text)
+
+
+def holds_key(path: str) -> bool:
+    """Whether a part of an address's path looks like a key, or is one."""
+    return redact(path) != path or any(_RANDOM.fullmatch(part) for part in path.split("/"))
+
+
+def secrets_in(value: Any, where: str = "") -> Iterator[str]:
+    """The places in nested options that hold a key, by their names or by what is there."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            place = f"{where}.{key}" if where else str(key)
+            if _SECRET_FIELD.search(str(key)) and str(key) not in _NO_SECRET:
+                yield place
+            else:
+                yield from secrets_in(inner, place)
+    elif isinstance(value, list | tuple):
+        for number, inner in enumerate(value):
+            yield from secrets_in(inner, f"{where}.{number}")
+    elif isinstance(value, str) and redact(value) != value:
+        yield where
+
+
+def _kept() -> list[str]:
+    return [value for name, value in os.environ.items() if _SECRET_VARIABLE.search(name)]
