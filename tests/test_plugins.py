@@ -3,6 +3,7 @@
 import importlib.metadata
 import sys
 import textwrap
+from dataclasses import replace
 
 import pytest
 
@@ -150,12 +151,86 @@ def test_a_misspelt_hook_is_refused_with_the_one_that_was_meant():
         Plugins().add(Misspelt(), "misspelt")
 
 
-def test_a_name_taken_twice_names_both_owners():
+@skill()
+def shrug(times: int = 1) -> Keyframes:
+    """Shrug the shoulders."""
+    return Keyframes.cycle("right_elbow", axis="z", degrees=10, seconds=0.5, times=times)
+
+
+class Rival:
+    """Has a skill and a factory of its own beside one of each that another plugin may have."""
+
+    def __init__(self):
+        self.heard = []
+
+    @hookimpl
+    def humanclaw_skills(self, register):
+        register(wave)
+        register(shrug)
+
+    @hookimpl
+    def humanclaw_agents(self, register):
+        register("quiet", lambda options: self)
+        register(f"quiet {id(self)}", lambda options: self)
+
+    @hookimpl
+    def humanclaw_step(self, episode, step):
+        self.heard.append(step)
+
+
+def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
     plugins = Plugins()
     plugins.add(Waving(), "first")
-    with pytest.raises(PluginError, match=r"'wave' of plugin 'second' is already registered by 'first'"):
-        plugins.add(Waving(), "second")
-    assert plugins.owner("wave") == "first"
+    plugins.add(Rival(), "second")
+    assert {name: plugins.owner(name) for name in plugins.skills} == {"wave": "first", "shrug": "second"}
+    assert plugins.skill("wave") is wave
+    reason = plugins.infos[-1].disabled["wave"]
+    assert "skill 'wave' of plugin 'second' is already registered by 'first'. Uninstall one of the two" in reason
+    assert plugins.disabled == {}
+
+
+def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
+    plugins, one, other = Plugins(), Rival(), Rival()
+    plugins.add(one, "first")
+    plugins.add(other, "second")
+    assert plugins.make("agents", "quiet", {}) is one
+    assert plugins.make("agents", f"quiet {id(other)}", {}) is other
+    (told,) = plugins.infos[-1].duplicates
+    assert "agent 'quiet' of plugin 'second' is already registered by 'first'" in told
+
+
+def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
+    class Twice:
+        @hookimpl
+        def humanclaw_skills(self, register):
+            register(wave)
+            register(replace(shrug, name="wave"))
+
+    plugins = Plugins()
+    plugins.add(Twice(), "twice")
+    assert plugins.skill("wave") is wave
+
+
+def test_an_observer_of_a_plugin_that_fails_hears_nothing():
+    class Fails(Rival):
+        @hookimpl
+        def humanclaw_scenes(self, register):
+            raise TypeError("unhashable")
+
+    plugins, fails = Plugins(), Fails()
+    with pytest.raises(PluginError, match="unhashable"):
+        plugins.add(fails, "fails")
+    plugins.tell("humanclaw_step", episode=None, step=7)
+    assert (fails.heard, plugins.skills, plugins.infos) == ([], {}, ())
+
+
+def test_a_second_plugin_of_one_name_is_refused_and_the_first_still_hears():
+    plugins, first = Plugins(), Rival()
+    plugins.add(first, "same")
+    with pytest.raises(PluginError, match="plugin 'same' is already in use"):
+        plugins.add(Rival(), "same")
+    plugins.tell("humanclaw_step", episode=None, step=7)
+    assert first.heard == [7]
 
 
 def test_a_plugin_that_fails_half_way_leaves_nothing_behind():

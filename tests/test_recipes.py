@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from humanclaw import hookimpl
-from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 from humanclaw.recipes import Recipe, WindowTravel
 
@@ -29,11 +28,12 @@ def test_a_plugin_registers_the_recipe_of_its_skill():
     assert found.value.windows(_windows(forward=0.3)).tolist() == [True]
 
 
-def test_two_recipes_for_one_skill_are_refused():
+def test_of_two_recipes_for_one_skill_the_first_stays_and_both_owners_are_named():
     host = Plugins()
     host.add(_Stroll(), "one")
-    with pytest.raises(PluginError, match="stroll"):
-        host.add(_Stroll(), "two")
+    host.add(_Stroll(), "two")
+    assert [one.owner for one in host.registered("recipes")] == ["one"]
+    assert "'stroll' of plugin 'two' is already registered by 'one'" in host.infos[-1].duplicates[0]
 
 
 def test_every_trained_skill_that_is_shipped_has_a_recipe_that_draws_each_of_its_parameters():

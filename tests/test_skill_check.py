@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -124,20 +125,111 @@ def test_a_text_in_place_of_an_adapter_is_refused(copy):
     assert "cannot be read as a checkpoint" in _disabled(folder)
 
 
-def test_weights_that_are_no_numbers_are_found_by_the_check_and_not_where_a_skill_is_registered(copy):
+@pytest.mark.parametrize(("kind", "odd"), [(np.float16, np.nan), (np.float16, -np.inf), (np.float32, np.inf)])
+def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_and_in_the_check(copy, kind, odd):
     folder = copy("step_back")
     file = folder / "adapter.safetensors"
     raw = file.read_bytes()
     metadata = json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])["__metadata__"]
-    tensors = load_file(file)
+    tensors = {name: tensor.astype(kind) for name, tensor in load_file(file).items()}
     name = sorted(tensors)[0]
-    tensors[name] = np.full_like(tensors[name], np.nan)
+    tensors[name].flat[-1] = odd
     file.write_bytes(save(tensors, metadata))
-    plugins = Plugins()
-    plugins.add(Folders(folder), "broken-numbers")
-    assert set(plugins.skills) == {"step_back"}
+    assert f"holds NaN or infinity in {name}. Train it again" in _disabled(folder)
     with pytest.raises(AssertionError, match=f"holds NaN or infinity in {name}.*train adapter step_back"):
         check_skill(folder)
+
+
+def test_the_largest_weights_that_are_numbers_are_kept(copy):
+    """65504 is the largest half: its exponent lacks the last bit of that of infinity."""
+    folder = copy("step_back")
+    file = folder / "adapter.safetensors"
+    raw = file.read_bytes()
+    metadata = json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])["__metadata__"]
+    file.write_bytes(save({name: np.full_like(one, -65504) for name, one in load_file(file).items()}, metadata))
+    plugins = Plugins()
+    plugins.add(Folders(folder), "large")
+    assert set(plugins.skills) == {"step_back"}
+
+
+@pytest.mark.parametrize("key", ["centre", "scale"])
+@pytest.mark.parametrize("odd", [float("nan"), float("inf"), "wide", None])
+def test_a_header_whose_range_is_no_number_is_refused_and_not_taken_for_a_wide_one(copy, key, odd):
+    folder = copy("step_back", head=lambda head: head["adapter"].update({key: [odd]}))
+    reason = _disabled(folder)
+    assert "no finite centre and positive scale of z" in reason or "is not the checkpoint of an adapter" in reason
+    assert "train adapter step_back" in reason
+
+
+def test_a_scale_of_zero_is_refused(copy):
+    folder = copy("step_back", head=lambda head: head["adapter"].update(scale=[0]))
+    assert "no finite centre and positive scale of z" in _disabled(folder)
+
+
+@pytest.mark.parametrize("odd", [["a"], {"a": 1}, 7, None])
+def test_a_measure_that_is_no_name_disables_that_one_skill(copy, odd):
+    folder = copy("step_back", lambda s: s["properties"]["z_cm"].update({"x-measure": odd}))
+    assert "'z_cm' of skill 'step_back' commands" in _disabled(folder)
+
+
+def test_whatever_goes_wrong_in_the_check_is_told_as_a_reason(copy):
+    """A measure of a plugin may be anything at all, and nobody but the skill that uses it is hurt."""
+
+    class Odd:
+        name, description = "hips.retreat", "Has no unit."
+
+    folder = copy("step_back", lambda s: s["properties"]["z_cm"].update({"x-measure": "hips.retreat"}))
+    assert "skill 'step_back' cannot be checked: AttributeError" in _disabled(folder, measures=[Odd()])
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "measure", "units"),
+    [("step_back", "z_cm", "heading.left", "m.*rad"), ("turn_in_place", "yaw_deg", "hips.left", "rad.*m")],
+)
+def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy, name, key, measure, units):
+    folder = copy(name, lambda s: s["properties"][key].update({"x-measure": measure}))
+    said = re.escape(f"parameter {key!r} of skill {name!r} is in ") + units
+    assert re.search(said, _disabled(folder))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"oneOf": [{"required": ["z_cm"]}]}, "has 'oneOf' beside its properties"),
+        ({"anyOf": [{"required": ["z_cm"]}]}, "has 'anyOf' beside its properties"),
+        ({"allOf": [{"required": ["z_cm"]}]}, "has 'allOf' beside its properties"),
+        ({"not": {"required": ["x_cm"]}}, "has 'not' beside its properties"),
+        ({"minProperties": 1}, "has 'minProperties' beside its properties"),
+        ({"additionalProperties": True}, "Set additionalProperties to false"),
+        ({"description": 5}, "has the description 5. Describe it"),
+        ({"description": " "}, "has the description ' '. Describe it"),
+    ],
+)
+def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, said):
+    assert said in _disabled(copy("step_back", lambda schema: schema.update(change)))
+
+
+@pytest.mark.parametrize("word", ["description", "additionalProperties"])
+def test_a_schema_that_lacks_a_word_is_refused(copy, word):
+    assert word in _disabled(copy("step_back", lambda schema: schema.pop(word)))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"minimum": 40, "maximum": 10}, "may be 40 to 10, which no number is. Swap"),
+        ({"description": ""}, "'z_cm' of skill 'step_back' has the description ''. Describe it"),
+        ({"description": 5}, "5 is not of type 'string'"),
+    ],
+)
+def test_a_parameter_that_nobody_could_use_is_refused_with_a_remedy(copy, change, said):
+    assert said in _disabled(copy("step_back", lambda schema: schema["properties"]["z_cm"].update(change)))
+
+
+def test_two_checks_with_one_id_are_refused(copy):
+    folder = copy("step_back")
+    (folder / "checklist.toml").write_text('[[check]]\nid = "a"\nquestion = "Is it?"\n' * 2)
+    assert "skill 'step_back' has 2 checks with the id 'a'. Rename them." in _disabled(folder)
 
 
 def test_a_default_outside_its_bounds_is_refused(copy):

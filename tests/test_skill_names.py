@@ -57,3 +57,22 @@ def test_no_name_of_a_skill_occurs_in_a_template_of_the_core_or_of_a_plugin(plug
     names = {name for name in _names(plugins) if "_" in name}
     templates = [path for kind in ("jinja", "j2", "html") for path in ROOT.glob(f"[cp]*/**/*.{kind}")]
     assert [path.name for path in templates if any(name in path.read_text("utf-8") for name in names)] == []
+
+
+TABLES = {
+    "core/humanclaw/distributions.toml": "says which distribution brings what, so that an error can name what to install",
+    "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it holds",
+}
+"""Files of data that name skills, and why they may."""
+
+
+def _tables() -> set[str]:
+    found = {path.relative_to(ROOT) for kind in ("toml", "json") for path in ROOT.glob(f"[cp]*/**/*.{kind}")}
+    return {path.as_posix() for path in found if path.parts[0] in ("core", "plugins") and "tests" not in path.parts}
+
+
+def test_no_name_of_a_skill_occurs_in_a_table_of_the_core_or_of_a_plugin_but_two(plugins):
+    quoted = re.compile("|".join(rf"""["']{name}["']|^{name}\s*=""" for name in sorted(_names(plugins))), re.MULTILINE)
+    names = re.compile("|".join(rf"\b{name}\b" for name in sorted(_names(plugins)) if "_" in name))
+    texts = {path: (ROOT / path).read_text("utf-8") for path in _tables()}
+    assert {path for path, text in texts.items() if quoted.search(text) or names.search(text)} == set(TABLES)

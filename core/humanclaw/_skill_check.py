@@ -1,43 +1,54 @@
 """The contract of a skill, checked: by the plugin host where a skill is registered, and by humanclaw.testing.check_skill.
 
-Registering reads the header of an adapter and none of its weights: 8 skills take milliseconds.
+One check for both, the adapter's weights included: a skill that is listed as ready can run.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from math import inf, isfinite
 from typing import Any, Final, get_args
 
 import jsonschema
 
 from humanclaw.contract import OFFLINE, Skill
 from humanclaw.errors import CheckpointError, PluginError
-from humanclaw.measures import MEASURES, Measure, Parameter, from_si
-from humanclaw.motion.checkpoint import read_checkpoint, read_header
-from humanclaw.tools import Format, publish
+from humanclaw.measures import MEASURES, Measure, Parameter, from_si, si_unit
+from humanclaw.motion.checkpoint import check_checkpoint
+from humanclaw.tools import Format, parameter_schema, publish
 
 _SLACK: Final = 0.05
 """Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the data."""
+_TOP_LEVEL: Final = frozenset(
+    {"$schema", "$comment", "$defs", "title", "description", "type", "properties", "required", "additionalProperties"}
+)
+"""Words of a schema that reach every provider, or that need not: any other would be held against a model that is not told it."""
 
 
-def skill_faults(
-    skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "", weights: bool = False
-) -> tuple[PluginError, ...]:
+def skill_faults(skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "") -> tuple[PluginError, ...]:
     """Everything in which a skill breaks the contract, each with what mends it; nothing for a skill that keeps it.
 
+    Whatever a skill's schema or adapter holds, this raises nothing: what cannot be checked is a fault.
+
     Args:
-        skill: one without an adapter's file is held to its schema alone.
+        skill: one without an adapter's file is held to its schema and checklist alone.
         measures: what parameters may command.
         base: digest of the prior that its adapter has to fit; empty to leave that open.
-        weights: also read the adapter's weights, and refuse NaN and infinity.
     """
-    odd = tuple(_odd_properties(skill))
-    return odd or tuple(_faults(skill, measures, base, weights))
+    try:
+        odd = (*_odd_properties(skill), *_unpublishable(skill))
+        return odd or tuple(_faults(skill, measures, base))
+    except Exception as error:
+        reason = f"skill {skill.name!r} cannot be checked: {type(error).__name__}: {error}."
+        return (PluginError(reason, "Mend its schema.json."),)
 
 
-def _faults(skill: Skill, measures: Mapping[str, Measure], base: str, weights: bool) -> Iterator[PluginError]:
-    yield from _unpublishable(skill)
+def _faults(skill: Skill, measures: Mapping[str, Measure], base: str) -> Iterator[PluginError]:
+    yield from _bad_texts(skill)
+    yield from _bad_checks(skill)
+    yield from _open_ended(skill)
+    yield from _bad_bounds(skill)
     yield from _bad_defaults(skill)
     yield from _undefined(skill)
     if skill.adapter is None:
@@ -45,8 +56,6 @@ def _faults(skill: Skill, measures: Mapping[str, Measure], base: str, weights: b
     yield from _bad_conditions(skill, measures)
     if skill.adapter.is_file():
         yield from _misfits(skill, base)
-        if weights:
-            yield from _bad_weights(skill)
 
 
 def _properties(skill: Skill) -> Mapping[str, Any]:
@@ -71,6 +80,52 @@ def _unpublishable(skill: Skill) -> Iterator[PluginError]:
             publish([skill], form)
     except PluginError as error:
         yield error
+
+
+def _is_told(text: object) -> bool:
+    return isinstance(text, str) and bool(text.strip())
+
+
+def _bad_texts(skill: Skill) -> Iterator[PluginError]:
+    if not _is_told(skill.description):
+        message = f"skill {skill.name!r} has the description {skill.description!r}."
+        yield PluginError(message, "Describe it for a model, in a sentence or more.")
+    for key, part in _properties(skill).items():
+        # The arguments of a function may speak for themselves; centimetres along which axis, they do not.
+        if "description" in part or skill.adapter is not None:
+            text = part.get("description", "")
+            if not _is_told(text):
+                message = f"parameter {key!r} of skill {skill.name!r} has the description {text!r}."
+                yield PluginError(message, "Describe it for a model.")
+
+
+def _bad_checks(skill: Skill) -> Iterator[PluginError]:
+    for name, count in Counter(check.id for check in skill.checks).items():
+        if count > 1:
+            yield PluginError(f"skill {skill.name!r} has {count} checks with the id {name!r}.", "Rename them.")
+    for check in skill.checks:
+        if not check.question.rstrip().endswith(("?", ".")):
+            message = f"check {check.id!r} of skill {skill.name!r} asks {check.question!r}."
+            yield PluginError(message, "Write a question, or a sentence to agree with.")
+
+
+def _open_ended(skill: Skill) -> Iterator[PluginError]:
+    """What the schema says of calls beside its properties, and providers are not told."""
+    for word in skill.schema:
+        if word not in _TOP_LEVEL and not word.startswith("x-"):
+            message = f"the schema of skill {skill.name!r} has {word!r} beside its properties, which no model is told."
+            yield PluginError(message, "Say it with type, bounds, required and default of each property.")
+    if skill.schema.get("additionalProperties") is not False:
+        message = f"the schema of skill {skill.name!r} lets calls have parameters that it does not declare."
+        yield PluginError(message, "Set additionalProperties to false.")
+
+
+def _bad_bounds(skill: Skill) -> Iterator[PluginError]:
+    for key, part in parameter_schema(skill).items():
+        low, high = part.get("minimum"), part.get("maximum")
+        if low is not None and high is not None and low > high:
+            message = f"parameter {key!r} of skill {skill.name!r} may be {low} to {high}, which no number is."
+            yield PluginError(message, "Swap minimum and maximum.")
 
 
 def _bad_defaults(skill: Skill) -> Iterator[PluginError]:
@@ -105,36 +160,38 @@ def _bad_conditions(skill: Skill, measures: Mapping[str, Measure]) -> Iterator[P
             )
         if not {"minimum", "maximum"} <= set(part):
             yield PluginError(f"{where} has no bounds.", "Give it a minimum and a maximum.")
-        if one.measure not in measures:
-            known = ", ".join(measures)
-            yield PluginError(
-                f"{where} commands {one.measure or 'no measure'!r}.", f"Set its x-measure to one of: {known}."
-            )
+        yield from _bad_measure(one, where, measures)
     for name, count in Counter(one.name for one in skill.parameters).items():
         if count > 1:
             yield PluginError(f"skill {skill.name!r} has {count} parameters {name!r} but for the unit.", "Rename them.")
 
 
-def _bad_weights(skill: Skill) -> Iterator[PluginError]:
-    assert skill.adapter is not None
-    try:
-        read_checkpoint(skill.adapter, "adapter", _train(skill))
-    except CheckpointError as error:
-        yield PluginError(error.message, error.remedy)
+def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) -> Iterator[PluginError]:
+    if not isinstance(one.measure, str) or one.measure not in measures:
+        message = f"{where} commands {one.measure or 'no measure'!r}."
+        yield PluginError(message, f"Set its x-measure to one of: {', '.join(measures)}.")
+    elif (unit := si_unit(one.key)) and measures[one.measure].unit != unit:
+        message = f"{where} is in {unit}, and {one.measure!r}, which it commands, is in {measures[one.measure].unit}."
+        yield PluginError(message, "Mend its x-measure, or end its name in _cm for metres and in _deg for radians.")
 
 
 def _misfits(skill: Skill, base: str) -> Iterator[PluginError]:
-    """What the header of its adapter and the schema of a skill disagree about."""
+    """What the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
     assert skill.adapter is not None
     try:
-        header = read_header(skill.adapter, _train(skill))
+        header = check_checkpoint(skill.adapter, "adapter", _train(skill))
         config = header["adapter"]
-        trained = {name: (float(c), float(s)) for name, c, s in _columns(config)}
+        trained = {name: (centre, scale) for name, centre, scale in _columns(config)}
+        unusable = [name for name, (centre, scale) in trained.items() if not (isfinite(centre) and 0 < scale < inf)]
     except CheckpointError as error:
         yield PluginError(error.message, error.remedy)
         return
-    except (KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, TypeError, ValueError):
         yield PluginError(f"{skill.adapter} is not the checkpoint of an adapter.", _train(skill))
+        return
+    if unusable:
+        message = f"{skill.adapter} has no finite centre and positive scale of {', '.join(unusable)}."
+        yield PluginError(message, _train(skill))
         return
     if config.get("skill") != skill.name:
         yield PluginError(

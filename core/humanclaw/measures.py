@@ -27,6 +27,7 @@ Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
 stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 _UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
+_SI_UNITS: Final = MappingProxyType({"_cm": "m", "_deg": "rad"})
 _PER_SI: Final = MappingProxyType({"_cm": 100.0, "_deg": 180 / pi})
 
 
@@ -173,6 +174,11 @@ def _parameter(key: str, part: Mapping[str, Any]) -> Parameter:
 def si_name(key: str) -> str:
     """Return the name of a parameter without its unit: z for z_cm, yaw for yaw_deg."""
     return next((key.removesuffix(unit) for unit in _UNITS if key.endswith(unit)), key)
+
+
+def si_unit(key: str) -> str:
+    """Return the unit of a parameter behind the contract: m for z_cm, rad for yaw_deg, empty for a name without one."""
+    return next((unit for suffix, unit in _SI_UNITS.items() if key.endswith(suffix)), "")
 
 
 def to_si(key: str, value: float) -> float:

@@ -13,7 +13,7 @@ import importlib.util
 import inspect
 import logging
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -56,7 +56,9 @@ class PluginInfo:
     error: str = ""
     """Why it is disabled; empty if it is in use."""
     disabled: Mapping[str, str] = field(default_factory=dict)
-    """Of its skills those that break the contract, by name, and why. The others are in use."""
+    """Of its skills those that break the contract or that another plugin has, by name, and why. The others are in use."""
+    duplicates: tuple[str, ...] = ()
+    """Of what else it registers those that another plugin has, each told with both owners."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,9 @@ class Registry:
     found: dict[str, list[Registration]] = field(default_factory=dict)
     """By kind: the name of the hook without `humanclaw_`."""
     disabled: dict[str, str] = field(default_factory=dict)
-    """Skills that break the contract, by name, and why."""
+    """Skills that break the contract or that another plugin has, by name, and why."""
+    duplicates: list[str] = field(default_factory=list)
+    """What else another plugin has, each told with both owners."""
 
     def register(self, kind: str) -> Callable[..., None]:
         """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them itself."""
@@ -100,10 +104,10 @@ class Registry:
         """The skill, or None for a folder that holds none: its neighbours are not to blame."""
         try:
             return _skill(given)
-        except PluginError as error:
+        except Exception as error:
             if not isinstance(given, Path):
                 raise
-            self.disabled[given.name] = str(error)
+            self.disabled[given.name] = str(error) if isinstance(error, PluginError) else _reason(error)
             return None
 
     def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
@@ -115,6 +119,24 @@ class Registry:
             else:
                 kept.append(one)
         self.found["skills"] = kept
+
+    def drop_duplicates(self, kind: str, taken: Mapping[str, Registration]) -> None:
+        """Leave a name to whoever registered it first, and say who both are."""
+        kept: dict[str, Registration] = {}
+        for one in self.found.get(kind, []):
+            if first := taken.get(one.name) or kept.get(one.name):
+                self._tell_duplicate(kind, one, first)
+            else:
+                kept[one.name] = one
+        self.found[kind] = list(kept.values())
+
+    def _tell_duplicate(self, kind: str, one: Registration, first: Registration) -> None:
+        told = f"{noun(kind)} {one.name!r} of plugin {self.owner!r} is already registered by {first.owner!r}."
+        reason = f"{told} Uninstall one of the two or rename it."
+        if kind == "skills":
+            self.disabled[one.name] = reason
+        else:
+            self.duplicates.append(reason)
 
     @property
     def provides(self) -> tuple[str, ...]:
@@ -159,22 +181,30 @@ class Plugins:
                 host._try(point, partial(host.add, plugin, *_origin(point)))
         for path in files:
             host.add(load_file(path), path.stem, origin=str(path))
-            for reason in host._infos[-1].disabled.values():
+            for reason in (*host._infos[-1].disabled.values(), *host._infos[-1].duplicates):
                 raise PluginError(f"plugin file {path}: {reason}")
         return host
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
-        """Register one plugin. Raises PluginError, and registers nothing of it, if it cannot be used.
+        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers, if it cannot be used.
 
-        A plugin with the hook humanclaw_hookspecs comes before those that implement what it specifies.
+        What another plugin has registered under the same name is left to that one. A plugin with the hook humanclaw_hookspecs
+        comes before those that implement what it specifies.
         """
-        registry = self._gather(plugin, name)
-        known = {**MEASURES, **self.measures} | {one.name: one.value for one in registry.found.get("measures", [])}
-        registry.disable_faulty_skills(known, self._base)
-        self._refuse_duplicates(registry)
+        if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
+            raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")
+        try:
+            registry = self._gather(plugin, name)
+        except BaseException as error:
+            if self._manager.has_plugin(name):
+                self._manager.unregister(name=name)
+            if isinstance(error, PluginError | KeyboardInterrupt):
+                raise
+            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", self._hint(error)) from error
         for kind, found in registry.found.items():
             self._found[kind] |= {one.name: one for one in found}
-        self._infos.append(PluginInfo(name, version, origin, registry.provides, disabled=registry.disabled))
+        refused = registry.disabled, tuple(registry.duplicates)
+        self._infos.append(PluginInfo(name, version, origin, registry.provides, "", *refused))
 
     @property
     def infos(self) -> tuple[PluginInfo, ...]:
@@ -199,8 +229,9 @@ class Plugins:
 
     @property
     def disabled(self) -> dict[str, str]:
-        """Skills that break the contract, by name, and why: nothing runs them, and nobody is offered them."""
-        return {name: reason for info in self._infos for name, reason in info.disabled.items()}
+        """Names of skills that are not in use, and why: nothing runs them, and nobody is offered them."""
+        found = [item for info in self._infos for item in info.disabled.items()]
+        return {name: reason for name, reason in found if name not in self.skills}
 
     @property
     def skills(self) -> dict[str, Skill]:
@@ -285,18 +316,18 @@ class Plugins:
             return None
 
     def _gather(self, plugin: object, name: str) -> Registry:
-        try:
-            if self._manager.register(plugin, name) is None:
-                raise PluginError(f"plugin {name!r} is blocked.")
-            self._only(plugin, EXTENSION)(register=self._extend)
-            self._manager.check_pending()
-            return self._call_hooks(plugin, name)
-        except BaseException as error:
-            if self._manager.has_plugin(name):
-                self._manager.unregister(name=name)
-            if isinstance(error, PluginError | KeyboardInterrupt):
-                raise
-            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", self._hint(error)) from error
+        """All that a plugin registers and that can be used."""
+        if self._manager.register(plugin, name) is None:
+            raise PluginError(f"plugin {name!r} is blocked.")
+        self._only(plugin, EXTENSION)(register=self._extend)
+        self._manager.check_pending()
+        registry = self._call_hooks(plugin, name)
+        for kind in set(registry.found) - {"skills"}:
+            registry.drop_duplicates(kind, self._found[kind])
+        own = {one.name: one.value for one in registry.found.get("measures", [])}
+        registry.disable_faulty_skills({**self.measures, **own}, self._base)
+        registry.drop_duplicates("skills", self._found["skills"])
+        return registry
 
     def _call_hooks(self, plugin: object, name: str) -> Registry:
         registry = Registry(name)
@@ -320,17 +351,6 @@ class Plugins:
             ):
                 self._found.setdefault(name.removeprefix(PREFIX), {})
 
-    def _refuse_duplicates(self, registry: Registry) -> None:
-        for kind, found in registry.found.items():
-            for one in found:
-                first = self._found[kind].get(one.name) or _twice(found, one)
-                if first:
-                    self._manager.unregister(name=registry.owner)
-                    raise PluginError(
-                        f"{noun(kind)} {one.name!r} of plugin {registry.owner!r} is already registered by {first.owner!r}.",
-                        "Uninstall one of the two or rename it.",
-                    )
-
     def _hint(self, error: BaseException) -> str:
         """For a misspelt hook, the hook that was probably meant."""
         known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
@@ -339,11 +359,6 @@ class Plugins:
         wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
         near = difflib.get_close_matches(wrong[0], specified, n=1, cutoff=0.5) if wrong else []
         return f"Did you mean {near[0]}?" if near else ""
-
-
-def _twice(found: Iterable[Registration], one: Registration) -> Registration | None:
-    same = [other for other in found if other.name == one.name]
-    return same[0] if len(same) > 1 else None
 
 
 def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:

@@ -93,7 +93,7 @@ def _state(skill: Skill) -> str:
 
 
 def _plugin_row(info: PluginInfo) -> dict[str, str]:
-    lost = [f"skill {name} disabled: {reason}" for name, reason in info.disabled.items()]
+    lost = [*(f"skill {name} disabled: {reason}" for name, reason in info.disabled.items()), *info.duplicates]
     return {
         "plugin": info.name,
         "version": info.version,
