@@ -27,7 +27,7 @@ from mcp_types import (
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from humanclaw import PluginError, Skill, StepRecord
+from humanclaw import Skill, StepRecord
 from humanclaw.body import JOINTS
 from humanclaw.outcomes import FLOOR_THRESHOLD
 from humanclaw.pose import Pose2D
@@ -70,11 +70,8 @@ class Outcome(BaseModel):
 
 
 def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
-    """Every skill that can run, then `look` and `reset`. Raises PluginError if a skill has the name of one of those."""
+    """List every skill that can run, then `look` and `reset`, whose names the contract keeps from skills."""
     ready = [skill for skill in skills if skill.trained]
-    taken = sorted({LOOK, RESET} & {skill.name for skill in ready})
-    if taken:
-        raise PluginError(f"skill {taken[0]!r} has the name of a tool that this server offers itself.", "Rename it.")
     schema = Outcome.model_json_schema()
     acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
     specs = publish(ready, "mcp", reasoning=settings.reasoning)

@@ -6,7 +6,8 @@ import anyio
 import pytest
 from mcp import Client
 
-from humanclaw import HumanclawError, Keyframes, PluginError, Plugins, hookimpl, skill
+from humanclaw import HumanclawError, Keyframes, PluginError, skill
+from humanclaw_mcp import content
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server
@@ -52,20 +53,11 @@ async def test_a_scene_that_does_not_exist_is_told_and_can_be_left():
 
 
 def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
-    @skill()
-    def look() -> Keyframes:
-        """Look up."""
-        return Keyframes.cycle("neck", axis="x", degrees=-20, seconds=0.5)
-
-    class Plugin:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(look)
-
-    plugins = Plugins()
-    plugins.add(Plugin(), "looker")
-    with pytest.raises(PluginError, match="'look' has the name of a tool"):
-        make_server(Handlers(Bodies(Settings(), plugins)))
+    tools = {tool.name for tool in content.tools([], Settings())}
+    assert tools
+    for name in tools:
+        with pytest.raises(PluginError, match=f"'{name}' is taken: a harness has a tool of that name"):
+            skill(name=name)(lambda: Keyframes.cycle("neck", axis="x", degrees=-20, seconds=0.5))
 
 
 async def test_with_the_reasoning_a_call_says_what_is_seen_first():
