@@ -25,8 +25,9 @@ $(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 demo: $(VENV)/.demo  ## One episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
 
+# A file's tests stay together: they share what is slow to make.
 test: install  ## All tests
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 WHEELS ?= dist
 
