@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from declared import INFOS
@@ -22,8 +23,10 @@ from humanclaw.records import (
     EpisodeSpec,
     EpisodeWriter,
     Feedback,
+    RecordedEpisode,
     StepRecord,
     Verdict,
+    write_record,
 )
 from humanclaw.scene import GROUND, Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
@@ -110,3 +113,9 @@ def record_episode(
     }
     writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}), arrays)
     return scene
+
+
+def broken_off(folder: Path, **changes: Any) -> None:
+    """Make of a closed record one that nobody came to close: it does not yet hold the digests of its files."""
+    record = RecordedEpisode(folder).record
+    write_record(folder, record.model_copy(update={"outcome": "running", "files": {}} | changes))

@@ -8,7 +8,6 @@ from itertools import groupby
 from typing import Final
 
 import numpy as np
-from skimage.measure import approximate_polygon
 
 from humanclaw.navigation.occupancy import OBSTACLE_HEIGHTS, room_at
 from humanclaw.pose import Array, wrap_angle
@@ -58,6 +57,8 @@ def _boxes(scene: Scene) -> tuple[Array, Array]:
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
     """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
+    from skimage.measure import approximate_polygon  # It brings scipy.signal and scipy.stats: a second of loading.
+
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)
     bearing = np.arctan2(segments[:, 0], segments[:, 1])

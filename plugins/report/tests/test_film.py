@@ -8,7 +8,7 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from made import record_episode
+from made import broken_off, record_episode
 from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_storeys
 
@@ -151,6 +151,7 @@ def test_a_poster_of_a_climb_has_a_map_of_each_storey(climbed: tuple[RecordedEpi
 
 def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     scene = record_episode(tmp_path)
+    broken_off(tmp_path)
     (tmp_path / "motion.npz").unlink()
     with pytest.raises(RecordError, match="holds no motion"):
         film(RecordedEpisode(tmp_path), scene, Painter(), tmp_path / "film.mp4")

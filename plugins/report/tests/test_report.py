@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import record_episode
+from made import broken_off, record_episode
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
@@ -86,8 +86,8 @@ def test_every_picture_is_described_and_every_link_leads_somewhere(page: Page) -
 def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tuple[Path, Scene]) -> None:
     episode = RecordedEpisode(run[0] / "one")
     for step in episode.steps:
-        assert step.attempts[0].reasoning in page.text
-        assert step.attempts[0].visible_state in page.text
+        assert step.decision.reasoning in page.text
+        assert step.decision.visible_state in page.text
     assert "sit_in_place(h_cm=52)" in page.text
     assert "too far" in page.text
 
@@ -190,6 +190,7 @@ def test_standing_on_an_upper_floor_is_no_contact(climbed: tuple[RecordedEpisode
 
 def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_path: Path) -> None:
     scene = record_episode(tmp_path)
+    broken_off(tmp_path, steps=0)
     (tmp_path / "steps.jsonl").write_text("")
     page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
     assert not page.all("polyline")
@@ -234,6 +235,7 @@ def test_a_large_film_is_linked(tmp_path: Path) -> None:
 
 def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> None:
     scene = record_episode(tmp_path / "one")
+    broken_off(tmp_path / "one")
     (tmp_path / "one" / "motion.npz").unlink()
     page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
     assert len(page.all("polyline")) > 10

@@ -140,7 +140,7 @@ def _backwards(metres: float):
             return pose.rest_pose(5)
 
         def generate(self, history, adapter, values, key):
-            frame = pose.Frame.of_history(history)
+            frame = pose.Pose2D.of_history(history)
             rest = pose.rest_pose(15)
             back = np.outer(np.arange(1, 16) / 15, [0, 0, -metres])
             return frame.to_world(pose.Motion(rest.root + back, rest.rotations))

@@ -184,7 +184,7 @@ def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
 def test_a_spoilt_history_stays_in_its_canonical_frame():
     *_, root, rotations = _spoilt()
     for one in zip(root, rotations, strict=True):
-        frame = pose.Frame.of_history(pose.Motion(one[0][:5], one[1][:5]))
+        frame = pose.Pose2D.of_history(pose.Motion(one[0][:5], one[1][:5]))
         assert (frame.x, frame.z, frame.floor) == pytest.approx((0, 0, 0), abs=1e-5)
         assert frame.yaw == pytest.approx(0, abs=0.02)
 
