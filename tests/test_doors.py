@@ -1,4 +1,5 @@
-"""The page of public doors is true: it lists the names that are there, and nobody outside the core goes by another way."""
+"""The page of public doors is true: it lists the names that are there, and nobody outside the core goes by another
+way."""
 
 from __future__ import annotations
 

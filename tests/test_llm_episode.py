@@ -1,4 +1,5 @@
-"""A language model drives a body: the whole way over HTTP, from the picture to the motion, and from the command line."""
+"""A language model drives a body: the whole way over HTTP, from the picture to the motion, and from the command
+line."""
 
 import json
 import re
@@ -147,7 +148,8 @@ def test_a_run_that_ends_by_a_limit_says_so(shell):
 
 
 def test_a_planted_key_is_in_no_artefact_of_a_run(shell, tmp_path, caplog):
-    """In what the model says, in errors that are retried, in the one that ends the run: and in no file and on no screen."""
+    """In what the model says, in errors that are retried, in the one that ends the run: and in no file and on no
+    screen."""
     leaks = [
         status(429, f"slow down, {KEY}"),
         call("walk", **STEP | {"reasoning": f"I was told {KEY}", "visible_state": KEY}),

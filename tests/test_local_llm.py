@@ -1,4 +1,5 @@
-"""A real language model on this machine, if one is installed: it is asked over HTTP, and what it says moves the body."""
+"""A real language model on this machine, if one is installed: it is asked over HTTP, and what it says moves the
+body."""
 
 from __future__ import annotations
 

@@ -108,7 +108,8 @@ def test_only_the_senses_asked_for_speak(plugins, house, senses, told):
 def test_a_record_keeps_what_was_felt_as_values_and_says_the_same_again():
     felt = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
     step = StepRecord(
-        step=0, status="executed", attempts=(), call=Call("walk"), proprioception=felt, tactile=(Touch("hips", 3, False),)
+        step=0, status="executed", attempts=(), call=Call("walk"), proprioception=felt, tactile=(Touch("hips", 3,
+        False),)
     )  # fmt: skip
     again = StepRecord.model_validate_json(step.model_dump_json())
     assert again == step

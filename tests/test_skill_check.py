@@ -1,4 +1,5 @@
-"""The contract of a skill, checked where it is registered: who breaks it is named and disabled, and nobody else is harmed."""
+"""The contract of a skill, checked where it is registered: who breaks it is named and disabled, and nobody else is
+harmed."""
 
 import importlib
 import json
@@ -38,7 +39,8 @@ class Folders:
 
 @pytest.fixture
 def copy(plugins, tmp_path):
-    """A copy of an installed skill's folder, to be spoilt: its schema by a function, its adapter's header by another."""
+    """A copy of an installed skill's folder, to be spoilt: its schema by a function, its adapter's header by
+    another."""
 
     def copied(name, schema=lambda schema: None, head=lambda head: None) -> Path:
         folder = shutil.copytree(plugins.skill(name).adapter.parent, tmp_path / name)

@@ -1,4 +1,5 @@
-"""What somebody gets who installs a wheel: all of it, and a demo that runs. Slow: HUMANCLAW_SLOW=1 pytest tests/test_wheels.py"""
+"""What somebody gets who installs a wheel: all of it, and a demo that runs. Slow: HUMANCLAW_SLOW=1 pytest
+tests/test_wheels.py"""
 
 import os
 import subprocess

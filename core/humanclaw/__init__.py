@@ -1,7 +1,7 @@
 """HumanCLAW: a human body for any tool-calling model.
 
-The names below are the public door. They load on first use, so that `import humanclaw` costs nothing. The other doors are listed in
-docs/doors.md; every other module is private.
+The names below are the public door. They load on first use, so that `import humanclaw` costs nothing. The other doors
+are listed in docs/doors.md; every other module is private.
 """
 
 from __future__ import annotations

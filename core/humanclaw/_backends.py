@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 SENSES: Final = ("vision", "body", "touch")
 """Vision is always on: it is the picture."""
 SIMULATORS: Final = ("bullet", "mujoco")
-"""Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest Pythons."""
+"""Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest
+Pythons."""
 
 
 @dataclass(frozen=True)

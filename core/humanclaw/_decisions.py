@@ -1,4 +1,5 @@
-"""What is decided in a step: the call, the reasoning around it, its verification, its cost. In the loop and in the record alike."""
+"""What is decided in a step: the call, the reasoning around it, its verification, its cost. In the loop and in the
+record alike."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class Call:
 
 @dataclass(frozen=True)
 class Usage:
-    """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US dollars."""
+    """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US
+    dollars."""
 
     __pydantic_config__: ClassVar = STRICT
 
@@ -58,7 +60,8 @@ class Usage:
 
 @dataclass(frozen=True)
 class Decision:
-    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is legal."""
+    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is
+    legal."""
 
     __pydantic_config__: ClassVar = STRICT
 

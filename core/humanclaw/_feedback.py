@@ -57,7 +57,8 @@ class Proprioception:
     def __str__(self) -> str:
         tilt = "" if self.trunk_tilt < _TILTED else f", trunk tilted by {self.trunk_tilt:.0f} degrees"
         return (
-            f"You feel yourself {self._posture()}{tilt}: your hips are {100 * self.hip_height:.0f} cm above your soles. "
+            f"You feel yourself {self._posture()}{tilt}: your hips are {100 * self.hip_height:.0f} cm above your "
+            "soles. "
             f"Your limbs meant {self.intended}; your body went {self.moved}."
         )
 

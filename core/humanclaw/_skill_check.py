@@ -1,4 +1,5 @@
-"""The contract of a skill, checked: by the plugin host where a skill is registered, and by humanclaw.testing.check_skill.
+"""The contract of a skill, checked: by the plugin host where a skill is registered, and by
+humanclaw.testing.check_skill.
 
 One check for both, the adapter's weights included: a skill that is listed as ready can run.
 """
@@ -19,11 +20,13 @@ from humanclaw.motion.checkpoint import check_checkpoint
 from humanclaw.tools import Format, parameter_schema, publish
 
 _SLACK: Final = 0.05
-"""Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the data."""
+"""Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the
+data."""
 _TOP_LEVEL: Final = frozenset(
     {"$schema", "$comment", "$defs", "title", "description", "type", "properties", "required", "additionalProperties"}
 )
-"""Words of a schema that reach every provider, or that need not: any other would be held against a model that is not told it."""
+"""Words of a schema that reach every provider, or that need not: any other would be held against a model that is not
+told it."""
 
 
 def skill_faults(skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "") -> tuple[PluginError, ...]:
@@ -214,7 +217,8 @@ def _columns(config: Mapping[str, Any]) -> Iterator[tuple[str, float, float]]:
 def _other_names(skill: Skill, trained: Mapping[str, Any]) -> PluginError:
     declared = ", ".join(one.name for one in skill.parameters) or "none"
     return PluginError(
-        f"the adapter of skill {skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, and its schema.json "
+        f"the adapter of skill {skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, and its "
+        "schema.json "
         f"declares {declared}.",
         f"Mend schema.json (z_cm and z_deg are the adapter's z). {_train(skill)}",
     )
@@ -226,7 +230,8 @@ def _beyond(skill: Skill, one: Parameter, centre: float, scale: float) -> Iterat
         least, most = (from_si(one.key, edge) for edge in (centre - scale, centre + scale))
         low, high = (from_si(one.key, edge) for edge in (one.low, one.high))
         message = (
-            f"parameter {one.key!r} of skill {skill.name!r} may be {low:.0f} to {high:.0f}, and its adapter was trained on "
+            f"parameter {one.key!r} of skill {skill.name!r} may be {low:.0f} to {high:.0f}, and its adapter was "
+            "trained on "
             f"{least:.0f} to {most:.0f}."
         )
         yield PluginError(message, f"Narrow the bounds in schema.json. {_train(skill)}")

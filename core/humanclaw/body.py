@@ -1,8 +1,8 @@
 """The body: 24 joints, their rest offsets, and one convex collision shape per link.
 
-The joint order is the SMPL topology, so motion that uses it maps one to one; every length is our own, the rounded median of
-the skeletons of the mocap that the motion model was trained on. Frame of the rest pose: metres, Y up, facing +Z, left = +X,
-legs vertical, arms level along X (T-pose), origin at the pelvis. Needs numpy alone.
+The joint order is the SMPL topology, so motion that uses it maps one to one; every length is our own, the rounded
+median of the skeletons of the mocap that the motion model was trained on. Frame of the rest pose: metres, Y up, facing
++Z, left = +X, legs vertical, arms level along X (T-pose), origin at the pelvis. Needs numpy alone.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The skill contract: a name, a role, a JSON schema, a checklist, and a way from parameters to motion.
 
-A skill is atomic and body-local (paper, section 3.3). It never sees a scene. It turns its parameters into a Control, for the
-motion model with this skill's adapter, or into Keyframes, played as they are.
+A skill is atomic and body-local (paper, section 3.3). It never sees a scene. It turns its parameters into a Control,
+for the motion model with this skill's adapter, or into Keyframes, played as they are.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Control:
 class Keyframes:
     """Rotations laid over the pose in which the body is, played without the motion model.
 
-    times: seconds, increasing from 0 to at most 60. rotations: joint name to one rotation vector (radians, joint frame) a time.
+    times: seconds, increasing from 0 to at most 60. rotations: joint name to one rotation vector (radians, joint frame)
+    a time.
     """
 
     times: tuple[float, ...]
@@ -189,7 +190,8 @@ class Skill:
 
     @classmethod
     def from_folder(cls, folder: Path) -> Skill:
-        """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the skill."""
+        """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the
+        skill."""
         schema = read_schema(folder)
         role = role_of(folder.name, schema)
         adapter, checks = folder / "adapter.safetensors", _load_checks(folder / "checklist.toml")
@@ -232,7 +234,8 @@ def _bad_checklist(path: Path, why: str) -> PluginError:
 
 
 def _foreign(schema: Any) -> Iterator[str]:
-    """References that lead out of a schema, or that change what others mean: what is checked must be what is published."""
+    """References that lead out of a schema, or that change what others mean: what is checked must be what is
+    published."""
     if isinstance(schema, list):
         for part in schema:
             yield from _foreign(part)
@@ -260,7 +263,8 @@ F = TypeVar("F", bound=Callable[..., Plan])
 
 
 def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Role = "gesture") -> Callable[[F], Skill]:
-    """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the motion."""
+    """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
+    motion."""
 
     if isinstance(checks, str):
         raise PluginError(f"checks is the text {checks!r}.", "Give a list of questions: checks=[...].")

@@ -1,4 +1,5 @@
-"""A body in a scene, driven by skill calls: the Python door, and the part of the loop between a checked call and its outcome.
+"""A body in a scene, driven by skill calls: the Python door, and the part of the loop between a checked call and its
+outcome.
 
 body = Body(scene="house:0")
 observation = body.call("walk", z_cm=40)

@@ -1,7 +1,7 @@
 """One episode that anyone can step: observe, submit a decision, get the step's record (paper, section 3).
 
-An agent's mistake is an error text that goes back to it; a provider's failure ends the episode as infra_error; neither is ever
-turned into a motion. Whatever ends an episode, its record is closed.
+An agent's mistake is an error text that goes back to it; a provider's failure ends the episode as infra_error; neither
+is ever turned into a motion. Whatever ends an episode, its record is closed.
 
 with Episode(body, spec, agent, folder=folder) as episode:
     while not episode.done:
@@ -87,8 +87,8 @@ class Episode:
             folder: of the record; None keeps none on disk.
             options: of the run, for the record.
             distance: measures the way that is left to a target after each step, for the record.
-            replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and the
-                episode goes on from there.
+            replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and
+                the episode goes on from there.
             meter: the limits of the run, one meter for all of its episodes.
             attempts: so many refused decisions in a row cost a step.
 
@@ -175,7 +175,8 @@ class Episode:
 
     # -- stepping it ---------------------------------------------------------------------------------------------------
     def observe(self) -> Observation:
-        """See what the body sees, and what became of the last decision. Nothing moves; may be called as often as one likes.
+        """See what the body sees, and what became of the last decision. Nothing moves; may be called as often as one
+        likes.
 
         Raises LimitError, and ends the episode, if a limit leaves nothing for another decision.
         """
@@ -187,7 +188,8 @@ class Episode:
         return Observation(len(self._steps), self.spec.instruction, view.rgb, self._feedback)
 
     def ask(self) -> StepRecord | Refusal:
-        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent raises."""
+        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent
+        raises."""
         if self._agent is None:
             raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
         seen = self.observe()
@@ -228,7 +230,8 @@ class Episode:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than this."""
+        """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than
+        this."""
         self._end_by(fault)
         return isinstance(fault, ProviderError | LimitError | PluginRunError)
 
@@ -269,7 +272,8 @@ class Episode:
         return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
-        """The verdict and the call to execute. A replacement that is not legal lets the proposal through, and says so."""
+        """The verdict and the call to execute. A replacement that is not legal lets the proposal through, and says
+        so."""
         if self._verifier is None:
             return None, call
         skills = self.body.skills
@@ -368,7 +372,8 @@ class Episode:
         self._keep(step, replayed=True)
 
     def _replay_decisions(self, step: StepRecord) -> None:
-        """A script that knows the world keeps a memory beside the history, so it has to live through its decisions too."""
+        """A script that knows the world keeps a memory beside the history, so it has to live through its decisions
+        too."""
         if self._agent and self._agent.privileged:
             feedback = self._feedback
             for attempt in step.attempts:
@@ -423,7 +428,8 @@ class Episode:
 
     # -- parts ---------------------------------------------------------------------------------------------------------
     def _begin_deciders(self) -> None:
-        """Tell agent and verifier their task. What they refuse is raised; what breaks ends the episode, once it has a record."""
+        """Tell agent and verifier their task. What they refuse is raised; what breaks ends the episode, once it has a
+        record."""
         for decider in (self._agent, self._verifier):
             try:
                 with blaming(_origin(decider)):
@@ -451,10 +457,12 @@ def _origin(decider: object) -> str:
 
 
 def reset(body: Body, spec: EpisodeSpec) -> None:
-    """Put a body at the start of an episode. Raises SceneError if the scene is not the one that the episode was made for."""
+    """Put a body at the start of an episode. Raises SceneError if the scene is not the one that the episode was made
+    for."""
     body.reset(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
     if spec.scene_digest and body.scene.digest != spec.scene_digest:
         raise SceneError(
-            f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for {spec.scene_digest[:12]}.",
+            f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for "
+            f"{spec.scene_digest[:12]}.",
             "Install the version of the scene's plugin that the episode was made with.",
         )

@@ -40,7 +40,8 @@ class CallError(Exception):
 
 
 class LimitError(Exception):
-    """A limit on time, tokens or money was reached. The episode ends as limit_reached: no decision, no fault of anybody's.
+    """A limit on time, tokens or money was reached. The episode ends as limit_reached: no decision, no fault of
+    anybody's.
 
     scope: 'call', 'episode' or 'run'; after a run's limit no further episode may begin.
     """
@@ -51,16 +52,19 @@ class LimitError(Exception):
 
 
 class PluginRunError(Exception):
-    """A plugin's code raised something in an episode. It ends as plugin_error: a failure, counted, with the plugin's name."""
+    """A plugin's code raised something in an episode. It ends as plugin_error: a failure, counted, with the plugin's
+    name."""
 
 
 class ProviderError(Exception):
-    """The model's provider failed for good, after all retries. The episode ends as infra_error; it is never a decision."""
+    """The model's provider failed for good, after all retries. The episode ends as infra_error; it is never a
+    decision."""
 
 
 @contextmanager
 def blaming(plugin: str) -> Iterator[None]:
-    """Name the plugin whose code runs in the block in what it raises; what already says who can mend it goes on as it is."""
+    """Name the plugin whose code runs in the block in what it raises; what already says who can mend it goes on as it
+    is."""
     try:
         yield
     except (HumanclawError, CallError, LimitError, ProviderError, PluginRunError):

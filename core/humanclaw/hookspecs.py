@@ -1,8 +1,8 @@
 """Everything a plugin can add, one function each. A plugin implements the hooks it needs with @humanclaw.hookimpl.
 
-Factories are registered by name and run only when something asks for that name, so a plugin's module stays cheap to import.
-A plugin may specify hooks of its own (humanclaw_hookspecs); those who implement them say @hookimpl(optionalhook=True), so that
-they also work where that plugin is not installed.
+Factories are registered by name and run only when something asks for that name, so a plugin's module stays cheap to
+import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who implement them say
+@hookimpl(optionalhook=True), so that they also work where that plugin is not installed.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def noun(kind: str) -> str:
 
 @hookspec
 def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
-    """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a kind
-    of things that have a name: Plugins.registered(kind) and Plugins.make(kind, name) know them."""
+    """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a
+    kind of things that have a name: Plugins.registered(kind) and Plugins.make(kind, name) know them."""
 
 
 @hookspec
@@ -84,7 +84,8 @@ def humanclaw_skills(register: RegisterSkill) -> None:
 
 @hookspec
 def humanclaw_recipes(register: RegisterRecipe) -> None:
-    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised (humanclaw.recipes)."""
+    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised
+    (humanclaw.recipes)."""
 
 
 @hookspec
@@ -119,7 +120,8 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 @hookspec
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
-    """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") -> Reporter."""
+    """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
+    Reporter."""
 
 
 @hookspec

@@ -1,4 +1,5 @@
-"""The seams of the system, as protocols, and the values that cross them. An implementation is registered by a plugin hook."""
+"""The seams of the system, as protocols, and the values that cross them. An implementation is registered by a plugin
+hook."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class WorldState:
 
     body: Motion
     objects: Mapping[int, Array]
-    """Object id to (7,): position, then quaternion x, y, z, w. Movable objects only; the rest is where the scene says."""
+    """Object id to (7,): position, then quaternion x, y, z, w. Movable objects only; the rest is where the scene
+    says."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class Simulator(Protocol):
         """Load a scene and stand the body on its start. Raises SceneError if the body does not fit there."""
 
     def execute(self, motion: Motion) -> Execution:
-        """Drive the body through consecutive frames given in the world frame; the vertical root motion is not commanded."""
+        """Drive the body through consecutive frames given in the world frame; the vertical root motion is not
+        commanded."""
 
     def state(self) -> WorldState: ...
 
@@ -95,7 +98,8 @@ class Renderer(Protocol):
 
 
 GAZE_PITCH: Final = np.radians(-20.0)
-"""The eyes are held level and 20 degrees below the horizon, as the vestibulo-ocular reflex would, so steps do not shake them."""
+"""The eyes are held level and 20 degrees below the horizon, as the vestibulo-ocular reflex would, so steps do not shake
+them."""
 
 
 def ego_camera(body: Motion, size: int = 512) -> Camera:
@@ -191,8 +195,8 @@ class EpisodeContext:
 class Agent(Protocol):
     """Anything that can call a tool: a model, a person, a script.
 
-    If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force, with the
-    defaults filled in.
+    If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force,
+    with the defaults filled in.
     """
 
     name: str
@@ -210,7 +214,8 @@ class Agent(Protocol):
 class Verifier(Protocol):
     """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone.
 
-    An attribute `settings` is recorded, as an agent's is. One with a true attribute `privileged` is told scene and state.
+    An attribute `settings` is recorded, as an agent's is. One with a true attribute `privileged` is told scene and
+    state.
     """
 
     name: str

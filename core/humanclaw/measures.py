@@ -1,8 +1,9 @@
-"""What a skill's parameters command: named, signed measures of half a second of motion, and the declarations that use them.
+"""What a skill's parameters command: named, signed measures of half a second of motion, and the declarations that use
+them.
 
-A skill's schema.json says what the skill is (`x-role`) and which measure each trained parameter commands (`x-measure`); everything
-that scores, trains or calls skills reads that and never a skill's name. Plugins add measures through the hook
-`humanclaw_measures`. Needs numpy alone, so that training runs where there is no plugin host.
+A skill's schema.json says what the skill is (`x-role`) and which measure each trained parameter commands (`x-measure`);
+everything that scores, trains or calls skills reads that and never a skill's name. Plugins add measures through the
+hook `humanclaw_measures`. Needs numpy alone, so that training runs where there is no plugin host.
 
     {"x-role": "locomotion", "properties": {"z_cm": {"type": "integer", "x-measure": "hips.forward", ...}}, ...}
 """
@@ -23,8 +24,9 @@ from humanclaw.errors import PluginError
 from humanclaw.pose import HISTORY, Array, heading
 
 Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
-"""What a skill is for: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture` changes how it
-stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends the episode."""
+"""What a skill is for: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
+changes how it stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends
+the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 _UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
 _SI_UNITS: Final = MappingProxyType({"_cm": "m", "_deg": "rad"})
@@ -36,7 +38,8 @@ _PER_SI: Final = MappingProxyType({"_cm": 100.0, "_deg": 180 / pi})
 class Measure:
     """One number of a chunk: how far the body got, turned or rose.
 
-    function: canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3), 5 frames of history and 15 of future, to (N,) in SI.
+    function: canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3), 5 frames of history and 15 of future, to
+    (N,) in SI.
     """
 
     name: str
@@ -56,7 +59,8 @@ def _rise(root: Array, rotations: Array) -> Array:
 
 
 _BUILTIN: Final = (
-    Measure("hips.left", "m", "Displacement of the hips to the left of where they faced.", -1, lambda p, r: p[:, -1, 0]),
+    Measure("hips.left", "m", "Displacement of the hips to the left of where they faced.", -1, lambda p, r: p[:, -1,
+    0]),
     Measure("hips.forward", "m", "Displacement of the hips to where they faced.", 1, lambda p, r: p[:, -1, 2]),
     Measure("hips.back", "m", "Displacement of the hips away from where they faced.", 1, lambda p, r: -p[:, -1, 2]),
     Measure("heading.left", "rad", "Change of heading, a left turn positive.", -1, lambda p, r: heading(r[:, -1, 0])),
@@ -65,7 +69,8 @@ _BUILTIN: Final = (
     Measure("hips.height", "m", "Height of the hips above the floor at the end.", 1, lambda p, r: p[:, -1, 1]),
 )  # fmt: skip
 MEASURES: Final[Mapping[str, Measure]] = MappingProxyType({measure.name: measure for measure in _BUILTIN})
-"""The measures that come with the core, by name. Displacements and turns are from the last history frame to the last frame."""
+"""The measures that come with the core, by name. Displacements and turns are from the last history frame to the last
+frame."""
 
 
 # -- declarations ------------------------------------------------------------------------------------------------------
@@ -83,7 +88,8 @@ class Parameter:
 
     @property
     def name(self) -> str:
-        """Its name behind the contract, in Control.values and in the adapter's header: the key without its unit, z for z_cm."""
+        """Its name behind the contract, in Control.values and in the adapter's header: the key without its unit, z for
+        z_cm."""
         return si_name(self.key)
 
 
@@ -95,7 +101,8 @@ class Declaration:
     role: Role
     parameters: tuple[Parameter, ...]
     primary: Parameter | None
-    """What the ratio of achieved over commanded is told of: the first parameter that a call requires, else the first of all."""
+    """What the ratio of achieved over commanded is told of: the first parameter that a call requires, else the first of
+    all."""
 
     @classmethod
     def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:
@@ -132,7 +139,8 @@ class Declaration:
 
 
 def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
-    """Of the skills of a role that command all these measures the one that commands least besides; the first of equals."""
+    """Of the skills of a role that command all these measures the one that commands least besides; the first of
+    equals."""
     fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
     return min(fitting, key=lambda one: len(one.parameters), default=None)
 
@@ -198,7 +206,8 @@ def _scale(key: str) -> float:
 def outcomes(
     parameters: Sequence[Parameter], root: Array, rotations: Array, measures: Mapping[str, Measure] = MEASURES
 ) -> Array:
-    """Return what chunks achieve of each parameter: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k), SI.
+    """Return what chunks achieve of each parameter: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k),
+    SI.
 
     Raises PluginError for a parameter that commands no known measure.
     """

@@ -1,4 +1,5 @@
-"""The facts of a step that success rests on, each defined once: what is seen, reached, sat on, stood on, acknowledged."""
+"""The facts of a step that success rests on, each defined once: what is seen, reached, sat on, stood on,
+acknowledged."""
 
 from __future__ import annotations
 
@@ -36,8 +37,9 @@ _SEEKING: Final = re.compile(
 def acknowledges(text: str, category: str) -> bool:
     """Whether a text says that the target is in view.
 
-    A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A negation
-    that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of it.
+    A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A
+    negation that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of
+    it.
     """
     names = (*ALIASES.get(category, (category.replace("_", " "),)), "target")
     named = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})(?:e?s)?\b")
@@ -83,13 +85,15 @@ def footing(contact: Contact, ground: Set[int]) -> bool:
 
 
 def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
-    """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper floor."""
+    """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper
+    floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
 
 
 def end_distance(recorded: RecordedEpisode) -> float:
-    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if unknown.
+    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if
+    unknown.
 
     A stop moves nothing, so this is where the body was when it was called.
     """

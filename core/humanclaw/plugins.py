@@ -1,8 +1,8 @@
 """The plugin host: finds plugins, keeps broken ones apart, and answers by name.
 
-A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file. Each is
-loaded in its own try: one that cannot be used is named and disabled, and only a run that needs it fails. A plugin can extend the
-host with hooks of its own (hook humanclaw_hookspecs).
+A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file.
+Each is loaded in its own try: one that cannot be used is named and disabled, and only a run that needs it fails. A
+plugin can extend the host with hooks of its own (hook humanclaw_hookspecs).
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ class PluginInfo:
     error: str = ""
     """Why it is disabled; empty if it is in use."""
     disabled: Mapping[str, str] = field(default_factory=dict)
-    """Of its skills those that break the contract or that another plugin has, by name, and why. The others are in use."""
+    """Of its skills those that break the contract or that another plugin has, by name, and why. The others are in
+    use."""
     duplicates: tuple[str, ...] = ()
     """Of what else it registers those that another plugin has, each told with both owners."""
 
@@ -84,7 +85,8 @@ class Registry:
     """What else another plugin has, each told with both owners."""
 
     def register(self, kind: str) -> Callable[..., None]:
-        """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them itself."""
+        """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them
+        itself."""
 
         def register(named: Any, value: Any = None, description: str = "") -> None:
             if value is None:
@@ -168,7 +170,8 @@ class Plugins:
 
     @classmethod
     def discover(cls, files: Sequence[Path] = ()) -> Plugins:
-        """Every installed plugin, and then the given files. A file that cannot be used raises, since it was asked for by name."""
+        """Every installed plugin, and then the given files. A file that cannot be used raises, since it was asked for
+        by name."""
         host = cls()
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
         loaded = [(point, host._load(point)) for point in sorted(points, key=lambda point: point.name)]
@@ -186,10 +189,11 @@ class Plugins:
         return host
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
-        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers, if it cannot be used.
+        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers, if it cannot be
+        used.
 
-        What another plugin has registered under the same name is left to that one. A plugin with the hook humanclaw_hookspecs
-        comes before those that implement what it specifies.
+        What another plugin has registered under the same name is left to that one. A plugin with the hook
+        humanclaw_hookspecs comes before those that implement what it specifies.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
             raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")
@@ -211,7 +215,8 @@ class Plugins:
         return tuple(self._infos)
 
     def tell(self, hook: str, **event: Any) -> None:
-        """Call a hook of every plugin that has it. One that raises is told of in the log; the others hear of it all the same."""
+        """Call a hook of every plugin that has it. One that raises is told of in the log; the others hear of it all the
+        same."""
         for name, plugin in self._manager.list_name_plugin():
             if not hasattr(plugin, hook):
                 continue
@@ -251,7 +256,8 @@ class Plugins:
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
         """Call the factory registered under a name.
 
-        Raises PluginError with the nearest names if there is none, and for one that needs a package that is not installed.
+        Raises PluginError with the nearest names if there is none, and for one that needs a package that is not
+        installed.
         """
         found = self._find(kind, name)
         try:
@@ -302,7 +308,8 @@ class Plugins:
         return f"Known: {', '.join([*known, *more]) or 'none'}."
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
-        """The plugin's module; None, and the reason among the infos, if it cannot be imported or is for another version."""
+        """The plugin's module; None, and the reason among the infos, if it cannot be imported or is for another
+        version."""
         return self._try(point, lambda: _checked(point).load())
 
     def _try(self, point: importlib.metadata.EntryPoint, use: Callable[[], T]) -> T | None:
@@ -341,7 +348,8 @@ class Plugins:
         return self._manager.subset_hook_caller(hook, others)
 
     def _extend(self, specs: ModuleType) -> None:
-        """Add the hook specifications of a module; those that take `register` alone are kinds of things that have a name."""
+        """Add the hook specifications of a module; those that take `register` alone are kinds of things that have a
+        name."""
         self._manager.add_hookspecs(specs)
         for name, spec in vars(specs).items():
             if (

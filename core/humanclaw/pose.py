@@ -1,7 +1,7 @@
 """Rotations, forward kinematics, canonical frames and the 219-number state of the motion model (paper, section 3.3).
 
-Conventions: metres, radians, seconds; Y up; at yaw 0 the body faces +Z with its left towards +X; positive yaw is a left turn.
-Rotations are axis-angle vectors (rotation vectors) unless a name says otherwise. Needs numpy alone.
+Conventions: metres, radians, seconds; Y up; at yaw 0 the body faces +Z with its left towards +X; positive yaw is a left
+turn. Rotations are axis-angle vectors (rotation vectors) unless a name says otherwise. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -105,7 +105,8 @@ def yaw_matrix(yaw: float | Array) -> Array:
 
 
 def heading(root_rotation: Array) -> Array:
-    """Map (..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave alone."""
+    """Map (..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave
+    alone."""
     left = matrix_from_vector(root_rotation)[..., :, 0]
     return np.asarray(np.arctan2(-left[..., 2], left[..., 0]))
 
@@ -115,7 +116,8 @@ def heading(root_rotation: Array) -> Array:
 class Motion:
     """Poses at 30 frames a second in one Y-up frame.
 
-    root: (T, 3) pelvis positions, metres. rotations: (T, 24, 3) local rotation vectors; joint 0 is the root's orientation.
+    root: (T, 3) pelvis positions, metres. rotations: (T, 24, 3) local rotation vectors; joint 0 is the root's
+    orientation.
     """
 
     root: Array
@@ -152,7 +154,8 @@ class Motion:
 
 
 def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
-    """Map (..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3) orientations."""
+    """Map (..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3)
+    orientations."""
     local = matrix_from_vector(rotations)
     positions: list[Array] = [np.asarray(root, float)]
     orientations: list[Array] = [local[..., 0, :, :]]
@@ -180,7 +183,8 @@ def support_height(joints: Array) -> Array:
 # -- canonical frames --------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Pose2D:
-    """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it spans."""
+    """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it
+    spans."""
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
@@ -199,7 +203,8 @@ class Pose2D:
 
     @classmethod
     def of_history(cls, history: Motion) -> Pose2D:
-        """Return the canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest sole."""
+        """Return the canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest
+        sole."""
         return cls.of(history, -1, float(support_height(history.joints()).min()))
 
     def to_local(self, motion: Motion) -> Motion:
@@ -220,8 +225,9 @@ class Pose2D:
 def anchored(generated: Motion, realised: Motion) -> Motion:
     """Generated frames, moved as one piece so that the last of them stands where the body really is.
 
-    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair, and
-    the model never meets a pose that no person would take. Position and heading, which contact changes for good, are physical.
+    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair,
+    and the model never meets a pose that no person would take. Position and heading, which contact changes for good,
+    are physical.
     """
     there = Pose2D.of(realised, floor=float(realised.root[-1, 1]))
     here = Pose2D.of(generated, floor=float(generated.root[-1, 1]))
@@ -236,7 +242,8 @@ def _turned(motion: Motion, turn: Array) -> Motion:
 
 # -- the state of the motion model -------------------------------------------------------------------------------------
 def encode(motion: Motion) -> Array:
-    """Motion in its canonical frame to (T, 219) states: root 3, root rotation 3, joint rotations 69, positions 72, velocities 72.
+    """Motion in its canonical frame to (T, 219) states: root 3, root rotation 3, joint rotations 69, positions 72,
+    velocities 72.
 
     A velocity is the difference to the frame before, metres a frame; the first frame takes that of the second.
     """
@@ -264,10 +271,11 @@ JERK_STRIDE: Final = 8
 
 
 def root_jerk(motion: Motion) -> float:
-    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames (paper, section 4.2).
+    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames (paper, section
+    4.2).
 
-    Root translation and rotation carry the rest skeleton's joints but for the hands, so gait plays no part; then a moving average
-    of 3 frames and the third difference of points 8 frames apart.
+    Root translation and rotation carry the rest skeleton's joints but for the hands, so gait plays no part; then a
+    moving average of 3 frames and the third difference of points 8 frames apart.
     """
     rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
     points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]

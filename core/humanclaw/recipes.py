@@ -1,8 +1,8 @@
 """How a trained skill's chunks come about: which windows of real clips show it, and how its motion is synthesised.
 
-A skill that is trained keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`; humanclaw-train
-interprets it and knows no skill by name. What a parameter commands, and so what synthesis does with it, is the measure that the
-schema declares. Needs numpy alone.
+A skill that is trained keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`;
+humanclaw-train interprets it and knows no skill by name. What a parameter commands, and so what synthesis does with it,
+is the measure that the schema declares. Needs numpy alone.
 
     RECIPE = Recipe(
         name="stroll",
@@ -31,8 +31,9 @@ Mask: TypeAlias = NDArray[np.bool_]
 class WindowTravel:
     """What the pelvis of N windows of real motion does from the last history frame to the last; all (N,).
 
-    across (positive to the left), up, forward: metres. yaw: radians. feet: mean horizontal path of the two feet, metres.
-    composed: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not on stairs.
+    across (positive to the left), up, forward: metres. yaw: radians. feet: mean horizontal path of the two feet,
+    metres. composed: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not
+    on stairs.
     """
 
     across: Array
@@ -90,10 +91,11 @@ class GaitParameters:
 
 @dataclass(frozen=True)
 class Draw:
-    """How commands of one parameter are drawn, SI: half of them evenly from low to high, half near what is asked for most.
+    """How commands of one parameter are drawn, SI: half of them evenly from low to high, half near what is asked for
+    most.
 
-    usual, spread: mean and deviation of the latter; None for an even spread alone. nought: share of those that are exactly 0.
-    jitter: deviation from one command to the next while a skill goes on.
+    usual, spread: mean and deviation of the latter; None for an even spread alone. nought: share of those that are
+    exactly 0. jitter: deviation from one command to the next while a skill goes on.
     """
 
     low: float

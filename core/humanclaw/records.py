@@ -82,7 +82,8 @@ class EpisodeSpec(Record):
 
 
 def name_of(scene: str) -> str:
-    """Make a scene reference part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be called."""
+    """Make a scene reference part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be
+    called."""
     return re.sub(r"[^A-Za-z0-9._]+", "-", scene).strip("-")[:60]
 
 
@@ -113,7 +114,8 @@ class StepRecord(Record):
 
     step: int
     status: Literal["executed", "stopped", "invalid"]
-    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. Neither moves anything."""
+    """stopped: an active stop, which ends the episode where the body is. invalid: no usable call came. Neither moves
+    anything."""
     attempts: tuple[Attempt, ...]
     verdict: Verdict | None = None
     call: Call | None = None
@@ -143,7 +145,8 @@ class StepRecord(Record):
     pelvis_contacts: tuple[int, ...] = ()
     """Ids that the pelvis touches in the last physics frame up to the end of the step."""
     geodesic: float | None = None
-    """Shortest way from the pelvis after the step to a place beside the nearest target, metres; None if not measured."""
+    """Shortest way from the pelvis after the step to a place beside the nearest target, metres; None if not
+    measured."""
     seconds: dict[str, float] = {}
     """Wall time of observe, decide, verify, generate, simulate."""
 
@@ -289,7 +292,8 @@ def _frames(folder: Path) -> list[str]:
 
 
 class RecordedEpisode:
-    """An episode folder, read back. Raises RecordError, which names the file and the line, if anything in it is damaged."""
+    """An episode folder, read back. Raises RecordError, which names the file and the line, if anything in it is
+    damaged."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

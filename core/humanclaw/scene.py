@@ -31,8 +31,8 @@ GROUND: Final = ("floor", "stairs")
 class Mesh:
     """A textured triangle mesh: one texture for all of it (an atlas where there are several materials).
 
-    vertices: (N, 3) float32 metres. faces: (M, 3) int32, counter-clockwise from outside. uv: (N, 2) float32 in 0..1, v up.
-    texture: (H, W, 3) uint8, first row at v = 1.
+    vertices: (N, 3) float32 metres. faces: (M, 3) int32, counter-clockwise from outside. uv: (N, 2) float32 in 0..1, v
+    up. texture: (H, W, 3) uint8, first row at v = 1.
     """
 
     vertices: NDArray[np.float32]
@@ -47,7 +47,8 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """What an object is made of, in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front +Z."""
+    """What an object is made of, in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front
+    +Z."""
 
     name: str
     category: str
@@ -138,7 +139,8 @@ class Scene:
     def aabb(self, object_id: int, pose: Array | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest corner of an object's axis-aligned bounding box, metres.
 
-        pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene says.
+        pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene
+        says.
         """
         if pose is None:
             return self._boxes[object_id]

@@ -1,8 +1,8 @@
 """Senses beyond sight, for those who ask for them: where one's own limbs are (`body`), and what they touch (`touch`).
 
-The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). What is told here is what a
-person would feel: heights above one's own soles, displacements beside those intended, which part of the body touches something
-and for how long. Never a coordinate of the scene, never a name of what is touched.
+The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). What is told here is
+what a person would feel: heights above one's own soles, displacements beside those intended, which part of the body
+touches something and for how long. Never a coordinate of the scene, never a name of what is touched.
 """
 
 from __future__ import annotations

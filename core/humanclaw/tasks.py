@@ -64,7 +64,8 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
 
 
 def instruction(category: str) -> str:
-    """Write what an agent is asked to do with the nearest object of a category, in the words of the paper (section 4.1)."""
+    """Write what an agent is asked to do with the nearest object of a category, in the words of the paper (section
+    4.1)."""
     noun = ALIASES.get(category, (category.replace("_", " "),))[0]
     if category in SEATS:
         return f"find a {noun}, navigate to it with zero distance, and finally sit on it."

@@ -1,8 +1,8 @@
 """Skills as the tools of a language model: how they are published, and how a call is read back.
 
-Every published tool is the skill's own schema behind the reasoning fields. These come first, so that one tool call carries
-perception, high-, mid- and low-level reasoning in that order (paper, section 3.2). Bounds that a model ignored are not mended
-here: Skill.check refuses them, and the refusal goes back to the model.
+Every published tool is the skill's own schema behind the reasoning fields. These come first, so that one tool call
+carries perception, high-, mid- and low-level reasoning in that order (paper, section 3.2). Bounds that a model ignored
+are not mended here: Skill.check refuses them, and the refusal goes back to the model.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Json = dict[str, Any]
 REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "visible_state": {
         "type": "string",
-        "description": "Objects in view from left to right, each with its distance in metres; whether the target is among "
-        "them; obstacles, open space, stairs or seats close by.",
+        "description": "Objects in view from left to right, each with its distance in metres; whether the target is "
+        "among them; obstacles, open space, stairs or seats close by.",
     },
     "progress": {
         "type": "string",
@@ -84,7 +84,8 @@ class Reasoning:
 def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
     """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
-    described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool again.
+    described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool
+    again.
     """
     kept = {key: part for key, part in REASONING_FIELDS.items() if mid_level or key not in _MID_LEVEL}
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
@@ -141,9 +142,11 @@ def _wrap(specs: list[Json], form: Format) -> list[Json]:
 
 
 def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bool = True) -> Json:
-    """Return one object that holds the reasoning fields, the skill's name and its parameters: for models without tool calling.
+    """Return one object that holds the reasoning fields, the skill's name and its parameters: for models without tool
+    calling.
 
-    The parameters of all skills share one object, with the widest bounds of each name, because providers drop alternatives.
+    The parameters of all skills share one object, with the widest bounds of each name, because providers drop
+    alternatives.
     """
     pool = list(skills)
     said = reasoning_schema(mid_level, described)
@@ -272,7 +275,8 @@ def _for_gemini(part: Mapping[str, Any]) -> Json:
 def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Split the arguments of a tool call into reasoning and call. Nothing is converted: "40" stays a string.
 
-    Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key once.
+    Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key
+    once.
     """
     values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
     if fault := _fault(values):
@@ -316,7 +320,8 @@ def read_text(text: str) -> list[tuple[Reasoning, Call]]:
 def json_objects(text: str) -> Iterator[Json]:
     """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
 
-    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is not read.
+    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
+    not read.
     """
     return _objects(text[:LONGEST], dict)
 
@@ -357,7 +362,8 @@ def _parse(arguments: str, name: str) -> Json:
 
 
 def _fault(values: Json) -> str:
-    """Why nothing can be called with these values; empty if it can. It looks at a level at a time: recursion has an end."""
+    """Why nothing can be called with these values; empty if it can. It looks at a level at a time: recursion has an
+    end."""
     level: list[Any] = list(values.values())
     for _ in range(DEEPEST):
         if any(isinstance(value, float) and not math.isfinite(value) for value in level):

@@ -1,7 +1,7 @@
 """How long a scene of the size of a real one takes to load, and how much memory: python plugins/habitat/bench.py
 
-A dataset is written to a temporary folder: models of three parts, 5,760 triangles, three textures of 1024 x 1024 and a collision
-model of three convex parts; a building of 96 walls. It is loaded twice, the first time with an empty cache.
+A dataset is written to a temporary folder: models of three parts, 5,760 triangles, three textures of 1024 x 1024 and a
+collision model of three convex parts; a building of 96 walls. It is loaded twice, the first time with an empty cache.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python bench.py [HOUSE ...]
 
-The others are measured where they are installed (pip install pybullet embreex panda3d vtk) and draw no more than they must:
-TinyRenderer and Panda3D what their fixed functions offer, Embree and VTK only which triangle each pixel shows.
+The others are measured where they are installed (pip install pybullet embreex panda3d vtk) and draw no more than they
+must: TinyRenderer and Panda3D what their fixed functions offer, Embree and VTK only which triangle each pixel shows.
 """
 
 from __future__ import annotations

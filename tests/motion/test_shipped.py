@@ -107,5 +107,6 @@ def test_a_long_random_life_stays_human(generator):
     assert above_soles.min() > 0.4
     assert above_soles.max() < 1.1
     assert (joints[:, 15, 1] - joints[:, 0, 1]).min() > 0.25  # head over pelvis
-    # Each chunk takes the lowest sole for the floor, so that errors add up; physics, which has a floor, lets none remain.
+    # Each chunk takes the lowest sole for the floor, so that errors add up; physics, which has a floor, lets none
+    # remain.
     assert np.abs(support_height(joints)).max() < 0.006 * len(calls)

@@ -142,7 +142,8 @@ def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:
 
 
 def test_a_bed_is_sat_on_from_the_foot_and_from_the_side_that_no_wall_closes() -> None:
-    # The bed's foot looks along +X; one long side is 0.6 m from the wall at z = 6, too near to turn round, the other is free.
+    # The bed's foot looks along +X; one long side is 0.6 m from the wall at z = 6, too near to turn round, the other is
+    # free.
     scene = two_rooms()
     yaws = {
         round(float(np.degrees(stand.yaw))) % 360 for stand in viewpoints(MultiFloorMap.of(scene), scene, 22, sit=True)
@@ -198,7 +199,8 @@ SLOPE = float(np.hypot(GOING, RISER) / GOING)
 
 
 def test_a_way_up_the_stairs_is_as_long_as_their_slope_and_the_floor_at_both_ends() -> None:
-    # 6 m over the floor, of which 15 treads of 25 cm are climbed along the slope of 17 in 25 (the 16th riser is the edge above).
+    # 6 m over the floor, of which 15 treads of 25 cm are climbed along the slope of 17 in 25 (the 16th riser is the
+    # edge above).
     expected = 6.0 + (STEPS - 1) * GOING * (SLOPE - 1)
     assert MultiFloorMap.of(two_storeys()).geodesic(FOOT, HEAD) == pytest.approx(expected, rel=0.02)
     assert MultiFloorMap.of(two_storeys()).geodesic(HEAD, FOOT) == pytest.approx(expected, rel=0.02)

@@ -42,8 +42,10 @@ def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | 
     params = more.pop("params", {"walk": {"z_cm": 40}, "turn_in_place": {"yaw_deg": 30}}.get(skill, {}))
     status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
     written: dict[str, Any] = {
-        "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill not in ("", "stop") else 0, "target_distance": away,
-        "attempts": (Attempt(Decision(visible_state=says)),), "call": Call(skill=skill, params=params) if skill else None,
+        "target_pixels": {COUCH: pixels}, "motion_frames": 15 if skill not in ("", "stop") else 0,
+        "target_distance": away,
+        "attempts": (Attempt(Decision(visible_state=says)),), "call": Call(skill=skill,
+        params=params) if skill else None,
     }  # fmt: skip
     return StepRecord(step=0, status=status, **(written | more))
 

@@ -1,4 +1,5 @@
-"""Hand-made scenes for the tests of routes and agents: two rooms on one floor, and two floors with a straight staircase."""
+"""Hand-made scenes for the tests of routes and agents: two rooms on one floor, and two floors with a straight
+staircase."""
 
 from __future__ import annotations
 
@@ -75,9 +76,9 @@ UPSTAIRS = 2.72
 def two_storeys(*extra: tuple[Asset, SceneObject]) -> Scene:
     """A room of 8 m x 3 m below another, and a flight of stairs along the wall z = 0, a metre wide.
 
-    It rises in the direction +X, its first riser at x = 2 and its last, which leads onto the upper floor, at x = 5.75. Rails stand
-    along it on both floors. Below a plant (id 30) at (1, 2.5); above a bed (31) whose foot looks along -Z, and a plant (32) at
-    (7.4, 2.6). Start at (1, 0.5) facing +X.
+    It rises in the direction +X, its first riser at x = 2 and its last, which leads onto the upper floor, at x = 5.75.
+    Rails stand along it on both floors. Below a plant (id 30) at (1, 2.5); above a bed (31) whose foot looks along -Z,
+    and a plant (32) at (7.4, 2.6). Start at (1, 0.5) facing +X.
     """
     ends = [("wall_w", -0.05), ("wall_e", 8.05)]
     parts = [(asset(name, "wall", block(0.1, 5.4, 3.2)), x, 1.5, 0.0) for name, x in ends]

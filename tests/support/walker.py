@@ -1,5 +1,5 @@
-"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, walls stop it, and only the
-skills for stairs take it from one step to the next."""
+"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, walls stop it, and
+only the skills for stairs take it from one step to the next."""
 
 from __future__ import annotations
 

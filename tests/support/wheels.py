@@ -1,4 +1,5 @@
-"""Build a wheel of every distribution of this repository: `python wheels.py FOLDER`. Needs hatchling in the environment."""
+"""Build a wheel of every distribution of this repository: `python wheels.py FOLDER`. Needs hatchling in the
+environment."""
 
 from __future__ import annotations
 

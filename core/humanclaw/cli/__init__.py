@@ -36,8 +36,8 @@ __getattr__ = lazy(
 class Commands(click.Group):
     """A group that tells errors of the user's kind without a traceback.
 
-    plugins: asked for further commands when a name is not among those that are there, or all are listed. So `humanclaw run` is
-    under way before a plugin is loaded.
+    plugins: asked for further commands when a name is not among those that are there, or all are listed. So `humanclaw
+    run` is under way before a plugin is loaded.
     """
 
     def __init__(self, *args: Any, plugins: Callable[[], Plugins], **options: Any) -> None:

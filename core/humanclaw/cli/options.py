@@ -90,7 +90,7 @@ _DECIDERS: Final = (
         "limits",
         multiple=True,
         metavar="SCOPE.UNIT=N",
-        help="The most that a call, episode or run may take in seconds, tokens or usd, such as episode.usd=0.5. Repeatable.",
+        help="The most that a call, episode or run may take in seconds, tokens or usd (episode.usd=0.5). Repeatable.",
     ),
 )
 

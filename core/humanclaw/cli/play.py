@@ -1,4 +1,5 @@
-"""What `humanclaw run` does once it has answered: the plugins, the scene, the body, the episode, and what is told of it."""
+"""What `humanclaw run` does once it has answered: the plugins, the scene, the body, the episode, and what is told of
+it."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ def play(
         raise RecordError(f"{folder} already holds a record.", "Name another folder with --out, or remove that one.")
     plugins.add(StepProgress(console, max_steps), "console_progress")
     status.update(
-        "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a machine)"
+        "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a "
+        "machine)"
     )
     with _interrupted_by_sigterm(), Body(scene, seed=seed, plugins=plugins, backends=backends) as body:
         status.update(f"Playing; the record is in {folder}")

@@ -1,9 +1,10 @@
 """How a body is driven: by velocities and never by torques.
 
-Before every physics step the root's turn and all joint velocities are set to what carries each link to its pose by the end of that
-step; then the engine solves that step's contacts together with these velocities. How much a contact bends the body instead of
-moving it is a matter of rotational inertia, and so the passive stiffness of a joint is given as the inertia of its link: no motor,
-no gain, no spring, and a tree that stays well conditioned because contacts are all there is to solve.
+Before every physics step the root's turn and all joint velocities are set to what carries each link to its pose by the
+end of that step; then the engine solves that step's contacts together with these velocities. How much a contact bends
+the body instead of moving it is a matter of rotational inertia, and so the passive stiffness of a joint is given as the
+inertia of its link: no motor, no gain, no spring, and a tree that stays well conditioned because contacts are all there
+is to solve.
 """
 
 from __future__ import annotations
@@ -35,15 +36,17 @@ class Drive:
         self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
 
     def aim(self, target: Array, swing: float = 0.0) -> None:
-        """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster, m/s."""
+        """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster,
+        m/s."""
         self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
         self._target, self._swing = target, swing
 
     def command(self, left: int, horizontal: Array | None, reflex: Reflex = CALM) -> float:
-        """Command one physics step of the frame, with so many steps left in it; returns a bound of the links' speeds, m/s.
+        """Command one physics step of the frame, with so many steps left in it; returns a bound of the links' speeds,
+        m/s.
 
-        A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its y
-        unread; None leaves it be.
+        A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its
+        y unread; None leaves it be.
         """
         self._before = self._world.pose()
         speeds = self._joint_speeds(self._before.quaternions, left)
@@ -57,7 +60,8 @@ class Drive:
         return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(np.linalg.norm(velocity))
 
     def _expected(self, speeds: Array) -> float:
-        """Speed of the fastest link: what the motion has it swing at, and at most so much more where joints catch up."""
+        """Speed of the fastest link: what the motion has it swing at, and at most so much more where joints catch
+        up."""
         late = np.linalg.norm(speeds - self._way * FPS, axis=1)
         late[0] = abs(np.linalg.norm(speeds[0]) - np.linalg.norm(self._way[0]) * FPS)  # Not in the same frame.
         return self._swing + float((late @ REACH).max())
@@ -71,22 +75,25 @@ class Drive:
         return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
 
     def swings(self, motion: Motion) -> Array:
-        """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis, m/s."""
+        """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis,
+        m/s."""
         return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
 
     def _give_way(self, speeds: Array, reflex: Reflex) -> None:
-        """Hips whose thighs carry weight follow the motion but make up for nothing, and bend until the pelvis is down."""
+        """Hips whose thighs carry weight follow the motion but make up for nothing, and bend until the pelvis is
+        down."""
         for hip, seconds in reflex.borne.items():
             bends = seconds == 0.0 and not reflex.seated
             speeds[hip] = self._way[hip] * FPS + (self._profile.yielding * _FLEX if bends else 0.0)
 
     def restrain(self, touched: bool) -> None:
-        """Take back what the step since command moved the root faster than a body may move. touched: whether contact pushed it.
+        """Take back what the step since command moved the root faster than a body may move. touched: whether contact
+        pushed it.
 
-        A body that nothing touches goes where it was sent and falls at g: limbs that swing do not recoil on it. Contacts may
-        push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet the body up a wall.
-        Limbs give back the same share of their step: a leg that went on while the hips must not would be pressed through the
-        floor.
+        A body that nothing touches goes where it was sent and falls at g: limbs that swing do not recoil on it.
+        Contacts may push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet
+        the body up a wall. Limbs give back the same share of their step: a leg that went on while the hips must not
+        would be pressed through the floor.
         """
         rate = FPS * self._profile.substeps
         pose = self._world.pose()

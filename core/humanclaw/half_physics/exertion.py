@@ -1,9 +1,9 @@
 """What a body can exert: mass counts.
 
-A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives to movable
-objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a step gave
-more, the objects take only their share of it, and the body is taken back by as much as they are, so that it waits at a heavy object
-as it does at a wall.
+A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives
+to movable objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a
+step gave more, the objects take only their share of it, and the body is taken back by as much as they are, so that it
+waits at a heavy object as it does at a wall.
 """
 
 from __future__ import annotations

@@ -13,7 +13,8 @@ from humanclaw.pose import Array, Motion, vector_from_quaternion
 
 @dataclass(frozen=True)
 class Pose:
-    """One pose of the tree. root: (3,). quaternions: (24, 4) x, y, z, w; the first in the world frame, others in the parent's."""
+    """One pose of the tree. root: (3,). quaternions: (24, 4) x, y, z, w; the first in the world frame, others in the
+    parent's."""
 
     root: Array
     quaternions: Array

@@ -22,12 +22,13 @@ class Profile:
     """Physics steps a frame of 1/30 s: 120 Hz."""
     gravity: float = 9.81
     horizontal_every: int = 1
-    """The horizontal root velocity is commanded on every so-manieth substep of a frame; between them friction may brake it."""
+    """The horizontal root velocity is commanded on every so-manieth substep of a frame; between them friction may brake
+    it."""
     max_turn: float = float(np.radians(30.0))
     """No joint turns further in one frame, radians."""
     max_speed: float = 6.0
-    """Horizontal root speed is capped here, m/s, whether a command or a contact causes it: a sprint. Without the cap limbs
-    that kick against something throw the body through walls."""
+    """Horizontal root speed is capped here, m/s, whether a command or a contact causes it: a sprint. Without the cap
+    limbs that kick against something throw the body through walls."""
     max_lift: float = 3.0
     """Upward root speed is capped here, m/s, while a contact causes it: legs that straighten as fast as they can."""
     max_rise: float = 0.0
@@ -37,14 +38,15 @@ class Profile:
     max_link_speed: float = 20.0
     """A link's speed relative to the pelvis is held below this, m/s, by slowing all joints alike: a kick."""
     travel: float = 0.01
-    """The faster the limbs, the more often contacts are looked for in a substep, so that between two looks no link comes further
-    than this, metres."""
+    """The faster the limbs, the more often contacts are looked for in a substep, so that between two looks no link
+    comes further than this, metres."""
     max_looks: int = 8
     """But no more often than this in a substep."""
     step_offset: float = 0.04
     """A foot held back by an edge that is no more than this above its sole is lifted over it, metres; 0: never."""
     yielding: float = 2.0
-    """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do not."""
+    """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do
+    not."""
     exertion: float = 500.0
     """The body pushes movable objects with no more force than this, newtons: what a grown person can bring to bear."""
     friction: float = 0.4
@@ -71,8 +73,8 @@ _DEFAULT: Final = Profile("default")
 _PAPER: Final = Profile("paper", soft=(), arm_mass=1.0, arm_recovery=1.0, step_offset=0.0, yielding=0.0)
 _REFERENCE: Final = replace(_PAPER, name="reference", horizontal_every=2, soft=REFERENCE_STIFFNESS)
 PROFILES: Final = {profile.name: profile for profile in (_DEFAULT, _PAPER, _REFERENCE)}
-"""`paper`: 120 Hz and stiffness 1.0 in every joint, as the paper says. `reference`: the constants of its implementation, where
-ankles, shoulders and wrists are softer and the root is commanded on every other substep."""
+"""`paper`: 120 Hz and stiffness 1.0 in every joint, as the paper says. `reference`: the constants of its
+implementation, where ankles, shoulders and wrists are softer and the root is commanded on every other substep."""
 
 
 def find_profile(name: str) -> Profile:

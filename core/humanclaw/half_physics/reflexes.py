@@ -1,8 +1,9 @@
 """What a body does of its own accord: it lifts a toe over an edge, and its thighs give way to a seat.
 
-A generated motion knows no scene, so its feet clear a step by a hair or miss by one, and its thighs slope where a seat is level. A
-person would not notice either; half-physics without reflexes turns the one into a lost stair and the other into a body that sits
-on its thighs with its hips in the air. Both are bounded: what is higher than a toe blocks as ever.
+A generated motion knows no scene, so its feet clear a step by a hair or miss by one, and its thighs slope where a seat
+is level. A person would not notice either; half-physics without reflexes turns the one into a lost stair and the other
+into a body that sits on its thighs with its hips in the air. Both are bounded: what is higher than a toe blocks as
+ever.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def feel(world: World, profile: Profile, movable: Collection[int], felt: Sequenc
 
 
 def _borne(carrying: set[int], before: Reflex, step: float) -> Mapping[int, float]:
-    """A thigh that loses touch for a moment has not stood up: else it would come back down and push the body off the seat."""
+    """A thigh that loses touch for a moment has not stood up: else it would come back down and push the body off the
+    seat."""
     since = {thigh: 0.0 if thigh in carrying else before.borne.get(thigh, np.inf) + step for thigh in _THIGHS}
     return {thigh: seconds for thigh, seconds in since.items() if seconds < _PATIENCE}
 

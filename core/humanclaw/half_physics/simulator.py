@@ -34,11 +34,12 @@ class HalfPhysics:
 
     What is commanded, and how:
 
-    * joints: the velocity that closes the gap between actual and target pose by the end of the frame, so a limb that was held
-      back catches up;
+    * joints: the velocity that closes the gap between actual and target pose by the end of the frame, so a limb that
+      was held back catches up;
     * root orientation: likewise, so the body never falls over;
-    * root x, z: the velocity between consecutive frames of the command, not the gap to its absolute position, so a body that
-      a wall has stopped does not leap forward once it is free; the first frame of a chunk is taken from where the body is;
+    * root x, z: the velocity between consecutive frames of the command, not the gap to its absolute position, so a body
+      that a wall has stopped does not leap forward once it is free; the first frame of a chunk is taken from where the
+      body is;
     * root y: never.
 
     Not thread-safe. Same scene, start and motions: same outcome, bit for bit, on one machine.
@@ -72,7 +73,8 @@ class HalfPhysics:
         return self.state()
 
     def execute(self, motion: Motion) -> Execution:
-        """Drive the body through consecutive frames at 30 a second, world frame; the vertical root motion is not commanded.
+        """Drive the body through consecutive frames at 30 a second, world frame; the vertical root motion is not
+        commanded.
 
         Raises HumanclawError before the first reset, and for a motion that holds numbers which are not finite.
         """
@@ -117,10 +119,11 @@ class HalfPhysics:
         return met
 
     def _step(self, world: World, speed: float) -> Sequence[Touch]:
-        """One physics step, in so many parts that no link comes far between two looks for contacts; the contacts of the body.
+        """One physics step, in so many parts that no link comes far between two looks for contacts; the contacts of the
+        body.
 
-        In one part a kick ends 10 cm inside a wall, and a fast enough one behind it. A foot may touch a wall in an early part
-        and have left it in the last one: the contacts are those of the last part that had any.
+        In one part a kick ends 10 cm inside a wall, and a fast enough one behind it. A foot may touch a wall in an
+        early part and have left it in the last one: the contacts are those of the last part that had any.
         """
         seconds = 1 / (FPS * self._profile.substeps)
         parts = min(max(1, math.ceil(speed * seconds / self._profile.travel)), self._profile.max_looks)
@@ -168,7 +171,8 @@ class HalfPhysics:
             if contact.depth > _MAX_OVERLAP:
                 obj = self._scene.by_id[contact.object_id]
                 raise SceneError(
-                    f"the body does not fit on its start {_say(start)} of scene {self._scene.name!r}: its {contact.joint} "
+                    f"the body does not fit on its start {_say(start)} of scene {self._scene.name!r}: its "
+                    f"{contact.joint} "
                     f"is {contact.depth:.2f} m inside {obj.category} {obj.id}.",
                     "Choose a start with more room around it.",
                 )

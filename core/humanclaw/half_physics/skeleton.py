@@ -34,7 +34,8 @@ def link_inertia(joint: str, profile: Profile) -> float:
 
 
 def capsule_frame(capsule: Capsule) -> tuple[Array, Array, float]:
-    """Centre, matrix that carries +Z onto the axis, and length of the axis, for engines that know capsules along +Z only."""
+    """Centre, matrix that carries +Z onto the axis, and length of the axis, for engines that know capsules along +Z
+    only."""
     a, b = np.array(capsule.a), np.array(capsule.b)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length

@@ -45,9 +45,9 @@ class ObjectMotion:
 class World(Protocol):
     """A scene and a body in one engine.
 
-    Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links with the masses
-    and inertias of humanclaw.half_physics.skeleton: no motor, no spring, no damping, no contact with itself. The same calls have
-    the same outcome, bit for bit.
+    Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
+    with the masses and inertias of humanclaw.half_physics.skeleton: no motor, no spring, no damping, no contact with
+    itself. The same calls have the same outcome, bit for bit.
     """
 
     def pose(self) -> Pose:
@@ -75,7 +75,8 @@ class World(Protocol):
         """Pairs of objects that touch one another, lower id first, one of them movable."""
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
-        """Height of an object's level upper side on the way down from one point to another; None if something else is first."""
+        """Height of an object's level upper side on the way down from one point to another; None if something else is
+        first."""
 
     def motion(self, object_id: int) -> ObjectMotion:
         """Measure how a movable object moves now."""
@@ -97,4 +98,5 @@ class OpenWorld(Protocol):
     """What an engine's plugin brings."""
 
     def __call__(self, scene: Scene, profile: Profile, pose: Pose) -> World:
-        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat hull."""
+        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat
+        hull."""

@@ -14,8 +14,8 @@ from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 
 _SIZE: Final = 1e4
-"""A mesh's largest extent while it is simplified. The library's bound on the error has no unit: in its last round it is 351
-squared, a sum over planes. So a vertex moves by 3.5 % of the extent at most, and by less where many planes meet."""
+"""A mesh's largest extent while it is simplified. The library's bound on the error has no unit: in its last round it is
+351 squared, a sum over planes. So a vertex moves by 3.5 % of the extent at most, and by less where many planes meet."""
 
 Indices = NDArray[np.int64]
 
@@ -23,8 +23,8 @@ Indices = NDArray[np.int64]
 def simplify(mesh: Mesh, triangles: int) -> Mesh:
     """Make a mesh with so many triangles or fewer; more where it would lose its shape (by more than 3.5 % of its size).
 
-    Every vertex that stays keeps its place. It keeps its uv too, but where the picture breaks: there each side of the break
-    has the uv of its own vertex that was nearest. Not thread-safe, as the library is not.
+    Every vertex that stays keeps its place. It keeps its uv too, but where the picture breaks: there each side of the
+    break has the uv of its own vertex that was nearest. Not thread-safe, as the library is not.
     """
     if len(mesh.faces) <= triangles:
         return mesh
@@ -43,10 +43,12 @@ def simplify(mesh: Mesh, triangles: int) -> Mesh:
 
 
 def _collapsed(points: Array, faces: Indices, outline: Indices, triangles: int) -> tuple[Indices, Array]:
-    """For each of (N, 3) points the group that it falls into, and where the group is best put; NaN where nothing is left.
+    """For each of (N, 3) points the group that it falls into, and where the group is best put; NaN where nothing is
+    left.
 
-    A quadric knows the planes of faces and nothing of a border. So each edge of the outline gets a plane that stands upright
-    on it: a triangle whose tip is no border either, since it is there from both sides, and so is the first to be collapsed.
+    A quadric knows the planes of faces and nothing of a border. So each edge of the outline gets a plane that stands
+    upright on it: a triangle whose tip is no border either, since it is there from both sides, and so is the first to
+    be collapsed.
     """
     import fast_simplification
 

@@ -1,7 +1,8 @@
 """What of a mesh collides: its box where it fills one, else convex pieces (V-HACD), of which there are never too many.
 
-Measured on seven models against CoACD (one thread): V-HACD 0.3 to 1.3 s a model, CoACD 4 to 20 s, and CoACD's pieces were no
-nearer to the surface. V-HACD bridges the seat of a couch between arms and back, so the room over a seat is cut out before.
+Measured on seven models against CoACD (one thread): V-HACD 0.3 to 1.3 s a model, CoACD 4 to 20 s, and CoACD's pieces
+were no nearer to the surface. V-HACD bridges the seat of a couch between arms and back, so the room over a seat is cut
+out before.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ _FILLED: Final = 0.06
 """A mesh is a box if it is nearer than this share of its size to each side of its bounding box, on the mean."""
 _THIN: Final = 0.004
 _FLUSH: Final = 0.012
-"""Voxels round a surface off by about this much: corners so near to the bounding box are put onto it, or legs would hover."""
+"""Voxels round a surface off by about this much: corners so near to the bounding box are put onto it, or legs would
+hover."""
 _DEPTH: Final = 6
 """V-HACD's own 10 takes twice as long and gives the same number of pieces."""
 
@@ -188,7 +190,8 @@ def _solid(points: Array) -> bool:
 
 
 def _thinned(points: Array) -> Array:
-    """The corners of the convex hull, at most about 48 of them: those that reach farthest along directions all around."""
+    """The corners of the convex hull, at most about 48 of them: those that reach farthest along directions all
+    around."""
     from scipy.spatial import ConvexHull
 
     corners = points[ConvexHull(points).vertices]

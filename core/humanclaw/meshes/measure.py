@@ -1,6 +1,7 @@
 """What only its mesh can tell of a model: its front, its seat, and its tops.
 
-All of it is read off a map of heights: the mesh seen from above, in cells of 2.5 cm. Frame of the meshes: the asset's own.
+All of it is read off a map of heights: the mesh seen from above, in cells of 2.5 cm. Frame of the meshes: the asset's
+own.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from humanclaw.scene import Mesh
 CELL: Final = 0.025
 ANYWHERE: Final = (0.4, 0.85)
 MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
-"""Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for others."""
+"""Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
+others."""
 _LEVEL: Final = 0.018
 """How far from its middle height a surface may be and still be level, metres."""
 Field = NDArray[np.float64]

@@ -21,7 +21,8 @@ _PIXELS: Final = 2048
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles of one material. vertices: (N, 3) file units, transforms applied. faces: (M, 3). uv: (N, 2), v up, or None."""
+    """Triangles of one material. vertices: (N, 3) file units, transforms applied. faces: (M, 3). uv: (N, 2), v up, or
+    None."""
 
     vertices: Array
     faces: NDArray[np.int64]

@@ -1,8 +1,8 @@
 """Read checkpoints of the motion model: half-precision safetensors with a header that says what they are. Never pickle.
 
-The header (metadata key `humanclaw`, JSON) names the format version, the kind, the shape of the model, for an adapter its
-condition encoder and the digest of the base that it was trained against, and the training card: recipe and its digest, data
-statistics, data licences. `humanclaw_train.checkpoint` writes them.
+The header (metadata key `humanclaw`, JSON) names the format version, the kind, the shape of the model, for an adapter
+its condition encoder and the digest of the base that it was trained against, and the training card: recipe and its
+digest, data statistics, data licences. `humanclaw_train.checkpoint` writes them.
 """
 
 from __future__ import annotations
@@ -150,7 +150,8 @@ def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tupl
 
 
 def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any], Tensors]:
-    """The header and the tensors of a checkpoint of one kind, `base` or `adapter`. Raises CheckpointError with that remedy."""
+    """The header and the tensors of a checkpoint of one kind, `base` or `adapter`. Raises CheckpointError with that
+    remedy."""
     header = check_checkpoint(path, kind, remedy)
     return header, _open(path, remedy, weights=True)[1]
 

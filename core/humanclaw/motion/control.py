@@ -2,8 +2,8 @@
 
     z_{l+1} = B_l(z_l, tau) + W_l C_l(z_l + e_s(c), tau)
 
-B_l are the base's blocks, frozen; C_l their trained copies; W_l began at zero; e_s encodes the skill's parameters c, which are the
-outcome that the chunk should have. In numpy; the definition that is trained is `humanclaw_train.control`.
+B_l are the base's blocks, frozen; C_l their trained copies; W_l began at zero; e_s encodes the skill's parameters c,
+which are the outcome that the chunk should have. In numpy; the definition that is trained is `humanclaw_train.control`.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ class Adapter:
         return self._encode((values - self._centre) / self._scale)[:, None]
 
     def modulations(self, base: DiT, tau: Array) -> Array:
-        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is the base's."""
+        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is
+        the base's."""
         return modulate_blocks(self.blocks, silu(base.time(tau)))
 
     def residual(self, condition: Array, modulations: Array) -> Residual:
@@ -75,7 +76,8 @@ class Adapter:
 
 
 def fourier(values: Array) -> Array:
-    """(B, k) values to (B, k * (1 + 2 * octaves)): with sines and cosines, fine differences of a displacement become large ones."""
+    """(B, k) values to (B, k * (1 + 2 * octaves)): with sines and cosines, fine differences of a displacement become
+    large ones."""
     angles = (values[..., None] * FOURIER_FREQUENCIES).reshape(len(values), -1)
     return np.concatenate([values, np.sin(angles), np.cos(angles)], -1)
 

@@ -1,10 +1,12 @@
-"""The motion prior: a diffusion transformer over 20 frame tokens (paper, section 3.3; blocks after Peebles and Xie, 2023).
+"""The motion prior: a diffusion transformer over 20 frame tokens (paper, section 3.3; blocks after Peebles and Xie,
+2023).
 
-Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy future frames. The flow time tau enters through
-adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them apart from the
-rest, once per solver time, whatever the motion.
+Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy future frames. The flow time tau enters
+through adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them
+apart from the rest, once per solver time, whatever the motion.
 
-In numpy, single precision, for running; the definition that is trained is `humanclaw_train.dit`, which this follows line by line.
+In numpy, single precision, for running; the definition that is trained is `humanclaw_train.dit`, which this follows
+line by line.
 """
 
 from __future__ import annotations
@@ -29,9 +31,9 @@ _EPSILON: Final = 1e-5
 class ModelConfig:
     """The shape of a model, and what its output means (flow.velocity).
 
-    `velocity` is the paper's. `clean` is for models narrower than a state: to predict a velocity is to repeat the noise of all 219
-    numbers, which a hidden size below 219 cannot carry; the clean future can be told in fewer, as what changes since the last
-    frame of the history.
+    `velocity` is the paper's. `clean` is for models narrower than a state: to predict a velocity is to repeat the noise
+    of all 219 numbers, which a hidden size below 219 cannot carry; the clean future can be told in fewer, as what
+    changes since the last frame of the history.
     """
 
     hidden: int
@@ -153,7 +155,8 @@ class DiT:
         return Modulations(modulate_blocks(self.blocks, embedded), _split(self.final_modulation(embedded), 2))
 
     def __call__(self, history: Array, noisy: Array, at: Modulations, residual: Residual | None = None) -> Array:
-        """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future tokens."""
+        """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future
+        tokens."""
         z = self.enter(np.concatenate([history, noisy], 1)) + self.position
         for layer, block in enumerate(self.blocks):
             entering = z
@@ -166,7 +169,8 @@ class DiT:
 
 
 def time_frequencies(hidden: int) -> Array:
-    """(hidden / 2,) angular frequencies of a time embedding: wavelengths from ten times the interval to a thousandth of it."""
+    """(hidden / 2,) angular frequencies of a time embedding: wavelengths from ten times the interval to a thousandth of
+    it."""
     return (2 * np.pi * np.logspace(-1, 3, hidden // 2)).astype(np.float32)
 
 

@@ -28,8 +28,8 @@ Field = Callable[[int, Any], Any]
 class Solver:
     """A fixed-step integrator of dx/dtau = v from tau 0 to 1.
 
-    power: the i-th of n steps begins at tau (i / n) ** power. Steps that are short at first let the model choose between
-    outcomes, such as which foot goes first, before it commits to their average.
+    power: the i-th of n steps begins at tau (i / n) ** power. Steps that are short at first let the model choose
+    between outcomes, such as which foot goes first, before it commits to their average.
     """
 
     method: Method
@@ -67,7 +67,8 @@ class Solver:
 
 
 PROFILES: Final = {"default": Solver("midpoint", 3, power=1.5), "paper": Solver("midpoint", 30)}
-"""`default`: as few evaluations as the feet allow; four uniform Euler steps average a left-first and a right-first step."""
+"""`default`: as few evaluations as the feet allow; four uniform Euler steps average a left-first and a right-first
+step."""
 
 
 def velocity(prediction: Prediction, output: Array, noisy: Array, tau: float) -> Array:

@@ -1,9 +1,9 @@
 """Feet that stand do not slide: the last touch on what the model wrote, after Kovar, Schreiner and Gleicher (2002).
 
-A small model leaves a standing foot creeping by a few millimetres a frame, which no loss on 219 numbers quite removes. Here each
-stance that the model means, a foot whose toes hardly move, is held at one point and its sole laid level; the leg follows by
-two-bone inverse kinematics. The pelvis, and with it the outcome of the skill, is left as it is. A stance under way is held where
-the history has it, so that errors do not add up from chunk to chunk.
+A small model leaves a standing foot creeping by a few millimetres a frame, which no loss on 219 numbers quite removes.
+Here each stance that the model means, a foot whose toes hardly move, is held at one point and its sole laid level; the
+leg follows by two-bone inverse kinematics. The pelvis, and with it the outcome of the skill, is left as it is. A stance
+under way is held where the history has it, so that errors do not add up from chunk to chunk.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ class _Stance:
 
 
 def lock_feet(history: Motion, future: Motion) -> Motion:
-    """The future with its standing feet held still. Both in the canonical frame of the chunk (floor of the history at 0)."""
+    """The future with its standing feet held still. Both in the canonical frame of the chunk (floor of the history at
+    0)."""
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     rotations = whole.rotations.copy()
@@ -60,7 +61,8 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
 
 
 def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> None:
-    """Bend one leg, in place, so that its foot stands where its stances are. positions (T, 24, 3), turns (T, 24, 3, 3)."""
+    """Bend one leg, in place, so that its foot stands where its stances are. positions (T, 24, 3), turns (T, 24, 3,
+    3)."""
     hip, knee, ankle, toe = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
     stances = _stances(positions[:, toe])
     level = [stance for stance in stances if _level(stance, turns[:, ankle])]

@@ -34,7 +34,8 @@ class _Branch:
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    foot_locking: hold standing feet still (humanclaw.motion.foot_locking); without it the motion is as the model wrote it.
+    foot_locking: hold standing feet still (humanclaw.motion.foot_locking); without it the motion is as the model wrote
+    it.
     """
 
     def __init__(self, base: Base, solver: Solver, foot_locking: bool = True) -> None:
@@ -43,8 +44,8 @@ class DiTGenerator:
         self.foot_locking = foot_locking
         self._times = np.array(solver.times, np.float32)
         self._branches: dict[Path, _Branch] = {}
-        # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it costs
-        # seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
+        # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it
+        # costs seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
         self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")
         with self._one_thread():
             self._modulations = base.model.modulations(self._times)
@@ -53,7 +54,8 @@ class DiTGenerator:
     def shipped(cls, profile: str = "default") -> DiTGenerator:
         """The base that comes with the package.
 
-        profile: `default` for few solver steps and foot locking, `paper` for the paper's 30 steps and nothing after them.
+        profile: `default` for few solver steps and foot locking, `paper` for the paper's 30 steps and nothing after
+        them.
 
         Raises HumanclawError for an unknown profile, CheckpointError when the weights are not there.
         """
@@ -75,8 +77,8 @@ class DiTGenerator:
     ) -> Motion:
         """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
 
-        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header names, in
-        SI; their order says nothing. key: non-negative integers.
+        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header
+        names, in SI; their order says nothing. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]

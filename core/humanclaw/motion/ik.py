@@ -1,7 +1,7 @@
 """Two-bone inverse kinematics: a leg or an arm whose end is to be somewhere.
 
-Vectorised: (...) is any leading shape. Metres and radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the
-world. Needs numpy alone.
+Vectorised: (...) is any leading shape. Metres and radians, Y up; an orientation is a (3, 3) matrix from the part's
+frame to the world. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class Limb:
 def solve(limb: Limb, start: Array, end: Array, pole: Array, slack: float = 1e-4) -> tuple[Array, Array]:
     """World orientations (..., 3, 3) of the two bones that carry the limb from start (..., 3) to end (..., 3).
 
-    pole: (..., 3) the direction in which the hinge points. An end out of reach is approached as far as the limb goes, less slack.
+    pole: (..., 3) the direction in which the hinge points. An end out of reach is approached as far as the limb goes,
+    less slack.
     """
     a, b = float(np.linalg.norm(limb.upper)), float(np.linalg.norm(limb.lower))
     span = np.asarray(end, float) - start

@@ -1,4 +1,5 @@
-"""Where to stand at a target: viewpoints beside it or before its seat, and how far it is on foot to the nearest of them."""
+"""Where to stand at a target: viewpoints beside it or before its seat, and how far it is on foot to the nearest of
+them."""
 
 from __future__ import annotations
 
@@ -95,7 +96,8 @@ def _walled(grid: OccupancyGrid, scene: Scene, starts: Array, ends: Array) -> Ma
 
 
 def _seats(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint]:
-    """In front of each side from which a seat can be sat on: the front, of a bed the long sides too; the middle first."""
+    """In front of each side from which a seat can be sat on: the front, of a bed the long sides too; the middle
+    first."""
     obj = scene.by_id[target]
     asset = scene.assets[obj.asset]
     if asset.seat_height is None:
@@ -143,12 +145,13 @@ def _facing3(yaw: float) -> Array:
 
 # -- distance to the nearest target ------------------------------------------------------------------------------------
 def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Callable[[Array], float]:
-    """Make a function of a world position (3,): length in metres of the shortest way to a place beside the nearest target
-    (paper, appendix B).
+    """Make a function of a world position (3,): length in metres of the shortest way to a place beside the nearest
+    target (paper, appendix B).
 
-    The way of a body that is RADIUS wide on each side, over the stairs if need be; of a narrower one where that leads nowhere;
-    infinite if none does. A body that leans on furniture is measured from the nearest free cell. Eight directions overestimate
-    by up to 8 %. floor: of the start; the position tells the floor, so that nothing depends on it here.
+    The way of a body that is RADIUS wide on each side, over the stairs if need be; of a narrower one where that leads
+    nowhere; infinite if none does. A body that leans on furniture is measured from the nearest free cell. Eight
+    directions overestimate by up to 8 %. floor: of the start; the position tells the floor, so that nothing depends on
+    it here.
     """
     where = MultiFloorMap.of(scene)
     goals = np.concatenate([goals_at(where, scene, target) for target in targets] or [np.empty((0, 3))])

@@ -56,7 +56,8 @@ def _boxes(scene: Scene) -> tuple[Array, Array]:
 
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
-    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker, metres)."""
+    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker,
+    metres)."""
     from skimage.measure import approximate_polygon  # It brings scipy.signal and scipy.stats: a second of loading.
 
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]

@@ -1,6 +1,7 @@
 """What is free and what is occupied: one floor of a scene on a grid of 5 cm (paper, section 4.1).
 
-Points on a floor are (..., 2) arrays of x and z, points in the house (..., 3) arrays of x, y and z; metres, world frame.
+Points on a floor are (..., 2) arrays of x and z, points in the house (..., 3) arrays of x, y and z; metres, world
+frame.
 """
 
 from __future__ import annotations
@@ -23,11 +24,13 @@ Mask = NDArray[np.bool_]
 CELL: Final = 0.05
 """Side of a grid cell, metres."""
 OBSTACLE_HEIGHTS: Final = (0.05, 1.9)
-"""What lies between these heights over the floor is in a body's way: a foot steps over the rest or a head passes below it."""
+"""What lies between these heights over the floor is in a body's way: a foot steps over the rest or a head passes below
+it."""
 STEP: Final = 0.26
 """The highest step that is climbed or stepped down, metres."""
 STOREY: Final = 3.0
-"""What begins so far above a floor is nothing to those who stand on it, metres: they do not even see that it hides anything."""
+"""What begins so far above a floor is nothing to those who stand on it, metres: they do not even see that it hides
+anything."""
 RADIUS: Final = 0.28
 """Half the width that a walking body needs, metres."""
 SQUEEZE: Final = 0.14
@@ -38,7 +41,8 @@ COMFORT: Final = 0.55
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """The obstacles of one floor. Arrays are indexed [x cell, z cell]; owners and heights tell what stands in a cell."""
+    """The obstacles of one floor. Arrays are indexed [x cell, z cell]; owners and heights tell what stands in a
+    cell."""
 
     origin: tuple[float, float]
     """World x and z of the corner of cell (0, 0)."""
@@ -55,7 +59,8 @@ class OccupancyGrid:
     """Height in the world of what one stands on in each cell, metres; NaN where this grid has no floor."""
     floor: float = 0.0
     slope: Array | None = None
-    """Only on stairs: (2, ...) rise over run along x and z, taken over two steps; at that scale a staircase is a ramp."""
+    """Only on stairs: (2, ...) rise over run along x and z, taken over two steps; at that scale a staircase is a
+    ramp."""
 
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
@@ -84,7 +89,8 @@ class OccupancyGrid:
         return replace(grid, blocked=blocked | ~inside, ground=np.where(inside, ground, np.nan))
 
     def _indoors(self, scene: Scene) -> Mask:
-        """Cells of this floor's rooms and of the walls and doorways between them; everything if the scene has no rooms."""
+        """Cells of this floor's rooms and of the walls and doorways between them; everything if the scene has no
+        rooms."""
         rooms = [room for room in scene.rooms if abs(room.floor - self.floor) < 0.5]
         if not rooms:
             return np.ones(self.blocked.shape, bool)
@@ -125,7 +131,8 @@ class OccupancyGrid:
 
     @cached_property
     def cost(self) -> Array:
-        """Metres that a metre through a cell counts for: more near walls, much more where it is tight; -1 is impassable."""
+        """Metres that a metre through a cell counts for: more near walls, much more where it is tight; -1 is
+        impassable."""
         near = np.clip((COMFORT - self.clearance) / (COMFORT - RADIUS), 0.0, 1.0)
         cost = 1.0 + 2.0 * near**2
         cost[distance_transform_edt(~self.movable) * CELL < RADIUS] += 4.0

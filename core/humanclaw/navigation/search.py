@@ -30,8 +30,8 @@ from humanclaw.scene import Scene
 class MultiFloorMap:
     """All floors of a scene, lowest first, and between each and the next the stairs that join them; all on one raster.
 
-    Stairs are whatever climbs from one floor to the next in steps of at most STEP: they need no label. A scene with one floor is
-    one grid.
+    Stairs are whatever climbs from one floor to the next in steps of at most STEP: they need no label. A scene with one
+    floor is one grid.
     """
 
     grids: tuple[OccupancyGrid, ...]
@@ -70,22 +70,26 @@ class MultiFloorMap:
         return np.asarray(len(self.grids) - 1 - below[::-1].argmax(0))
 
     def solid(self) -> MultiFloorMap:
-        """Return the same, with movable objects in the way where they stand: for those who must not count on pushing."""
+        """Return the same, with movable objects in the way where they stand: for those who must not count on
+        pushing."""
         return MultiFloorMap(tuple(replace(grid, blocked=grid.blocked | grid.movable) for grid in self.grids))
 
     def open(self, radius: float) -> list[Array]:
-        """Metres that a metre of each cell of each grid counts for, for a body of this radius; -1 where it does not fit."""
+        """Metres that a metre of each cell of each grid counts for, for a body of this radius; -1 where it does not
+        fit."""
         return [np.where(grid.fits(radius), grid.steepness, -1.0) for grid in self.grids]
 
     def distances(self, starts: Array, radius: float = RADIUS) -> Array:
-        """Return (G, x cell, z cell) metres to walk from the nearest of (..., 3) starts; infinite where there is no way.
+        """Return (G, x cell, z cell) metres to walk from the nearest of (..., 3) starts; infinite where there is no
+        way.
 
         A start where no body fits begins at the nearest cell where one does.
         """
         return self.search(self.open(radius), np.asarray(starts, float).reshape(-1, 3))[0]
 
     def starts(self, start: Array, room: float = 0.5) -> tuple[Array, ...]:
-        """For each floor, lowest first, the (N, 3) places with so much room around them that can be walked to from (3,) start.
+        """For each floor, lowest first, the (N, 3) places with so much room around them that can be walked to from (3,)
+        start.
 
         What can be walked to can be walked from: any of them is a start for any target that one of them reaches.
         """
@@ -99,8 +103,8 @@ class MultiFloorMap:
     def search(self, weights: Sequence[Array], starts: Array) -> tuple[Array, MCP_Geometric]:
         """Costs of the cheapest way from the nearest of (N, 3) starts to each cell of each grid, and the search itself.
 
-        weights: metres that a metre through a cell counts for, -1 for no way; an array a grid. Between two grids lies a layer
-        that is open where both know the same ground: there one passes from one to the other.
+        weights: metres that a metre through a cell counts for, -1 for no way; an array a grid. Between two grids lies a
+        layer that is open where both know the same ground: there one passes from one to the other.
         """
         layers = [weights[0]]
         for k, (lower, upper) in enumerate(pairwise(self.grids)):
@@ -123,7 +127,8 @@ class MultiFloorMap:
         return np.asarray(grids[self.level(points), index[..., 0], index[..., 1]])
 
     def geodesic(self, start: Array, goals: Array) -> float:
-        """Length in metres of the shortest way from (3,) start to the nearest of (M, 3) goals; infinite if there is none.
+        """Length in metres of the shortest way from (3,) start to the nearest of (M, 3) goals; infinite if there is
+        none.
 
         Measured along the slope of stairs. A body of RADIUS first; if that is too wide for some door, a narrower one.
         """
@@ -132,7 +137,8 @@ class MultiFloorMap:
             cheapest = float(np.min(routes.to(np.atleast_2d(goals)), initial=np.inf))
             if np.isfinite(cheapest):
                 segments = routes.route(goals)
-                # The eight directions of a grid overestimate by up to 8 %; the pulled path may keep off walls. Take the less.
+                # The eight directions of a grid overestimate by up to 8 %; the pulled path may keep off walls. Take the
+                # less.
                 return min(cheapest, sum(segment.length for segment in segments)) if segments else cheapest
         return float("inf")
 
@@ -200,12 +206,14 @@ class Routes:
     start: Array
     """(3,)"""
     costs: Array
-    """(G, x cell, z cell) what the cheapest route to each cell of each grid costs, metres; infinite where there is none."""
+    """(G, x cell, z cell) what the cheapest route to each cell of each grid costs, metres; infinite where there is
+    none."""
     _search: Any
 
     @classmethod
     def of(cls, where: MultiFloorMap, start: Array, *, radius: float | None = None) -> Routes:
-        """Search from (3,) start. With a radius the plain shortest way of a body that wide; without, one that likes room.
+        """Search from (3,) start. With a radius the plain shortest way of a body that wide; without, one that likes
+        room.
 
         A start where no body fits begins at the nearest cell where one does.
         """
@@ -239,7 +247,8 @@ class Routes:
         )
 
     def _segments(self, points: Array, levels: NDArray[np.int64]) -> Iterator[Segment]:
-        """(N, 2) points, cut where the grid changes; stairs reach from the floor before them to the floor after them."""
+        """(N, 2) points, cut where the grid changes; stairs reach from the floor before them to the floor after
+        them."""
         changes = [0, *(np.flatnonzero(np.diff(levels)) + 1), len(points)]
         for first, last in pairwise(changes):
             grid = self.where.grids[levels[first]]

@@ -150,7 +150,8 @@ def stair_runs(grid: OccupancyGrid, points: Array) -> tuple[StairRun, ...]:
 
 
 def _stair_run(grid: OccupancyGrid, ends: Array, sign: float) -> StairRun | None:
-    """The flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1 for down.
+    """The flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1 for
+    down.
 
     None if there is no step on its middle line: the path crossed the corner of one at the edge of the stairs.
     """

@@ -16,7 +16,8 @@ from humanclaw.motion.checkpoint import read_header, shipped_base
 
 
 def check_skill(skill: Skill | Path, measures: Mapping[str, Measure] = MEASURES) -> Skill:
-    """Hold a skill, or a skill folder, to the contract as the plugin host does, and play it at the corners of its bounds.
+    """Hold a skill, or a skill folder, to the contract as the plugin host does, and play it at the corners of its
+    bounds.
 
     measures: what its parameters may command; Plugins.measures has those of plugins too.
     Raises AssertionError that says what to mend; returns the skill.
@@ -30,7 +31,8 @@ def check_skill(skill: Skill | Path, measures: Mapping[str, Measure] = MEASURES)
 
 
 def corners(skill: Skill) -> list[dict[str, Any]]:
-    """Return the lowest and the highest legal call of a skill: all parameters at their minimum, and all at their maximum."""
+    """Return the lowest and the highest legal call of a skill: all parameters at their minimum, and all at their
+    maximum."""
     parts = skill.schema.get("properties", {})
     return [{key: _bound(part, end) for key, part in parts.items()} for end in ("minimum", "maximum")]
 

@@ -1,8 +1,9 @@
 """Servers on 127.0.0.1 that speak as other providers' do, by the scripts of humanclaw.testing.openai_server.
 
-Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the habits of
-its provider: what it cannot express, how it fails, what it calls things. Written from the providers' public documentation of
-the Messages API (Anthropic), generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible server.
+Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the
+habits of its provider: what it cannot express, how it fails, what it calls things. Written from the providers' public
+documentation of the Messages API (Anthropic), generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible
+server.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ Json = dict[str, Any]
 
 
 class AnthropicServer(OpenAIServer):
-    """POST /v1/messages. Arguments are objects: a call that was cut off arrives without them, with stop_reason max_tokens."""
+    """POST /v1/messages. Arguments are objects: a call that was cut off arrives without them, with stop_reason
+    max_tokens."""
 
     _STOPS: Final = {"stop": "end_turn", "length": "max_tokens", "tool_calls": "tool_use"}
     _ERRORS: Final = {
@@ -83,7 +85,8 @@ def _anthropic_content(content: str | list[Json]) -> list[Json]:
 
 
 class GeminiServer(OpenAIServer):
-    """POST /v1beta/models/NAME:generateContent. A call that is no JSON becomes MALFORMED_FUNCTION_CALL, without content.
+    """POST /v1beta/models/NAME:generateContent. A call that is no JSON becomes MALFORMED_FUNCTION_CALL, without
+    content.
 
     How long to wait is told in the body of the error and in no header.
     """
@@ -209,7 +212,8 @@ def _ollama_pictures(message: Json) -> list[Json]:
 
 
 class VLLMServer(OpenAIServer):
-    """OpenAI's protocol with vLLM's habits: its own form of errors, an empty list of calls, thoughts under `reasoning` too."""
+    """OpenAI's protocol with vLLM's habits: its own form of errors, an empty list of calls, thoughts under `reasoning`
+    too."""
 
     def write(self, reply: Reply, request: Request) -> Json:
         if reply.code != 200:

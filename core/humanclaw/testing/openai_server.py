@@ -7,8 +7,9 @@ For tests of anything that talks to a language model, with no key and no network
         ...
     assert server.requests[0].tool_names == ["turn", "stop"]
 
-A script is a list of replies, used one a request, or a function from Request to Reply. Faults are replies like any other:
-status(429), dropped(), truncated(), delayed(5, reply), no_choices(). A list that has run out answers 500 and says so.
+A script is a list of replies, used one a request, or a function from Request to Reply. Faults are replies like any
+other: status(429), dropped(), truncated(), delayed(5, reply), no_choices(). A list that has run out answers 500 and
+says so.
 """
 
 from __future__ import annotations
@@ -189,7 +190,8 @@ def refusing_images(otherwise: Script, explanation: str = "this model does not t
 
 
 def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
-    """Return a script that answers 400 to requests that have a field, such as "tools", and goes by another script for the rest."""
+    """Return a script that answers 400 to requests that have a field, such as "tools", and goes by another script for
+    the rest."""
     rest = _player(otherwise)
 
     def script(request: Request) -> Reply:

@@ -1,7 +1,8 @@
 """Physics checks: the laws of half-physics, measured on any simulator. `humanclaw physics` prints them.
 
-Each law is a function of a Fixture that yields Findings: what was measured, and within what bounds it has to lie. They are measured
-with the motion that skills generate, and, where that would prove little, with commands that no skill would ever give.
+Each law is a function of a Fixture that yields Findings: what was measured, and within what bounds it has to lie. They
+are measured with the motion that skills generate, and, where that would prove little, with commands that no skill would
+ever give.
 """
 
 from __future__ import annotations
@@ -168,7 +169,8 @@ class Fixture:
 
 
 def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
-    """Return the installed skill whose parameters command these measures, the fewest others beside them; and measure to parameter.
+    """Return the installed skill whose parameters command these measures, the fewest others beside them; and measure to
+    parameter.
 
     Raises HumanclawError if there is none.
     """
@@ -261,7 +263,8 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a flight of six, up and down, begun one tread before the first riser, and half a foot before the first edge."""
+    """Check a flight of six, up and down, begun one tread before the first riser, and half a foot before the first
+    edge."""
     for change, law in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
         heights, advances = [], []
         for rise in RISES:

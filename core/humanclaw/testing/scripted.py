@@ -12,7 +12,8 @@ Line = Decision | Call | Exception
 
 
 class ScriptedAgent:
-    """Answers with the next line of a script: a decision, a call, or an exception to raise. `heard` keeps what it was told."""
+    """Answers with the next line of a script: a decision, a call, or an exception to raise. `heard` keeps what it was
+    told."""
 
     name = "scripted"
     privileged = False

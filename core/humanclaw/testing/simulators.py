@@ -28,7 +28,8 @@ PROFILES: Final = ("default", "paper", "reference")
 
 
 class SimulatorConformance:
-    """The laws of half-physics: what a body may do, and what the world does to it. simulator: the factory that a plugin offers."""
+    """The laws of half-physics: what a body may do, and what the world does to it. simulator: the factory that a plugin
+    offers."""
 
     def simulator(self, profile: str | Profile = "default") -> Simulator:
         raise NotImplementedError("a conformance test names its simulator.")

@@ -1,5 +1,5 @@
-"""How fast the world runs: what `humanclaw bench-world` prints. Times are CPU seconds of this process, which other work on the
-machine disturbs least."""
+"""How fast the world runs: what `humanclaw bench-world` prints. Times are CPU seconds of this process, which other work
+on the machine disturbs least."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ class Quartiles:
 
 
 def crowded(scene: Scene, fixed: int = FIXED, movable: int = MOVABLE) -> Scene:
-    """A house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them next door."""
+    """A house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them next
+    door."""
     counts, objects = {False: fixed, True: movable}, list[SceneObject]()
     for copy in range(100):
         for obj in scene.objects:

@@ -29,8 +29,8 @@ class Parameter:
 class Actions:
     """The first number of an action picks the skill; each further one picks a value of one parameter of one skill.
 
-    Numbers that belong to another skill than the picked one are not read. A skill whose parameters are not bounded integers,
-    booleans or choices has no place in a vector; it is named in `left_out`.
+    Numbers that belong to another skill than the picked one are not read. A skill whose parameters are not bounded
+    integers, booleans or choices has no place in a vector; it is named in `left_out`.
     """
 
     def __init__(self, skills: Mapping[str, Skill]) -> None:

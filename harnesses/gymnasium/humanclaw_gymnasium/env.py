@@ -24,10 +24,10 @@ Picture = NDArray[np.uint8]
 class BodyEnv(gymnasium.Env[Picture, Action]):
     """Find something and, if the instruction says so, sit on it.
 
-    Observation: (size, size, 3) uint8, the ego view. Action: see Actions; `env.unwrapped.actions.encode("walk", z_cm=40)` makes
-    one. Terminated by a skill that ends the episode, such as stop; truncated after max_steps.
-    Reward: metres by which the way to the nearest target became shorter, times shaping, and 1 for stopping in success. The way
-    goes along the free floor, around walls and furniture.
+    Observation: (size, size, 3) uint8, the ego view. Action: see Actions; `env.unwrapped.actions.encode("walk",
+    z_cm=40)` makes one. Terminated by a skill that ends the episode, such as stop; truncated after max_steps.
+    Reward: metres by which the way to the nearest target became shorter, times shaping, and 1 for stopping in success.
+    The way goes along the free floor, around walls and furniture.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as in gymnasium.Env
@@ -63,7 +63,8 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
     @property
     def episode(self) -> Episode:
-        """The episode under way, for what the spaces leave out. Raises gymnasium.error.ResetNeeded before the first reset."""
+        """The episode under way, for what the spaces leave out. Raises gymnasium.error.ResetNeeded before the first
+        reset."""
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("an episode is begun by reset(); call it first.")
         return self._episode

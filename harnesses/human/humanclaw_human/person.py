@@ -15,7 +15,8 @@ from humanclaw_human.window import Window
 
 
 class Settings(BaseModel):
-    """Options of `--agent human`. Those that only concern a model are accepted, so that one command line serves both."""
+    """Options of `--agent human`. Those that only concern a model are accepted, so that one command line serves
+    both."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -54,7 +55,8 @@ class Person:
         if self._window is None:
             self._window = _opened(self._settings)
         click.echo(
-            f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: {self._window.address}"
+            f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: "
+            f"{self._window.address}"
         )
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>HumanCLAW</title><link rel="icon" href="data:,">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>HumanCLAW</title><link rel="icon" href="data:,">
 <style>
 body{margin:0;padding:1.2rem;box-sizing:border-box;min-height:100vh;background:#16181c;color:#e8e6e1;
   font:16px/1.5 system-ui,sans-serif;display:flex;flex-wrap:wrap;gap:1.6rem;align-items:center;justify-content:center}

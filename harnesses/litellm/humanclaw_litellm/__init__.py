@@ -1,4 +1,5 @@
-"""HumanCLAW harness: any model that litellm can reach decides what the body does, and verifies it (paper, section 3.2)."""
+"""HumanCLAW harness: any model that litellm can reach decides what the body does, and verifies it (paper, section
+3.2)."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
 
 
 def price_of(settings: Settings) -> tuple[float, float] | None:
-    """US dollars a token in and out: those given with params, else of litellm's list; None for a model that is not on it."""
+    """US dollars a token in and out: those given with params, else of litellm's list; None for a model that is not on
+    it."""
     if any(word in settings.params for word in _PRICES):
         return tuple(float(settings.params.get(word, 0.0)) for word in _PRICES)  # type: ignore[return-value]
     listed = load().model_cost  # litellm's own look-up asks a server of Ollama's for what only the list can tell.

@@ -60,10 +60,11 @@ class Reply:
 
 
 class ModeNegotiator:
-    """Finds the first mode in which a model can answer, keeps to it, and remembers it for the next that asks this model.
+    """Finds the first mode in which a model can answer, keeps to it, and remembers it for the next that asks this
+    model.
 
-    A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It is
-    settled by the first answer that does.
+    A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It
+    is settled by the first answer that does.
     """
 
     def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:

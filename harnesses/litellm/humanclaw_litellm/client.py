@@ -1,6 +1,7 @@
 """Requests to a model's provider: what is sent through litellm, what comes back, and what can go wrong.
 
-Retries are made here alone (litellm and the provider's client make none), so that the number of requests is the one asked for.
+Retries are made here alone (litellm and the provider's client make none), so that the number of requests is the one
+asked for.
 """
 
 from __future__ import annotations
@@ -179,7 +180,8 @@ class Client:
         _LOG.warning("%s: %s; next try in %.1f s", self._settings.model, self._tell(error or Exception()), pause)
 
     def _key(self) -> str:
-        """The key to send if litellm does not find one by itself; a server of one's own often wants none, its client does."""
+        """The key to send if litellm does not find one by itself; a server of one's own often wants none, its client
+        does."""
         name = self._settings.auth_env
         if name and not os.environ.get(name, "").strip():
             raise ModelError(f"auth_env names {name}, which is not set.", f"Set {name}.")
@@ -261,7 +263,8 @@ def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
 
 
 def retry_after(error: BaseException | None) -> float:
-    """Seconds that the provider asks to wait, as a number or a date, or in the body as Gemini does; 0 if it does not say."""
+    """Seconds that the provider asks to wait, as a number or a date, or in the body as Gemini does; 0 if it does not
+    say."""
     headers: Mapping[str, str] = getattr(error, "litellm_response_headers", None) or {}
     in_body = _RETRY_DELAY.search(str(error))
     told = headers.get("retry-after") or (in_body[1] if in_body else "0")

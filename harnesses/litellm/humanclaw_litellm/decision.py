@@ -21,7 +21,8 @@ class _Episode:
 
 
 class ModelAgent:
-    """Asks a model for one call a step. An answer that holds no call is still a Decision: the loop explains it to the model."""
+    """Asks a model for one call a step. An answer that holds no call is still a Decision: the loop explains it to the
+    model."""
 
     privileged = False
 
@@ -49,7 +50,8 @@ class ModelAgent:
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the key."""
+        """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the
+        key."""
         if self._episode is None:
             raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         episode = self._episode
@@ -75,7 +77,8 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
 
 
 def read(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
-    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer."""
+    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no
+    answer."""
     if (
         completion.cut_off
     ):  # Even a call that looks whole may lack its last parameters: some providers close what was open.

@@ -1,6 +1,8 @@
-"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the skills.
+"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the
+skills.
 
-What was seen, thought and reported before is data: it stands between tags, on lines of its own, and cannot write tags itself.
+What was seen, thought and reported before is data: it stands between tags, on lines of its own, and cannot write tags
+itself.
 """
 
 from __future__ import annotations
@@ -65,7 +67,8 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
 
 
 def system_message(words: str, settings: Settings) -> Json:
-    """The message of role system; with a mark behind it where a provider's cache wants one, which covers the tools too."""
+    """The message of role system; with a mark behind it where a provider's cache wants one, which covers the tools
+    too."""
     mark = {"cache_control": {"type": "ephemeral"}}
     return {"role": "system", "content": [_text(words) | mark] if settings.marks_cache else words}
 
@@ -75,7 +78,8 @@ def step_content(
 ) -> list[Json]:
     """The user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
-    The parts of past steps never change, so the message of the next step begins as this one does until old steps are left out.
+    The parts of past steps never change, so the message of the next step begins as this one does until old steps are
+    left out.
     """
     first = first_told(len(history), settings)
     content = [_text(_past(history, index, settings.mid_level)) for index in range(first, len(history))]
@@ -129,7 +133,8 @@ def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
 def verifier_content(
     observation: Observation, call: Call, skill: Skill, goal: str, checks: Iterable[tuple[str, Check]]
 ) -> list[Json]:
-    """The user message of a verification: the proposed call, its checklist and the current view, and nothing of the past."""
+    """The user message of a verification: the proposed call, its checklist and the current view, and nothing of the
+    past."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
     return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb)]
 
@@ -151,7 +156,8 @@ def _sheet(skill: Skill) -> Json:
 
 
 def _gist(skill: Skill) -> Json:
-    """The least there is to know of a skill to name it: parameters with their bounds, and the first sentence about it."""
+    """The least there is to know of a skill to name it: parameters with their bounds, and the first sentence about
+    it."""
     params = ", ".join(f"{key} {_range(part, kind=False)}" for key, part in parameter_schema(skill).items())
     return {"signature": f"{skill.name}({params})", "gist": skill.description.split(". ")[0].rstrip(".") + "."}
 

@@ -20,7 +20,8 @@ _RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{2
 
 
 def redact(text: str, *secrets: str) -> str:
-    """The text without these secrets, without the values of secret environment variables and without what looks like a key."""
+    """The text without these secrets, without the values of secret environment variables and without what looks like a
+    key."""
     for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
         text = text.replace(value, "[redacted]")
     return _SECRET_FORM.sub("[redacted]", text)

@@ -13,7 +13,8 @@ from humanclaw import HumanclawError
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
-"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words alone."""
+"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words
+alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0},
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
@@ -94,7 +95,8 @@ class Settings(BaseModel):
 
     @classmethod
     def of_verifier(cls, options: Mapping[str, Any]) -> Self:
-        """The same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and so on."""
+        """The same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and so
+        on."""
         own = {key.removeprefix("verifier_"): value for key, value in options.items() if key.startswith("verifier_")}
         shared = {key: value for key, value in options.items() if not key.startswith("verifier_")}
         if own.get("model") and "api_base" not in own:

@@ -1,4 +1,5 @@
-"""The skill-specific spatial response verifier (paper, section 3.2 and appendix A): a second, short look at the current view."""
+"""The skill-specific spatial response verifier (paper, section 3.2 and appendix A): a second, short look at the current
+view."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ _YES: Final = {"yes": True, "true": True, "no": False, "false": False}
 class ModelVerifier:
     """Puts a skill's checklist to a model that sees the current view and no history.
 
-    It fails open: if no verdict can be had, the call passes and the verdict says why. A skill without checks passes unasked.
-    Only a limit of the episode ends its asking for good: LimitError passes through.
+    It fails open: if no verdict can be had, the call passes and the verdict says why. A skill without checks passes
+    unasked. Only a limit of the episode ends its asking for good: LimitError passes through.
     """
 
     def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
@@ -38,7 +39,8 @@ class ModelVerifier:
         self._skills = usable(context)
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
-        """Raises ModelError if the provider does not take the model or the key: that is to be mended, not passed over."""
+        """Raises ModelError if the provider does not take the model or the key: that is to be mended, not passed
+        over."""
         if not self._skills:
             raise HumanclawError("a verifier must begin an episode before it verifies.", "Call begin first.")
         if not skill.checks:

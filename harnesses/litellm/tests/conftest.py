@@ -56,7 +56,8 @@ def context(skills):
 
 @pytest.fixture
 def begin(context):
-    """begin(server, **options): a part that talks to the server and has begun the episode. Nothing is cached between tests."""
+    """begin(server, **options): a part that talks to the server and has begun the episode. Nothing is cached between
+    tests."""
     host = Plugins()
     host.add(humanclaw_litellm, "litellm")
 

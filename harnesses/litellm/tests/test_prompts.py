@@ -66,7 +66,8 @@ def lived(view):
     def make(steps: int) -> list[HistoryEntry]:
         rgb = view(0).rgb
         return [
-            HistoryEntry(step, Decision((walkthrough.call(step),), **walkthrough.said(step)), Feedback(walkthrough.call(step)),
+            HistoryEntry(step, Decision((walkthrough.call(step),), **walkthrough.said(step)),
+            Feedback(walkthrough.call(step)),
                          rgb)
             for step in range(steps)
         ]  # fmt: skip
@@ -145,7 +146,8 @@ def _sent(begin, view, lived, **options):
 
 # -- how much ----------------------------------------------------------------------------------------------------------
 def tokens(request):
-    """Text and tools by the tokenizer of gpt-4o and gpt-5 (o200k), as litellm counts them, and how many pictures there are."""
+    """Text and tools by the tokenizer of gpt-4o and gpt-5 (o200k), as litellm counts them, and how many pictures there
+    are."""
     words = [{"role": m["role"], "content": _words(m["content"])} for m in request.messages]
     return load().token_counter(model="gpt-4o", messages=words, tools=request.body["tools"]), len(request.images)
 
@@ -158,7 +160,8 @@ def _words(content):
 
 @pytest.fixture
 def counted(begin, view, skills, lived):
-    """counted(**options): tokens of text and number of pictures of each of 100 steps, those of the verifier included."""
+    """counted(**options): tokens of text and number of pictures of each of 100 steps, those of the verifier
+    included."""
 
     def run(**options):
         with OpenAIServer(lambda request: call("stop") if "walk" in request.tool_names else call("verdict")) as server:

@@ -1,7 +1,8 @@
 # /// script
 # dependencies = ["mcp==2.3.0", "openai==3.52.0"]
 # ///
-"""The official Python client under the plainest agent there is: ask the model, call the tool, until it has nothing to call."""
+"""The official Python client under the plainest agent there is: ask the model, call the tool, until it has nothing to
+call."""
 
 import asyncio
 import os

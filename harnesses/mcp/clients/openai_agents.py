@@ -23,8 +23,8 @@ def server():
 
 async def main():
     set_tracing_disabled(True)
-    # This model leaves the pictures of tools out of its requests, since OpenAI's chat completions take none in a tool's answer; the
-    # SDK's models for the Responses API and for litellm pass them on.
+    # This model leaves the pictures of tools out of its requests, since OpenAI's chat completions take none in a tool's
+    # answer; the SDK's models for the Responses API and for litellm pass them on.
     model = OpenAIChatCompletionsModel("scripted", AsyncOpenAI(base_url=MODEL, api_key="unused"))
     async with server() as body:
         agent = Agent("walker", instructions=TASK, mcp_servers=[body], model=model)

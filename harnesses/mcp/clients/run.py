@@ -1,8 +1,9 @@
 """Let the agents that people already have drive the body: python harnesses/mcp/clients/run.py [NAME ...]
 
-Each client is one small file with the versions it was tried with. It runs in an environment of its own, over HTTP and over standard
-streams, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. What counts is what others saw: the record
-that the server wrote, and the requests that the model got. Needs PyPI, for the Inspector npx; no key, no other network.
+Each client is one small file with the versions it was tried with. It runs in an environment of its own, over HTTP and
+over standard streams, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. What counts is
+what others saw: the record that the server wrote, and the requests that the model got. Needs PyPI, for the Inspector
+npx; no key, no other network.
 """
 
 from __future__ import annotations
@@ -134,7 +135,8 @@ def http_server(folder: Path) -> Iterator[str]:
 
 
 def executed(folder: Path, agentless: bool) -> bool:
-    """Whether the body did what the script says: in one episode, or, without an agent, in as many as there were calls."""
+    """Whether the body did what the script says: in one episode, or, without an agent, in as many as there were
+    calls."""
     episodes = sorted(load_run(folder), key=lambda episode: episode.folder.stat().st_mtime) if folder.exists() else []
     steps = [[(step.call.skill, step.call.params) for step in episode.steps if step.call] for episode in episodes]
     return [step for episode in steps for step in episode] == WANTED if agentless else WANTED in steps

@@ -1,7 +1,8 @@
 """Hold the server to the official conformance suite: python harnesses/mcp/conformance/run.py
 
-The server with the suite's fixtures mounted (server.py) must pass every scenario, and `humanclaw mcp` as it is shipped every one
-that asks for no fixture. Needs npx and the npm registry. The suite wants a newer Node than many systems have, so npx brings one.
+The server with the suite's fixtures mounted (server.py) must pass every scenario, and `humanclaw mcp` as it is shipped
+every one that asks for no fixture. Needs npx and the npm registry. The suite wants a newer Node than many systems have,
+so npx brings one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ SHIPPED = ("-m", "humanclaw", "mcp", "--http", "--port", "0")
 
 
 NEWEST = ("0.2.0-alpha.12", "--spec-version", "2025-11-25")
-"""The newest suite, a pre-release. It also knows a protocol without sessions, which is not for bodies: each belongs to one."""
+"""The newest suite, a pre-release. It also knows a protocol without sessions, which is not for bodies: each belongs to
+one."""
 RELEASED = ("0.1.16", "--expected-failures", str(HERE / "expected-failures.yml"))
 AS_SHIPPED = (
     "server-initialize",

@@ -1,7 +1,9 @@
-"""The product's server with the fixtures that the official suite asks for by name: python harnesses/mcp/conformance/server.py
+"""The product's server with the fixtures that the official suite asks for by name: python
+harnesses/mcp/conformance/server.py
 
-The fixtures are answers only. Sessions, streams, progress, log messages, subscriptions and errors are those of `humanclaw mcp`:
-the handlers are its handlers with more in their lists, served by its own function for HTTP. The body and its skills are there too.
+The fixtures are answers only. Sessions, streams, progress, log messages, subscriptions and errors are those of
+`humanclaw mcp`: the handlers are its handlers with more in their lists, served by its own function for HTTP. The body
+and its skills are there too.
 """
 
 from __future__ import annotations

@@ -112,7 +112,8 @@ def reset_schema(settings: Settings) -> Json:
                 "type": "string",
                 "minLength": 1,
                 "maxLength": 500,
-                "description": "What the body is to do, such as: find a couch and sit on it. Recorded with the episode.",
+                "description": "What the body is to do, such as: find a couch and sit on it. Recorded with the "
+                "episode.",
             },
             "scene": {"type": "string", "enum": list(settings.scenes), "description": "Where to be."},
             "seed": {
@@ -244,7 +245,8 @@ def state(snapshot: Snapshot) -> TextResourceContents:
 
 
 def log(steps: Sequence[StepRecord]) -> TextResourceContents:
-    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene knows."""
+    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene
+    knows."""
     text = "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
     return TextResourceContents(uri=LOG, mime_type="application/jsonl", text=text)
 

@@ -52,8 +52,8 @@ class Events(EventStore):
 class SessionManager(StreamableHTTPSessionManager):
     """Gives each session events of its own.
 
-    The library would share one store among all, though its streams are named by request numbers, which every client counts from
-    one: a client could be sent the pictures of another.
+    The library would share one store among all, though its streams are named by request numbers, which every client
+    counts from one: a client could be sent the pictures of another.
     """
 
     @property

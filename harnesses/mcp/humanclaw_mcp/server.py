@@ -63,7 +63,8 @@ def make_server(handlers: Handlers) -> Server[str]:
         on_get_prompt=handlers.get_prompt,
         on_completion=handlers.complete,
     )
-    # The constructor warns that the newest protocol version has no such request; the others have, and their clients send it.
+    # The constructor warns that the newest protocol version has no such request; the others have, and their clients
+    # send it.
     server.add_request_handler("logging/setLevel", types.SetLevelRequestParams, handlers.set_level)
     server.middleware.append(_needs_a_session)
     return server

@@ -1,7 +1,8 @@
 """One client's body and its episodes, one after another.
 
-Requests come on any thread. A session carries out one at a time, and a stage that all sessions share lets one body move at a time:
-the simulator is not made for threads, and what a body does must not depend on what another one does meanwhile.
+Requests come on any thread. A session carries out one at a time, and a stage that all sessions share lets one body move
+at a time: the simulator is not made for threads, and what a body does must not depend on what another one does
+meanwhile.
 """
 
 from __future__ import annotations

@@ -69,7 +69,8 @@ async def changed(ctx: Context, subscription: Subscription, bus: InMemorySubscri
 async def apart(ctx: Context, work: Callable[[], T], doing: Callable[[], str], every: float) -> T:
     """Do the work off the event loop: a body takes a second, and other clients shall be heard meanwhile.
 
-    A client that asked for it is told at once and every so many seconds how long the call has taken, and what it waits for.
+    A client that asked for it is told at once and every so many seconds how long the call has taken, and what it waits
+    for.
     Raises what the work raises.
     """
     began = time.monotonic()

@@ -1,4 +1,5 @@
-"""What a client is told that asked for it: progress, log messages, changed resources, completions, and what it missed."""
+"""What a client is told that asked for it: progress, log messages, changed resources, completions, and what it
+missed."""
 
 from __future__ import annotations
 

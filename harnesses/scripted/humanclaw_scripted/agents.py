@@ -51,9 +51,11 @@ LOOK_AHEAD: Final = 0.7
 AT_SEAT: Final = 0.09
 """Distance from the pelvis to the edge of a seat at which the calves touch it, metres."""
 HIPS_OVER_SEAT: Final = (0.1, 0.06, 0.02)
-"""How far over the seat it asks the pelvis to be, at the first sit and at the next: the lower, the surer the hips touch it."""
+"""How far over the seat it asks the pelvis to be, at the first sit and at the next: the lower, the surer the hips touch
+it."""
 LEVEL_THIGHS: Final = (0.54, 0.5, 0.46)
-"""The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would hover."""
+"""The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would
+hover."""
 TOUCHING: Final = 0.005
 """Gap between hips and seat that counts as contact, metres."""
 
@@ -206,7 +208,8 @@ class Memory:
 class OracleAgent:
     """Walks to the nearest target along a route that it reads off the scene, and sits down on it if it should.
 
-    Privileged: it sees the scene and the true state. It looks at them afresh before every call, and plans again when blocked.
+    Privileged: it sees the scene and the true state. It looks at them afresh before every call, and plans again when
+    blocked.
     """
 
     name = "oracle"
@@ -324,7 +327,8 @@ class OracleAgent:
         return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
 
     def _sideways(self, pose: PelvisPose, edge: Array) -> tuple[Call, str]:
-        """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the chest."""
+        """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the
+        chest."""
         left, forward = pose.local(edge)
         bearing = float(np.arctan2(left, forward))
         side = 1.0 if bearing >= 0 else -1.0
@@ -601,7 +605,8 @@ def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -
 
 
 def _aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
-    """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the route."""
+    """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the
+    route."""
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
     here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))

@@ -1,4 +1,5 @@
-"""Capabilities that can be missing: what an episode looks like without each of them. Root causes are checked against these.
+"""Capabilities that can be missing: what an episode looks like without each of them. Root causes are checked against
+these.
 
 A fault alters the oracle's decisions and nothing else, so that whatever goes wrong is due to that one capability.
 """
@@ -75,7 +76,8 @@ class Senses:
 # -- faults ------------------------------------------------------------------------------------------------------------
 @dataclass
 class Snapshot:
-    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the episode."""
+    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the
+    episode."""
 
     senses: Senses
     decision: Decision
@@ -447,8 +449,8 @@ FAULTS: Final[Mapping[str, Fault]] = {
         ),
     )
 }
-"""By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too far", which is
-the task's fault."""
+"""By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too
+far", which is the task's fault."""
 
 
 def _degrees(angle: float, most: int) -> int:

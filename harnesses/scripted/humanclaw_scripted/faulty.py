@@ -1,11 +1,13 @@
-"""Decision makers that fail in known ways, and a verifier that knows better: what ablations and root causes are checked with.
+"""Decision makers that fail in known ways, and a verifier that knows better: what ablations and root causes are checked
+with.
 
-Each is the oracle with something put in the way of it, so that whatever goes wrong is due to that alone. None of it speaks for
-any model: it shows that the harness and the benchmark respond to a fault as they should.
+Each is the oracle with something put in the way of it, so that whatever goes wrong is due to that alone. None of it
+speaks for any model: it shows that the harness and the benchmark respond to a fault as they should.
 
 Two kinds. A `fault` takes one capability away: root causes are to find it.
-A `Bounded` mind keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the settings of
-the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3 are to show.
+A `Bounded` mind keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the
+settings of the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3
+are to show.
 """
 
 from __future__ import annotations
@@ -148,10 +150,11 @@ class FaultyAgent:
 class Mind:
     """Decides as the oracle would, as long as it still knows what the oracle knows.
 
-    Memory: where a target is that is out of view it knows for as many steps as the history reaches back; after that it looks
-    around. Commitment: to turn one's back on a seat and sit down is a plan of several steps, which only a mid-level goal holds
-    together; without one it is content to stand before the seat. Attention: among n pictures it may take an old one for the
-    current one, and repeat what it did then. Distance: a target that is in view within 4 m may seem to be within reach.
+    Memory: where a target is that is out of view it knows for as many steps as the history reaches back; after that it
+    looks around. Commitment: to turn one's back on a seat and sit down is a plan of several steps, which only a
+    mid-level goal holds together; without one it is content to stand before the seat. Attention: among n pictures it
+    may take an old one for the current one, and repeat what it did then. Distance: a target that is in view within 4 m
+    may seem to be within reach.
     """
 
     options: Options
@@ -193,7 +196,8 @@ class Mind:
 
 # -- a verifier --------------------------------------------------------------------------------------------------------
 class OracleVerifier:
-    """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's call there.
+    """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's
+    call there.
 
     Its option `miss` says how often it lets such a call pass all the same.
     """

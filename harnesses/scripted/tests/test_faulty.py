@@ -1,4 +1,5 @@
-"""Deciders that fail in known ways, on a body that moves as told: what each does wrong, and that a repair puts it right."""
+"""Deciders that fail in known ways, on a body that moves as told: what each does wrong, and that a repair puts it
+right."""
 
 from __future__ import annotations
 
@@ -137,7 +138,8 @@ def test_who_gropes_walks_against_the_wall_as_long_as_it_has_not_seen_the_target
 
 
 def test_who_is_confused_sits_down_on_the_bed_and_then_stops_at_the_couch():
-    """The seat of the bed is 50 cm high, that of the couch 42: the hips are to be 10 cm over it, and nowhere over 54."""
+    """The seat of the bed is 50 cm high, that of the couch 42: the hips are to be 10 cm over it, and nowhere over
+    54."""
     walker, log = live(fault="confusion")
     (sat,) = [call for _, call in log if call.skill == "sit_in_place"]
     assert sat.params["h_cm"] == 54

@@ -1,8 +1,8 @@
 """Why an episode failed: one of the 18 root causes of the paper's appendix B, by its rules in their order, first match.
 
-Everything is read off the record. Two of the paper's quantities are made exact: "within 0.2 m" is the distance of NavSR, that
-of the nearest body point (the pelvis of a body that stands at a low bed never is so near), and the last frame is the last
-view that a decision was made from, together with what the agent said of it.
+Everything is read off the record. Two of the paper's quantities are made exact: "within 0.2 m" is the distance of
+NavSR, that of the nearest body point (the pelvis of a body that stands at a low bed never is so near), and the last
+frame is the last view that a decision was made from, together with what the agent said of it.
 """
 
 from __future__ import annotations
@@ -117,7 +117,8 @@ def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> f
 
 
 def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
-    """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a jam."""
+    """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a
+    jam."""
     asked = _asks(record, step, _MOVES)
     return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
@@ -205,13 +206,15 @@ CAUSES: Final = (
           "the agent sat down, and the hips never touched anything"),
     Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
           "the agent sat down on something else, or beside the seat"),
-    Cause("interact", "stop but never sit", "decision", lambda f: True, "the agent stopped at the seat and never sat down"),
+    Cause("interact", "stop but never sit", "decision", lambda f: True,
+    "the agent stopped at the seat and never sat down"),
 )  # fmt: skip
 """All root causes, in the order in which their rules are tried within each stage."""
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's failure."""
+    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's
+    failure."""
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:
@@ -220,7 +223,8 @@ def failed_stage(scores: Scores) -> Stage | None:
 
 
 def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause | None:
-    """The root cause of a failed episode; None where there is no failure. scores: those of the record, if known already."""
+    """The root cause of a failed episode; None where there is no failure. scores: those of the record, if known
+    already."""
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None

@@ -54,10 +54,11 @@ def bench() -> None:
 )
 @plugin_files
 def run_command(
-    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None, out: Path | None,
-    resume: bool, files: tuple[Path, ...],
+    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
+    out: Path | None, resume: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
-    """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded step."""
+    """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded
+    step."""
     plugins = Plugins.discover(files)
     specs = load_split(name)
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"

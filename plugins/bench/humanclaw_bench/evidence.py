@@ -1,4 +1,5 @@
-"""`humanclaw bench ablate` and `bench repair`: does the benchmark respond to known faults as it should? No model is asked."""
+"""`humanclaw bench ablate` and `bench repair`: does the benchmark respond to known faults as it should? No model is
+asked."""
 
 from __future__ import annotations
 

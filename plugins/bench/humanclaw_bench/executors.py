@@ -1,4 +1,5 @@
-"""Who plays the episodes of a run: processes of this machine, or whatever a plugin offers (hook humanclaw_executors)."""
+"""Who plays the episodes of a run: processes of this machine, or whatever a plugin offers (hook
+humanclaw_executors)."""
 
 from __future__ import annotations
 
@@ -81,8 +82,8 @@ class Executor(Protocol):
     def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
         """Play what is in the queue and report each episode once, in the order in which they end.
 
-        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, everything
-        that still runs is ended at once.
+        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed,
+        everything that still runs is ended at once.
         """
 
     def stop(self) -> None:

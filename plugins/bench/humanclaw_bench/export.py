@@ -46,7 +46,8 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
-    """An episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a body group."""
+    """An episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a body
+    group."""
     values = asdict(scores)
     collisions, extra = values.pop("collisions"), values.pop("extra")
     values |= {f"collisions_{group}": share for group, share in collisions.items()}
@@ -64,7 +65,8 @@ def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
 
 
 def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
-    """A run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no run."""
+    """A run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no
+    run."""
     pandas = _need("pandas", "pandas")
     frame = pandas.DataFrame(rows(Path(run), plugins)).set_index("episode")
     # Only True, False and None: as objects they could be neither negated nor averaged.
@@ -86,12 +88,14 @@ def to_csv(run: Path, out: Path) -> Path:
 
 
 def to_lerobot(run: Path, out: Path) -> Path:
-    """A LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the instruction.
+    """A LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the
+    instruction.
 
-    observation.state: root position (m) and 24 joint rotations (axis-angle, rad) before the decision. action: a one-hot of the
-    skill, then every parameter of every skill in the schema's units, 0 for skills that were not called; all 0 where no usable
-    call came. next.done marks an episode's last frame, next.success those of them that reached what was asked. Episodes
-    without a decision and those that a provider broke are left out. Raises RecordError if out exists or nothing is left.
+    observation.state: root position (m) and 24 joint rotations (axis-angle, rad) before the decision. action: a one-hot
+    of the skill, then every parameter of every skill in the schema's units, 0 for skills that were not called; all 0
+    where no usable call came. next.done marks an episode's last frame, next.success those of them that reached what was
+    asked. Episodes without a decision and those that a provider broke are left out. Raises RecordError if out exists or
+    nothing is left.
     """
     writer = _need("lerobot.datasets.lerobot_dataset", "lerobot").LeRobotDataset
     episodes = [

@@ -1,5 +1,5 @@
-"""What a plugin can add to the benchmark. It implements these hooks with @hookimpl(optionalhook=True), and then also works where
-the benchmark is not installed."""
+"""What a plugin can add to the benchmark. It implements these hooks with @hookimpl(optionalhook=True), and then also
+works where the benchmark is not installed."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
 
 @hookspec
 def humanclaw_metrics(register: Register[MetricFunction]) -> None:
-    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
+    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not
+    apply.
 
     They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load.
     """

@@ -1,7 +1,8 @@
 """What an episode was worth, from its record alone (paper, section 4.2; the tables of section 5).
 
-Rates speak of episodes that ended: by themselves, by a limit of their own, or because a plugin failed (plugin_error). One that the
-provider or the machine broke (infra_error) or that was cut short is counted apart and in no number: it says nothing of the agent.
+Rates speak of episodes that ended: by themselves, by a limit of their own, or because a plugin failed (plugin_error).
+One that the provider or the machine broke (infra_error) or that was cut short is counted apart and in no number: it
+says nothing of the agent.
 """
 
 from __future__ import annotations
@@ -33,17 +34,20 @@ _LOG: Final = logging.getLogger("humanclaw")
 
 
 def ended(outcome: str, limit: str) -> bool:
-    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet again."""
+    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet
+    again."""
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
-# -- what the agent says ---------------------------------------------------------------------------------------------------
+# -- what the agent says
+# ---------------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
     """Whether the answer that a step rests on acknowledges the target."""
     return acknowledges(step.decision.visible_state, category)
 
 
-# -- where the body was ----------------------------------------------------------------------------------------------------
+# -- where the body was
+# ----------------------------------------------------------------------------------------------------
 def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Whether a step called a skill that sits down."""
     return role_of(recorded, step) == "sit"
@@ -61,9 +65,11 @@ def stayed_seated(recorded: RecordedEpisode) -> bool:
     return stopped and any(is_sit(recorded, step) for step in steps) and on_target(recorded, steps[-1])
 
 
-# -- what the body ran into ------------------------------------------------------------------------------------------------
+# -- what the body ran into
+# ------------------------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body group.
+    """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body
+    group.
 
     A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
     NaN without motion.
@@ -117,8 +123,8 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was disturbed, that
-    moves it."""
+    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was
+    disturbed, that moves it."""
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
     ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
     return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
@@ -128,8 +134,8 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """The generated motion of all steps as one: each chunk taken up where the one before it was left.
 
-    In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a jerk
-    of the motion that was asked for, so the offset that anchoring introduced is taken back.
+    In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
+    jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
     """
     made, real = recorded.motion("generated"), recorded.motion("realised")
     whole: Motion | None = None
@@ -167,7 +173,8 @@ class Scores:
     find: bool | None
     geo_find: bool | None
     false_claims: float
-    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such steps."""
+    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such
+    steps."""
     nav: bool | None
     geo_nav: bool | None
     nav_1m: bool | None
@@ -265,7 +272,8 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
 def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
 
-    The way is the geodesic at the start, the path that of the pelvis over the floor from step to step. NaN without a geodesic.
+    The way is the geodesic at the start, the path that of the pelvis over the floor from step to step. NaN without a
+    geodesic.
     """
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
@@ -408,8 +416,8 @@ def compare(
 ) -> dict[str, Difference]:
     """Run B against run A over the episodes that both finished, by metric name.
 
-    p is raised for the number of metrics (Holm), within the three success rates and within the rest: those are what a run is
-    for, and a score of side results must not drown them.
+    p is raised for the number of metrics (Holm), within the three success rates and within the rest: those are what a
+    run is for, and a score of side results must not drown them.
 
     Raises RecordError if they share no episode, if one holds an episode twice, or if an episode's scene differs.
     """

@@ -1,9 +1,10 @@
-"""Counterfactual repair: does a root cause name what is wrong? Put the blamed capability right, and see whether that mends it.
+"""Counterfactual repair: does a root cause name what is wrong? Put the blamed capability right, and see whether that
+mends it.
 
-Every episode is played by an agent with a known fault, drawn by the episode's seed, until every root cause that faults lead to has
-come up often enough. The benchmark blames a capability for each failure, from the record alone. Then the episode is played again
-with the blamed capability put right. Some are played once more with another one put right; since only one is missing, those go
-as they went before.
+Every episode is played by an agent with a known fault, drawn by the episode's seed, until every root cause that faults
+lead to has come up often enough. The benchmark blames a capability for each failure, from the record alone. Then the
+episode is played again with the blamed capability put right. Some are played once more with another one put right;
+since only one is missing, those go as they went before.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ def job(fault: Fault, repair: str = "") -> Job:
 
 
 def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Sequence[Fault]) -> list[EpisodeSpec]:
-    """What to play next: of every fault so many episodes as its root cause has come up too rarely, up to PATIENCE times each.
+    """What to play next: of every fault so many episodes as its root cause has come up too rarely, up to PATIENCE times
+    each.
 
     causes: of those played.
     """
@@ -92,7 +94,8 @@ def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str, most: 
 
 @dataclass(frozen=True)
 class Repaired:
-    """Of the episodes with one label: how many succeed once the blamed capability is put right, and how many once another is."""
+    """Of the episodes with one label: how many succeed once the blamed capability is put right, and how many once
+    another is."""
 
     label: str
     capability: str
@@ -104,7 +107,8 @@ class Repaired:
 
 
 def repaired(causes: Causes, right: Mapping[str, Scores], other: Mapping[str, Scores]) -> tuple[Repaired, ...]:
-    """The check, label by label in the order of the rules. right, other: scores by episode id with that capability put right."""
+    """The check, label by label in the order of the rules. right, other: scores by episode id with that capability put
+    right."""
     played = {cause for episode, cause in causes.items() if episode in right}
     return tuple(_repaired(cause, causes, right, other) for cause in CAUSES if cause in played)
 

@@ -1,7 +1,7 @@
 """Running a split: what was run and how is in run.json, every episode in a folder of its own, and nothing is run twice.
 
-A run may be ended at any moment, by whatever means, and taken up again: finished episodes are kept, others continue from their
-last recorded step.
+A run may be ended at any moment, by whatever means, and taken up again: finished episodes are kept, others continue
+from their last recorded step.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def run_split(
 ) -> RunStatus:
     """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
 
-    Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what stands in
-    the way of every episode, KeyboardInterrupt on the second SIGINT.
+    Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
+    stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
     """
     if twice := [name for name, count in Counter(spec.id for spec in specs).items() if count > 1]:
         raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
@@ -106,7 +106,8 @@ def run_split(
 
 
 def has_ended(folder: Path) -> bool:
-    """Whether an episode has been run to its end, its own or that of a limit that it would meet again, and its record is whole."""
+    """Whether an episode has been run to its end, its own or that of a limit that it would meet again, and its record
+    is whole."""
     try:
         found = recorded(folder)
     except RecordError:
@@ -157,7 +158,8 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
 
 
 def _keep(out: Path, report: WorkerReport) -> None:
-    """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the journal."""
+    """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the
+    journal."""
     folder = out / report.episode
     unpack(folder, report.files)
     if report.outcome == FAILED:
@@ -169,7 +171,8 @@ def _keep(out: Path, report: WorkerReport) -> None:
 
 # -- what a run is made of ---------------------------------------------------------------------------------------------
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
-    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not there."""
+    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not
+    there."""
     plugins.make("agents", job.agent, job.options)
     if job.verifier:
         plugins.make("verifiers", job.verifier, job.options)

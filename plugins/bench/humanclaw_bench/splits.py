@@ -1,7 +1,7 @@
 """The fixed splits of the benchmark, and how they are made from seeds (paper, section 4.1).
 
-From each house many candidate episodes are drawn, each with a way that leads to its target; a linear program then chooses among
-them so that categories, houses, distances and difficulty come as they do in the paper.
+From each house many candidate episodes are drawn, each with a way that leads to its target; a linear program then
+chooses among them so that categories, houses, distances and difficulty come as they do in the paper.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ CATEGORIES: Final = tuple(EPISODES)
 TIER_SHARES: Final = dict(zip(TIERS, (0.23, 0.46, 0.31), strict=True))
 DISTANCE_EDGES: Final = (3.5, 4.4, 8.0, 12.8)
 DISTANCE_SHARES: Final = (0.40, 0.10, 0.24, 0.17, 0.09)
-"""Share of the episodes between each two of these edges, metres: the paper's 40/34/25, its median of 4.4 m, and nine tenths under
-12.8 m."""
+"""Share of the episodes between each two of these edges, metres: the paper's 40/34/25, its median of 4.4 m, and nine
+tenths under 12.8 m."""
 STARTS: Final = 8
 """Starts drawn in each house for each category and range of distances."""
 ROOM: Final = 0.5
@@ -51,7 +51,8 @@ NEAREST: Final = 1.0
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is malformed."""
+    """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
+    malformed."""
     if name not in SPLITS and not Path(name).exists():
         raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
     return read_episodes(DATA / f"{name}.jsonl" if name in SPLITS else Path(name))
@@ -61,8 +62,8 @@ def load_split(name: str) -> tuple[EpisodeSpec, ...]:
 def candidates(scene: Scene, number: int, *, starts: int = STARTS, seed: int = 0) -> Iterator[EpisodeSpec]:
     """Episodes that can be set in a house: for each category, so many starts at each range of distances.
 
-    Each is solvable by construction: a body of the usual width can walk from the start to a place beside a target, and to one
-    from which a target can be sat on if that is the task. number: the house's own, for the seed.
+    Each is solvable by construction: a body of the usual width can walk from the start to a place beside a target, and
+    to one from which a target can be sat on if that is the task. number: the house's own, for the seed.
     """
     rng = np.random.default_rng([seed, number])
     floors = MultiFloorMap.of(scene)
@@ -133,8 +134,8 @@ class Quota:
 def choose(found: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...]:
     """Those of the candidates that meet the quota and come nearest to the paper's distances and tiers.
 
-    An integer program over the cells of candidates that are alike in house, category, distance and tier; of a cell the first
-    are taken. Raises HumanclawError if the quota cannot be met.
+    An integer program over the cells of candidates that are alike in house, category, distance and tier; of a cell the
+    first are taken. Raises HumanclawError if the quota cannot be met.
     """
     cells: dict[tuple[str, str, int, str], list[EpisodeSpec]] = defaultdict(list)
     for spec in found:

@@ -1,6 +1,7 @@
 """How sure a number is: intervals of rates and means, and whether two runs of the same episodes differ.
 
-An episode is the unit that is drawn at random; steps within one are not independent. Seeds make every result repeatable.
+An episode is the unit that is drawn at random; steps within one are not independent. Seeds make every result
+repeatable.
 """
 
 from __future__ import annotations
@@ -119,7 +120,8 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool]) -> Difference:
 
 
 def compare_ratios(a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], *, seed: int = 0) -> Difference:
-    """Paired (numerator, denominator) of each episode: bootstrap of the pairs, and a test that swaps the runs at random.
+    """Paired (numerator, denominator) of each episode: bootstrap of the pairs, and a test that swaps the runs at
+    random.
 
     Raises ValueError for sequences of unequal length.
     """

@@ -117,12 +117,14 @@ class Result:
 
     @property
     def partial(self) -> bool:
-        """Whether episodes are missing: not run yet, cut short by a limit of the run, or broken by the infrastructure."""
+        """Whether episodes are missing: not run yet, cut short by a limit of the run, or broken by the
+        infrastructure."""
         return len(self.finished) < self.total
 
     @property
     def note(self) -> str:
-        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not asked."""
+        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not
+        asked."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         count = f"{len(self.finished)} of {self.total}" if self.partial else str(self.total)
@@ -147,7 +149,8 @@ class Result:
 def named(
     runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], asked: Mapping[str, int] | None = None
 ) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent, verifier and simulator. asked: how many episodes each run is of.
+    """Scored episodes by run to one result a run, agent, verifier and simulator. asked: how many episodes each run is
+    of.
 
     The simulator's name is told only where there are several, and a run's only where the rest repeats.
     """
@@ -390,7 +393,8 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
     count = max((d.count for d in differences.values()), default=0)
     caption = (
-        f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, raised "
+        f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, "
+        "raised "
         f"(Holm) for the three success rates and for the other metrics. Noise: p of {SIGNIFICANT} or more."
     )
     grid = Table(

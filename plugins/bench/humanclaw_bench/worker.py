@@ -161,7 +161,8 @@ def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
 
 
 def recorded(folder: Path) -> RecordedEpisode | None:
-    """The record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is damaged."""
+    """The record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is
+    damaged."""
     if not (folder / "episode.json").exists():
         return None
     found = RecordedEpisode(folder)
@@ -171,7 +172,8 @@ def recorded(folder: Path) -> RecordedEpisode | None:
 
 
 def mark(folder: Path, outcome: Outcome, error: str) -> None:
-    """Write into the record of an episode how it ended, where nobody else could. A damaged one is left: it is begun anew."""
+    """Write into the record of an episode how it ended, where nobody else could. A damaged one is left: it is begun
+    anew."""
     try:
         found = recorded(folder)
     except RecordError:

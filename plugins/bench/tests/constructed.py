@@ -1,7 +1,9 @@
-"""Rollouts that must have one root cause: what the paper's rule names (appendix B) is fixed, all that it leaves free is drawn.
+"""Rollouts that must have one root cause: what the paper's rule names (appendix B) is fixed, all that it leaves free is
+drawn.
 
-Each is drawn from a seed. With miss=True the same seed gives the same rollout with the one deciding fact on the other side of
-its threshold. The label follows from the facts that a rollout was built with; nothing here reads a finished record.
+Each is drawn from a seed. With miss=True the same seed gives the same rollout with the one deciding fact on the other
+side of its threshold. The label follows from the facts that a rollout was built with; nothing here reads a finished
+record.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ FLOOR: Final = 1
 
 NAMES: Final = {
     "chair": ("chair", "armchair", "stool"), "couch": ("couch", "sofa"), "bed": ("bed", "mattress"),
-    "potted_plant": ("potted plant", "potted_plant", "flowerpot"), "tv": ("tv", "television"), "toilet": ("toilet", "lavatory"),
+    "potted_plant": ("potted plant", "potted_plant", "flowerpot"), "tv": ("tv", "television"), "toilet": ("toilet",
+    "lavatory"),
 }  # fmt: skip
 _SAYING: Final = (
     "A {} is 2 m ahead.",
@@ -71,8 +74,8 @@ SILENCE: Final = {
 # -- the body's ways ---------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Move:
-    """What a step does: its call ("" for none that is usable), how far the body gets ahead (towards the target) and aside,
-    and by how much the way that is left changes, metres."""
+    """What a step does: its call ("" for none that is usable), how far the body gets ahead (towards the target) and
+    aside, and by how much the way that is left changes, metres."""
 
     skill: str
     params: dict[str, int] = field(default_factory=dict)
@@ -83,11 +86,13 @@ class Move:
 
 @dataclass
 class Mover:
-    """Draws pieces of a rollout. Between pieces that stay in place the body goes on sideways, so that they never add up."""
+    """Draws pieces of a rollout. Between pieces that stay in place the body goes on sideways, so that they never add
+    up."""
 
     rng: np.random.Generator
     measured: bool
-    """Whether the record holds geodesic ways. If not, the straight line counts, and pieces in place leave it as it is."""
+    """Whether the record holds geodesic ways. If not, the straight line counts, and pieces in place leave it as it
+    is."""
     sits: bool = True
     """Whether sits may occur as noise."""
 
@@ -124,7 +129,8 @@ class Mover:
         return [self.walk(ahead, aside, -way / count) for _ in range(count)]
 
     def stuck(self, hit: bool) -> list[Move]:
-        """8 to 15 walking calls of less than 10 cm each; a miss has one other step in it, so that at most 7 are in a row."""
+        """8 to 15 walking calls of less than 10 cm each; a miss has one other step in it, so that at most 7 are in a
+        row."""
         count = int(self.rng.integers(8, 16))
         angles = self.rng.uniform(0, 2 * np.pi, count) if self.measured else np.full(count, np.pi / 2)
         lengths = self.rng.uniform(0.01, 0.0999, count)
@@ -187,7 +193,8 @@ class Built:
 
 @dataclass
 class Tale:
-    """A rollout in the making: its moves, and for each of them what was in view, what the agent said and where the hips were."""
+    """A rollout in the making: its moves, and for each of them what was in view, what the agent said and where the hips
+    were."""
 
     rng: np.random.Generator
     moves: list[Move]
@@ -370,7 +377,8 @@ def _arrive(tale: Tale, arrived: bool) -> None:
 
 
 def _found(tale: Tale, *, late: bool, watched: bool, seen_last: bool, claimed: bool) -> None:
-    """First in view at the latest in 70 % of the steps or later, and acknowledged. watched: the early view is just too dim."""
+    """First in view at the latest in 70 % of the steps or later, and acknowledged. watched: the early view is just too
+    dim."""
     rng, last, limit = tale.rng, len(tale.moves) - 1, 7 * tale.max_steps // 10
     for k in limit + np.flatnonzero(rng.random(last + 1 - limit) < 0.3):
         tale.pixels[k] = tale.bright()
@@ -430,7 +438,8 @@ def _end(tale: Tale, *objects: int) -> None:
 
 
 def _stood(tale: Tale, miss: bool) -> str:
-    """A sit on the target, and the hips elsewhere at the end. A miss stays on it, or had sat on something else or on nothing."""
+    """A sit on the target, and the hips elsewhere at the end. A miss stays on it, or had sat on something else or on
+    nothing."""
     target, places = _pick(tale.rng, tale.targets), _places(tale, last=False)
     stays, rests, other = tale.rng.random() < 0.5, tale.rng.random() < 0.5, tale.rng.random() < 0.5
     _sit(tale, places)

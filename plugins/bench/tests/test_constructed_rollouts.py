@@ -1,4 +1,5 @@
-"""Root causes of rollouts that were built to have them, of their near misses, and by the paper's rules written down again."""
+"""Root causes of rollouts that were built to have them, of their near misses, and by the paper's rules written down
+again."""
 
 from __future__ import annotations
 

@@ -18,7 +18,8 @@ BY_LABEL = {cause.label: cause for cause in CAUSES}
 
 def scores(number: int, nav: bool, interact: bool | None = None) -> Scores:
     return Scores(
-        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, interact, interact, 0.1,
+        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, interact,
+        interact, 0.1,
         {}, 0, 0.0, 5.0, 10, 0, 0, 0, 0.0,
     )  # fmt: skip
 
@@ -45,7 +46,8 @@ def test_a_rate_that_rises_reproduces_nothing():
 def test_the_ablation_table_tells_rates_and_directions():
     runs = {setting.name: run(30) for setting in ablation.SETTINGS} | {"no-mid-level": run(5)}
     text = ablation.markdown(runs)
-    # Wilson's interval of 30 of 40, from its formula: (0.75 + z2/80 -+ z sqrt(0.1875/40 + z2/6400)) / (1 + z2/40) with z = 1.96.
+    # Wilson's interval of 30 of 40, from its formula: (0.75 + z2/80 -+ z sqrt(0.1875/40 + z2/6400)) / (1 + z2/40) with
+    # z = 1.96.
     assert "| baseline | 40 | 100.0 % [91, 100] | 75.0 % [60, 86] | 75.0 % [60, 86] |" in text
     assert "| no-mid-level: InteractSR falls | 75.0 % | 12.5 % |" in text
 

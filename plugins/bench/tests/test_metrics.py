@@ -209,7 +209,8 @@ def test_a_fixed_object_passes_nothing_on(tmp_path: Path) -> None:
 
 
 def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Path) -> None:
-    """A step of 15, 7 and 15 frames: the lamp is touched in frame 3 of the last piece and touches the vase in frame 4."""
+    """A step of 15, 7 and 15 frames: the lamp is touched in frame 3 of the last piece and touches the vase in frame
+    4."""
     hit = Contact((3,), "left_knee", "leg_foot", LAMP, True, 0.001, 0.5)
     pieces = [
         Chunk(rest_pose(count), Execution(rest_pose(count), contacts, touches, {}))
@@ -247,7 +248,8 @@ def test_the_path_of_an_object_counts_from_the_frame_it_was_disturbed(tmp_path: 
     path[-1, 1] = -2.0
     recorded = rollout(tmp_path, [step(contacts=(touch(LAMP, 4),))], objects={LAMP: path})
     moved = recorded.objects()
-    # Half a metre in the frame of the touch, two metres down in the last one; what it moved before is not the body's doing.
+    # Half a metre in the frame of the touch, two metres down in the last one; what it moved before is not the body's
+    # doing.
     assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(2.5)
     scores = score(recorded)
     assert (scores.disturbed, scores.disturbed_path) == (1, pytest.approx(2.5))
@@ -268,7 +270,8 @@ def test_the_path_of_a_thing_counts_from_the_first_frame_that_moves_it(tmp_path:
     assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(1.0)
 
 
-# -- length of the path --------------------------------------------------------------------------------------------------
+# -- length of the path
+# --------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("legs", "left", "away", "stops", "spl", "soft"),
     [
@@ -329,7 +332,8 @@ def test_turning_carries_the_joints_on_circles() -> None:
         parent = PARENTS[joint]
         places.append(OFFSETS[joint] + (places[parent] if parent >= 0 else 0))
     radius = np.mean([np.hypot(x, z) for x, _, z in places[:22]])
-    # Of a sine of angular speed w: three differences of stride h give (2 sin(wh/2))^3, the average of 3 frames (1 + 2 cos w/30)/3.
+    # Of a sine of angular speed w: three differences of stride h give (2 sin(wh/2))^3, the average of 3 frames (1 + 2
+    # cos w/30)/3.
     stride = 8 / 30
     gain = (2 * np.sin(speed * stride / 2) / stride) ** 3 * (1 + 2 * np.cos(speed / 30)) / 3
     assert root_jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(radius * gain)

@@ -60,7 +60,8 @@ def test_a_way_through_a_door_has_two_rooms_and_turns():
     way = ways.path(start)
     assert np.allclose(way[0], start, atol=0.05)
     difficulty = route_difficulty(scene, way, float(ways.at(start)))
-    # To the doorway at (4, 4.5) and on to the front of the couch, whose middle is at (7.5, 2.5): 4.6 m and more than 3 m.
+    # To the doorway at (4, 4.5) and on to the front of the couch, whose middle is at (7.5, 2.5): 4.6 m and more than 3
+    # m.
     assert 7.0 < difficulty.distance < 9.0
     assert difficulty.rooms == 2
     assert difficulty.turns >= 1

@@ -107,7 +107,8 @@ class Renderer:
 
 
 class Walker:
-    """Walks, and stops with its fourth call. options: what befalls it once, in which episode; told by a file that it leaves."""
+    """Walks, and stops with its fourth call. options: what befalls it once, in which episode; told by a file that it
+    leaves."""
 
     name = "walker"
     privileged = False

@@ -60,7 +60,8 @@ def _urdf_collision(name: str) -> str:
     shape = LINK_OF[name].shape
     if isinstance(shape, Box):
         size = np.multiply(shape.half, 2)
-        return f"<collision><origin xyz='{_text(shape.centre)}'/><geometry><box size='{_text(size)}'/></geometry></collision>"
+        box = f"<geometry><box size='{_text(size)}'/></geometry>"
+        return f"<collision><origin xyz='{_text(shape.centre)}'/>{box}</collision>"
     centre, turn, length = capsule_frame(shape)
     origin = f"<origin xyz='{_text(centre)}' rpy='{_text(roll_pitch_yaw(turn))}'/>"
     geometry = f"<geometry><capsule radius='{shape.radius}' length='{length}'/></geometry>"

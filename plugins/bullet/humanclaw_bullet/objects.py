@@ -29,7 +29,8 @@ class Objects:
         """Bullet body to object id; a fixed object has one body a hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
         self._still: dict[int, Array] = {}
-        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it forget.
+        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it
+        # forget.
         client.setPhysicsEngineParameter(enableFileCaching=1)
         for obj in scene.objects:
             self._add(obj)

@@ -26,7 +26,8 @@ class BulletWorld:
     """The World of humanclaw.half_physics on Bullet."""
 
     def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
-        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat hull."""
+        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat
+        hull."""
         self._client = client = Client()
         client.setGravity(0, -profile.gravity, 0)
         client.setPhysicsEngineParameter(numSubSteps=0, deterministicOverlappingPairs=1)

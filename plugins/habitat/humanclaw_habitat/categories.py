@@ -30,9 +30,12 @@ SEATS: Final = frozenset({"chair", "couch", "bed", "toilet", "stool", "bench", "
 """What has a surface to sit on."""
 
 MOVABLE: Final = frozenset({
-    "backpack", "bag", "ball", "basket", "bin", "blanket", "board_game", "book", "bottle", "bowl", "box", "candle", "chair",
-    "clock", "cup", "cushion", "drinkware", "file_sorter", "food", "foot_stool", "footstool", "fruit", "hamper", "handbag",
-    "headphones", "kettle", "laptop", "laundry_basket", "magazine", "mug", "ottoman", "pan", "pillow", "plate", "plush_toy",
+    "backpack", "bag", "ball", "basket", "bin", "blanket", "board_game", "book", "bottle", "bowl", "box", "candle",
+    "chair",
+    "clock", "cup", "cushion", "drinkware", "file_sorter", "food", "foot_stool", "footstool", "fruit", "hamper",
+    "handbag",
+    "headphones", "kettle", "laptop", "laundry_basket", "magazine", "mug", "ottoman", "pan", "pillow", "plate",
+    "plush_toy",
     "pot", "shoe", "shoes", "stool", "stuffed_animal", "suitcase", "tray", "teddy_bear", "toy", "toys", "trash_can",
     "trashcan", "umbrella", "vase", "waste_basket", "wastebasket",
 })  # fmt: skip

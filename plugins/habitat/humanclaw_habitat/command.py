@@ -108,7 +108,8 @@ def _tell(scene: Scene) -> bool:
     triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
     movable = sum(thing.movable for thing in scene.objects)
     click.echo(
-        f"{scene.name}: {len(scene.objects)} objects ({movable} movable) of {len(scene.assets)} assets, {triangles} triangles, "
+        f"{scene.name}: {len(scene.objects)} objects ({movable} movable) of {len(scene.assets)} assets, {triangles} "
+        "triangles, "
         f"{len({room.name for room in scene.rooms})} rooms; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )

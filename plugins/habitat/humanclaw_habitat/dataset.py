@@ -114,7 +114,8 @@ class Dataset:
                     yield from (file for file in inside if file.name.endswith(endings) and file.is_file())
 
     def _index(self, section: str) -> dict[str, _Source]:
-        """Name to source; a config goes before a bare model of its name, and what the dataset's own config says before both."""
+        """Name to source; a config goes before a bare model of its name, and what the dataset's own config says before
+        both."""
         found: dict[str, _Source] = {}
         for file in self._files(section):
             name = _stem(file)
@@ -126,7 +127,8 @@ class Dataset:
         return found
 
     def _nested(self, section: str, entry: Any, known: Mapping[str, _Source]) -> tuple[str, _Source]:
-        """One of a section's configs: a change of a file, or new. Paths in it are relative to that file, or to the dataset."""
+        """One of a section's configs: a change of a file, or new. Paths in it are relative to that file, or to the
+        dataset."""
         changed = checked(Nested, entry if isinstance(entry, dict) else {}, self.config)
         base = _stem(Path(changed.original_file))
         if base and base not in known:

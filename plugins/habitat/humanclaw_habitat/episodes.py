@@ -1,10 +1,11 @@
 """ObjectNav episodes as EpisodeSpecs.
 
-The files are those of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`, whose keys are
-`<scene>_<category>`. A goal is found by the name and the place of its object; its object_id, an index into object_instances in
-some releases and a number of the semantic annotation in others, only decides between equals. The two fields that the reference
-release adds repeat the start for a world with z up: `init_offset` is (-x, z, height of the floor) and `init_yaw` the yaw of
-`start_rotation` in degrees. What they repeat is checked; the floor is news, since `start_position` hovers over it.
+The files are those of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`, whose
+keys are `<scene>_<category>`. A goal is found by the name and the place of its object; its object_id, an index into
+object_instances in some releases and a number of the semantic annotation in others, only decides between equals. The
+two fields that the reference release adds repeat the start for a world with z up: `init_offset` is (-x, z, height of
+the floor) and `init_yaw` the yaw of `start_rotation` in degrees. What they repeat is checked; the floor is news, since
+`start_position` hovers over it.
 """
 
 from __future__ import annotations
@@ -221,8 +222,8 @@ def convert(
 ) -> list[EpisodeSpec]:
     """Episodes of all books, scene by scene. scene_of: the scene of a name, with its reference as its name.
 
-    An episode whose category is none of GOALS is left out. Raises HumanclawError, unless it is skipped, for one that has no
-    target in the scene or whose start has no way to one, and for a scene that cannot be loaded.
+    An episode whose category is none of GOALS is left out. Raises HumanclawError, unless it is skipped, for one that
+    has no target in the scene or whose start has no way to one, and for a scene that cannot be loaded.
     """
     by_scene: dict[str, list[tuple[Book, Task]]] = defaultdict(list)
     for book in books:
@@ -285,7 +286,8 @@ class _Site:
         )  # fmt: skip
 
     def _targets(self, task: Task, goals: Sequence[Goal], category: str) -> tuple[int, ...]:
-        """Ids of the objects that goals mean, those left out of the scene passed over. Raises SceneError if none is there."""
+        """Ids of the objects that goals mean, those left out of the scene passed over. Raises SceneError if none is
+        there."""
         meant = [self._meant(goal, category) for goal in goals]
         found = tuple(dict.fromkeys(thing.id for thing in meant if thing))
         if not found:

@@ -1,4 +1,5 @@
-"""GLB files as Habitat's tools write them: what no reader here knows is named; KTX2 textures are decoded if that can be done."""
+"""GLB files as Habitat's tools write them: what no reader here knows is named; KTX2 textures are decoded if that can be
+done."""
 
 from __future__ import annotations
 

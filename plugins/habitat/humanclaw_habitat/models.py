@@ -1,6 +1,7 @@
 """From the model files of templates to assets. What is dear to make is kept on disk, by the content of the files.
 
-Templates become fragments: small scenes in the template's own frame (its axes and scale applied), which a scene then places.
+Templates become fragments: small scenes in the template's own frame (its axes and scale applied), which a scene then
+places.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ class Models:
         return self._kept(kind, (scale, category, joined), lambda: self._object(kind, scale, category, joined))
 
     def building(self, kind: Kind) -> Scene:
-        """A building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises SceneError."""
+        """A building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises
+        SceneError."""
         return self._kept(kind, (), lambda: self._stage(kind))
 
     def _kept(self, kind: Kind, rest: tuple[object, ...], make: Callable[[], Scene]) -> Scene:
@@ -142,7 +144,8 @@ class Models:
         return self.digests[path]
 
     def _parts(self, path: Path, template: Template, what: str = "visual") -> list[Part]:
-        """Everything in a model file, turned so that its up is +Y and its front -Z. what: which side of a URDF's links."""
+        """Everything in a model file, turned so that its up is +Y and its front -Z. what: which side of a URDF's
+        links."""
         turn = axes(template.up, template.front)
         parts = self._links(path, what) if path.suffix == ".urdf" else self._read(path)
         return [replace(part, vertices=part.vertices @ turn.T) for part in parts]

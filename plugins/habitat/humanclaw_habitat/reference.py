@@ -2,7 +2,8 @@
 
 PATH     the folder of a dataset, or its *.scene_dataset_config.json
 SCENE    name of a scene instance; may be left out if there is only one
-OPTIONS  missing=skip (leave out what cannot be loaded), movable=small (small things can be moved), triangles=N (most for one)
+OPTIONS  missing=skip (leave out what cannot be loaded), movable=small (small things can be moved), triangles=N (most
+for one)
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Annotated regions as rooms: polygons cut into rectangles, their heights those of the floors that the building really has."""
+"""Annotated regions as rooms: polygons cut into rectangles, their heights those of the floors that the building really
+has."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ _NARROW: Final = 0.05
 
 
 def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> tuple[Room, ...]:
-    """Rectangles of all regions; those of one region have one name. levels: heights and areas of the building's floors."""
+    """Rectangles of all regions; those of one region have one name. levels: heights and areas of the building's
+    floors."""
     names: dict[str, int] = {}
     found: list[Room] = []
     for region in regions:
@@ -70,7 +72,8 @@ def _extent(slabs: Sequence[Array]) -> tuple[Array, Array]:
 
 
 def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
-    """(x0, z0, x1, z1) of rectangles that do not overlap and together are an (N, 2) polygon, or nearly so if it is slanted."""
+    """(x0, z0, x1, z1) of rectangles that do not overlap and together are an (N, 2) polygon, or nearly so if it is
+    slanted."""
     if len(loop) < 3:
         return []
     x, z = _lines(loop, 0), _lines(loop, 1)
@@ -103,7 +106,8 @@ def _inside(points: Array, loop: Array) -> NDArray[np.bool_]:
 
 
 def _blocks(cells: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, int]]:
-    """Rectangles of cells that are set, each as wide and then as deep as can be: first and last line along x, then z."""
+    """Rectangles of cells that are set, each as wide and then as deep as can be: first and last line along x, then
+    z."""
     left = cells.copy()
     for a, c in np.argwhere(cells):
         if not left[a, c]:

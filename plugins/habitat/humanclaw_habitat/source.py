@@ -53,10 +53,10 @@ def load_scene(source: str, argument: str) -> Scene:
 def read_scene(source: str, argument: str) -> Scene:
     """The scene that follows the colon in source:argument. See the module `reference` for its form.
 
-    Object k of the scene instance, counted from 0, has id k + 1; articulated objects and the pieces of the building follow. Shows
-    its progress where the model files must be read. Raises SceneError if the dataset, the scene or anything in it is missing or
-    cannot be read; with missing=skip that is left out and named in the scene's notes, as what is drawn without its textures or
-    has no effect always is.
+    Object k of the scene instance, counted from 0, has id k + 1; articulated objects and the pieces of the building
+    follow. Shows its progress where the model files must be read. Raises SceneError if the dataset, the scene or
+    anything in it is missing or cannot be read; with missing=skip that is left out and named in the scene's notes, as
+    what is drawn without its textures or has no effect always is.
     """
     reference = Reference.parse(argument)
     dataset = Dataset.open(reference.path)

@@ -1,7 +1,7 @@
 """The building of a scene: its floors, ceilings and walls apart, and thin solid slabs behind every surface.
 
-A stage is a shell of triangles. Nothing convex fits it as a whole, so each of its planes is cut into convex polygons, and each of
-them collides as a slab behind it.
+A stage is a shell of triangles. Nothing convex fits it as a whole, so each of its planes is cut into convex polygons,
+and each of them collides as a slab behind it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ _THICK: Final = {"floor": 0.1, "ceiling": 0.05, "wall": 0.05}
 _LEAST: Final = 4e-4
 """Polygons smaller than this collide with nobody, square metres."""
 _HEADROOM: Final = 1.8
-"""Between a floor and the top of the building at least, metres: what is higher up is a roof, or the ceiling under it."""
+"""Between a floor and the top of the building at least, metres: what is higher up is a roof, or the ceiling under
+it."""
 _STOREY: Final = 4.0
 """Square metres of level surface at one height that make a floor."""
 _WALLS: Final = 150
@@ -46,7 +47,8 @@ class Piece:
 
 
 def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> list[Piece]:
-    """Floor, ceiling and walls of a stage. shell: what collides, if that is another model. solid: whether anything does."""
+    """Floor, ceiling and walls of a stage. shell: what collides, if that is another model. solid: whether anything
+    does."""
     found = _by_category(parts)
     shells = {} if shell is None else _by_category(shell)
     walls = found.pop("wall", [])
@@ -193,7 +195,8 @@ def _root(owner: list[int], number: int) -> int:
 
 
 def _spliced(one: Sequence[int], two: Sequence[int], start: int, end: int) -> list[int]:
-    """Two loops without the edge that one has from start to end and two from end to start; empty if they no longer have it."""
+    """Two loops without the edge that one has from start to end and two from end to start; empty if they no longer have
+    it."""
     k, m = one.index(start), two.index(end)
     if one[(k + 1) % len(one)] != end or two[(m + 1) % len(two)] != start:
         return []

@@ -28,7 +28,8 @@ _TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Part]:
     """All that links show ('visual') or collide with ('collision'), in the frame of the root link, metres.
 
-    read: the parts of a model file. Raises SceneError if the file is no URDF, a joint leads nowhere or a shape is unknown.
+    read: the parts of a model file. Raises SceneError if the file is no URDF, a joint leads nowhere or a shape is
+    unknown.
     """
     robot = _root(path)
     found: list[Part] = []

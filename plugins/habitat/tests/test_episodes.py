@@ -86,7 +86,8 @@ def test_the_difficulty_is_that_of_the_way(dataset: Path, tmp_path: Path) -> Non
     assert (found.turns, found.rooms) == (0, 2)
 
 
-@pytest.mark.parametrize(("degrees", "rotation"), [(90.0, [0, HALF, 0, HALF]), (-90.0, [0, -HALF, 0, HALF]), (180.0, BACK),
+@pytest.mark.parametrize(("degrees", "rotation"), [(90.0, [0, HALF, 0, HALF]), (-90.0, [0, -HALF, 0, HALF]), (180.0,
+BACK),
                                                     (270.0, [0, -HALF, 0, HALF]), (0.0, [0, 0, 0, -1])])  # fmt: skip
 def test_the_reference_releases_yaw_is_that_of_the_start_in_degrees(
     dataset: Path, tmp_path: Path, degrees: float, rotation: list

@@ -1,4 +1,5 @@
-"""Scenes of a dataset: where everything is, what it is, and what is said where something is wrong. Numbers are derived by hand."""
+"""Scenes of a dataset: where everything is, what it is, and what is said where something is wrong. Numbers are derived
+by hand."""
 
 from __future__ import annotations
 
@@ -80,7 +81,8 @@ def test_a_seat_whose_back_is_elsewhere_than_its_front_axis_says_is_turned_to_it
     # The couch's back is at +Z; the config calls +Z the front.
     edit(mine / "objects" / "c" / "couch1.object_config.json", front=[0, 0, 1])
     scene = load(mine)
-    # Habitat turns the asset by half a turn, so its back is at -Z, then left by a quarter: the back at -X, the front at +X.
+    # Habitat turns the asset by half a turn, so its back is at -Z, then left by a quarter: the back at -X, the front at
+    # +X.
     np.testing.assert_allclose(front(scene, 1), (1, 0, 0), atol=1e-6)
     np.testing.assert_allclose(scene.aabb(1), ((6.85, 0, 2), (7.75, 0.85, 4)), atol=1e-4)
 
@@ -265,7 +267,8 @@ def test_without_a_table_of_objects_the_lexicon_says_what_they_are(mine: Path) -
     assert (scene.by_id[1].category, scene.by_id[2].category) == ("couch", "object")
 
 
-# -- templates without files of their own --------------------------------------------------------------------------------
+# -- templates without files of their own
+# --------------------------------------------------------------------------------
 def nest(folder: Path, section: str, *configs: dict) -> None:
     """Write `configs` into the dataset's own config."""
     file = folder / "toy.scene_dataset_config.json"
@@ -325,7 +328,8 @@ def test_a_nested_config_that_says_nothing_usable_is_named(mine: Path, config: d
     fails(mine, "toy.scene_dataset_config.json", said)
 
 
-# -- shapes that Habitat makes itself -----------------------------------------------------------------------------------
+# -- shapes that Habitat makes itself
+# -----------------------------------------------------------------------------------
 CYLINDER = "cylinderSolid_rings_1_segments_12_halfLen_1_useTexCoords_false_useTangents_false_capEnds_true"
 CONE = "coneSolid_segments_12_halfLen_1.25_rings_1_useTexCoords_false_useTangents_false_capEnd_true"
 CAPSULE = "capsule3DSolid_hemiRings_4_cylRings_1_segments_12_halfLen_0.75_useTexCoords_false_useTangents_false"
@@ -388,7 +392,8 @@ FRIDGE = """<robot name="fridge">
     <collision><origin xyz="0 0.9 0"/><geometry><box size="0.6 1.8 0.6"/></geometry></collision>
   </link>
   <link name="door">
-    <visual><origin xyz="0.3 0 0" rpy="0 0 1.570796"/><geometry><mesh filename="door.glb" scale="2 1 1"/></geometry></visual>
+    <visual><origin xyz="0.3 0 0" rpy="0 0 1.570796"/>
+    <geometry><mesh filename="door.glb" scale="2 1 1"/></geometry></visual>
     <collision><origin xyz="0.3 0 0"/><geometry><box size="0.6 1.2 0.05"/></geometry></collision>
   </link>
   <link name="drawer"><visual><geometry><cylinder radius="0.1" length="0.4"/></geometry></visual></link>
@@ -397,13 +402,15 @@ FRIDGE = """<robot name="fridge">
     <limit lower="LOWER" upper="1.570796"/>
   </joint>
   <joint name="rail" type="prismatic">
-    <parent link="body"/><child link="drawer"/><origin xyz="0 0.2 -0.3"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.4"/>
+    <parent link="body"/><child link="drawer"/><origin xyz="0 0.2 -0.3"/><axis xyz="0 0 -1"/>
+    <limit lower="0" upper="0.4"/>
   </joint>
 </robot>"""
 
 
 def fridge(folder: Path, lower: str = "0", **placing: object) -> Path:
-    """A fridge of 0.6 x 1.8 x 0.6 m with a door of 5 cm before it and a round drawer of 0.4 m, half of it outside, at (2, 0, 5)."""
+    """A fridge of 0.6 x 1.8 x 0.6 m with a door of 5 cm before it and a round drawer of 0.4 m, half of it outside, at
+    (2, 0, 5)."""
     place = folder / "urdf" / "fridge"
     # 0.6 m wide once it is turned by a quarter and 1.2 m high once it is doubled.
     model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025)))

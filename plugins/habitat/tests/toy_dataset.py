@@ -50,7 +50,8 @@ def walls() -> list[trimesh.Trimesh]:
 
 
 def couch() -> list[trimesh.Trimesh]:
-    """2 m wide, 0.9 m deep, 0.85 m high, seat at 0.42 m; looks to -Z as Habitat wants, its back at +Z. Origin at the floor."""
+    """2 m wide, 0.9 m deep, 0.85 m high, seat at 0.42 m; looks to -Z as Habitat wants, its back at +Z. Origin at the
+    floor."""
     red = (170, 60, 50)
     return [
         box((-1, 0, -0.45), (1, 0.42, 0.25), red), box((-1, 0, 0.25), (1, 0.85, 0.45), red),
@@ -59,7 +60,8 @@ def couch() -> list[trimesh.Trimesh]:
 
 
 def television() -> list[trimesh.Trimesh]:
-    """1.2 m wide, 0.7 m high, 0.1 m deep; Z is its up and it looks to -Y. Its origin is the middle of its back's lower edge."""
+    """1.2 m wide, 0.7 m high, 0.1 m deep; Z is its up and it looks to -Y. Its origin is the middle of its back's lower
+    edge."""
     return [box((-0.6, -0.1, 0), (0.6, 0, 0.7), (20, 20, 25))]
 
 
@@ -138,14 +140,16 @@ def write_dataset(folder: Path) -> Path:
           box((-0.25, 0, -0.25), (0.25, 0.45, 0.25)), box((-0.25, 0.45, 0.2), (0.25, 0.9, 0.25)))  # fmt: skip
     (folder / "semantics").mkdir()
     (folder / "semantics" / "objects.csv").write_text(
-        "id,name,main_category,wnsynsetkey\ncouch1,Red couch,couch,sofa.n.01\ntv1,Television,,television_receiver.n.01\n"
+        "id,name,main_category,wnsynsetkey\ncouch1,Red "
+        "couch,couch,sofa.n.01\ntv1,Television,,television_receiver.n.01\n"
         "plant1,Ficus,potted_plant,pot_plant.n.01\ncup1,Cup,cup,cup.n.01\nchair1,Chair,chair,chair.n.01\n"
     )
     write(folder / "semantics" / "scenes" / "toy1.semantic_config.json", {
         "region_annotations": [room("living room", (0, 0), (4, 6)), room("bedroom", (4, 0), (8, 6))]
     })  # fmt: skip
     write(folder / "scenes" / "toy1.scene_instance.json", {
-        "stage_instance": {"template_name": "stages/toy"}, "translation_origin": "asset_local", "object_instances": PLACED,
+        "stage_instance": {"template_name": "stages/toy"}, "translation_origin": "asset_local",
+        "object_instances": PLACED,
     })  # fmt: skip
     return folder
 

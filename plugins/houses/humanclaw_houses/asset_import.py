@@ -74,8 +74,8 @@ def import_assets(
 ) -> ImportReport:
     """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
 
-    watch: the collection's offers, wrapped by something that shows how far they are. Raises HumanclawError if the library
-    cannot be written; a model that cannot be used is rejected.
+    watch: the collection's offers, wrapped by something that shows how far they are. Raises HumanclawError if the
+    library cannot be written; a model that cannot be used is rejected.
     """
     index = read_index(library)
     known = {entry.id: entry for entry in index.assets} if index else {}
@@ -147,7 +147,8 @@ def _entry(
     top = top_of(mesh) if category in _SURFACES else None
     hulls = _hulls(mesh, category, seat.room if seat else top)
     return Entry(
-        id=name, name=offer.name, category=category, size=size, unit=unit, turned=f"{90 * quarters} degrees" if quarters else "",
+        id=name, name=offer.name, category=category, size=size, unit=unit,
+        turned=f"{90 * quarters} degrees" if quarters else "",
         seat_height=seat.height if seat else None, top=Level(**vars(top)) if top else None, mass=offer.mass,
         movable=offer.movable, triangles=len(mesh.faces), triangles_in_source=sum(len(part.faces) for part in parts),
         textured=any(part.picture is not None for part in parts), hulls=len(hulls), licence=offer.licence,
@@ -184,7 +185,8 @@ def _vec3(values: Array) -> Vec3:
 
 
 def _hulls(mesh: Mesh, category: str, level: KeepOutBox | None) -> tuple[np.ndarray, ...]:
-    """Few pieces for small objects, pots without their leaves, and over a seat or a top a box whose lid is exactly there."""
+    """Few pieces for small objects, pots without their leaves, and over a seat or a top a box whose lid is exactly
+    there."""
     if category in _ONE_PIECE:
         return convex_pieces(mesh, 1)
     if category == "potted_plant":

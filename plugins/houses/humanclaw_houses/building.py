@@ -187,8 +187,8 @@ def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple
 
 
 def _face_ends(plan: FloorPlan, wall: Wall, low: bool) -> tuple[float, float]:
-    """Where a face of a wall begins and ends: at the face of a crossing wall, at the node where the wall runs on straight, or
-    half a thickness beyond it at an outer corner."""
+    """Where a face of a wall begins and ends: at the face of a crossing wall, at the node where the wall runs on
+    straight, or half a thickness beyond it at an outer corner."""
     across, ends = (-1 if low else 1), []
     for node, away in ((wall.start, -1), (wall.end, 1)):
         here = room_at(plan.areas, *wall.point(node - away * 1e-3, across * 1e-3))

@@ -36,8 +36,8 @@ def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | N
 
 @cache
 def generator_version() -> str:
-    """Digest of the code that a house may come from: this package, the parts of the core that shape it, and the versions of their
-    libraries. A test holds CORE to what this package imports, so that no stale house is served."""
+    """Digest of the code that a house may come from: this package, the parts of the core that shape it, and the
+    versions of their libraries. A test holds CORE to what this package imports, so that no stale house is served."""
     state = hashlib.sha256()
     core = resources.files("humanclaw")
     for part in (*(core / name for name in CORE), resources.files(__package__)):

@@ -1,4 +1,5 @@
-"""What `house:ARGUMENT` opens: a house by its number, furnished from a library if one is named, and kept once it is made.
+"""What `house:ARGUMENT` opens: a house by its number, furnished from a library if one is named, and kept once it is
+made.
 
 3, train-17                a house with our own parametric furniture
 3?assets=/path/to/LIB      the same house with imported furniture where the library has what is wanted
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 
 def open_house(argument: str) -> Scene:
-    """Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a bad library."""
+    """Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a bad
+    library."""
     number, library = _parts(argument)
     seed_of(number)
     scene = kept(number, library.digest if library else "", lambda: _make(number, library))

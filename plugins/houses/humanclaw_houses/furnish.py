@@ -370,7 +370,8 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
 
 
 def _bed(space: Space, kit: Kit, double: bool) -> bool:
-    """A bed with its head at a wall and free floor at both sides (one for a single bed) and its foot; nightstands and lamps."""
+    """A bed with its head at a wall and free floor at both sides (one for a single bed) and its foot; nightstands and
+    lamps."""
     bed = kit.make(beds.bed, double)
     w, _, d = bed.size
     for spot in space.spots(bed, kit.rng, step=0.15):

@@ -108,7 +108,8 @@ class Library:
         return hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest()
 
     def asset(self, entry: Entry) -> Asset:
-        """One asset, read at the first time of asking. Raises SceneError, naming it, if a file is missing or was changed."""
+        """One asset, read at the first time of asking. Raises SceneError, naming it, if a file is missing or was
+        changed."""
         if entry.id not in self._read:
             self._read[entry.id] = self._load(entry)
         return self._read[entry.id]

@@ -1,4 +1,5 @@
-"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that objects can stand on."""
+"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that objects can stand
+on."""
 
 from __future__ import annotations
 
@@ -139,7 +140,8 @@ def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
 
 
 def _fit(chart: Chart, tile: Tile, number: int) -> Array:
-    """(N, 2) uv in 0..1 of the tile: the whole of it, or as much as the chart covers, cut at a place that varies by part."""
+    """(N, 2) uv in 0..1 of the tile: the whole of it, or as much as the chart covers, cut at a place that varies by
+    part."""
     uv = chart.uv - chart.uv.min(axis=0)
     span = np.maximum(uv.max(axis=0), 1e-9)
     if tile.grain and span[0] > span[1]:

@@ -1,8 +1,8 @@
 """Floor plans: a hall with rooms on both sides, walls between, doors and windows in them; a plan for each storey.
 
-Rooms are rectangles on the middle lines of the walls. Two kinds of house: a living block across the end of the hall, or all rooms
-in two rows along it; both are mirrored and turned at random. A house of two storeys has a staircase in the same place of both,
-at one end of a row, open to the hall.
+Rooms are rectangles on the middle lines of the walls. Two kinds of house: a living block across the end of the hall, or
+all rooms in two rows along it; both are mirrored and turned at random. A house of two storeys has a staircase in the
+same place of both, at one end of a row, open to the hall.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ class Opening:
 
 @dataclass(frozen=True)
 class Wall:
-    """A straight wall on the line where the other coordinate is `line`. low, high: the rooms at its sides, empty outside."""
+    """A straight wall on the line where the other coordinate is `line`. low, high: the rooms at its sides, empty
+    outside."""
 
     axis: Axis
     line: float
@@ -107,18 +108,21 @@ class FloorPlan:
     height: float = CEILING
     """From its floor to the top of its walls: the ceiling, or the next floor."""
     stair: Stair | None = None
-    """The staircase in the area named stairs, if there is one: on the lower storey its body, on the upper one the hole."""
+    """The staircase in the area named stairs, if there is one: on the lower storey its body, on the upper one the
+    hole."""
 
 
 _SIZES: Final = {
-    "living": (19.0, 27.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0), "bedroom": (11.5, 16.0), "kids": (10.0, 13.0),
+    "living": (19.0, 27.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0), "bedroom": (11.5, 16.0), "kids": (10.0,
+    13.0),
     "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
 }  # fmt: skip
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
 
 
 STAIR_WIDTH: Final = 2.22
-"""Of the place for the stairs, between the middle lines of its walls: two flights of a metre and what is between them."""
+"""Of the place for the stairs, between the middle lines of its walls: two flights of a metre and what is between
+them."""
 
 
 def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[FloorPlan, ...]:
@@ -367,8 +371,8 @@ def _along(areas: tuple[Area, ...], axis: Axis, line: float, cuts: list[float]) 
 def _with_doors(
     walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
 ) -> list[Wall] | None:
-    """Doors from the hall to every room (a second bathroom may open from a bedroom), wide passages to the living room, the
-    stairs open to the hall, and on the ground floor the front door at an outer end of the hall."""
+    """Doors from the hall to every room (a second bathroom may open from a bedroom), wide passages to the living room,
+    the stairs open to the hall, and on the ground floor the front door at an outer end of the hall."""
     kind = {area.name: area.kind for area in areas} | {"": ""}
     walls = list(walls)
     linked = {"hall"}
@@ -395,7 +399,8 @@ def _with_doors(
 
 
 def _door(wall: Wall, kind: dict[str, str], rng: np.random.Generator) -> Opening:
-    """A door near a corner of the room, its leaf standing open along the side wall; a wide one without to the living room."""
+    """A door near a corner of the room, its leaf standing open along the side wall; a wide one without to the living
+    room."""
     into = wall.high if wall.low == "hall" else wall.low
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):
@@ -436,7 +441,8 @@ def _front_door(walls: list[Wall], rng: np.random.Generator) -> list[Wall] | Non
 def _with_windows(
     walls: list[Wall] | None, areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
 ) -> list[Wall] | None:
-    """Windows in the outer walls: small and high ones where people wash, large ones where they live; above the stairs only."""
+    """Windows in the outer walls: small and high ones where people wash, large ones where they live; above the stairs
+    only."""
     if walls is None:
         return None
     kind = {area.name: area.kind for area in areas}

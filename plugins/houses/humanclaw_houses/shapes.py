@@ -1,7 +1,8 @@
 """Surfaces that furniture is made of: boxes, lofts through rounded rings, tubes and leaves.
 
-A shape is a list of charts. Vertices are shared within a chart and never between charts, so that a renderer which averages
-normals shades a chart smooth and its borders sharp. Frame: metres, Y up; (u, v) in metres until a model fits them into a tile.
+A shape is a list of charts. Vertices are shared within a chart and never between charts, so that a renderer which
+averages normals shades a chart smooth and its borders sharp. Frame: metres, Y up; (u, v) in metres until a model fits
+them into a tile.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
 
 @dataclass(frozen=True)
 class Ring:
-    """A closed curve at a height: |x / rx|^power + |z / rz|^power = 1 about (x, z). power 2 is an ellipse, 8 nearly a rectangle."""
+    """A closed curve at a height: |x / rx|^power + |z / rz|^power = 1 about (x, z). power 2 is an ellipse, 8 nearly a
+    rectangle."""
 
     y: float
     rx: float
@@ -210,7 +212,8 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
 
 
 def blade(base: Point, heading: float, length: float, width: float, rise: float, droop: float, rows: int = 4) -> Shape:
-    """A leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop` degrees."""
+    """A leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop`
+    degrees."""
     t = np.linspace(0, 1, rows + 1)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
     reach = np.concatenate([[0], np.cumsum(np.cos(pitch))]) * length / rows

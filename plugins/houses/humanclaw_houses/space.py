@@ -1,6 +1,7 @@
 """The free room of a room: what is taken, what must stay free, and whether a body can still walk everywhere.
 
-A body that walks is a disc of radius 0.28 m; the rooms are furnished for one of 0.32 m, so that a finer look finds ways too.
+A body that walks is a disc of radius 0.28 m; the rooms are furnished for one of 0.32 m, so that a finer look finds ways
+too.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Staircases: two flights side by side with a half-landing between them, a rail between and a guard above the lower flight."""
+"""Staircases: two flights side by side with a half-landing between them, a rail between and a guard above the lower
+flight."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ _SPINE: Final = 0.1
 def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
     """A staircase on a floor of width x depth metres. It is entered, and left on the floor above, at its front (+Z).
 
-    The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights, and
-    the guard at the front over the lower flight.
+    The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights,
+    and the guard at the front over the lower flight.
     """
     m = Model()
     flight = (width - _SPINE) / 2

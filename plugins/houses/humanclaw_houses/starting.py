@@ -28,7 +28,8 @@ class WalkableArea:
 
     @cached_property
     def reached(self) -> Array:
-        """(P, x cell, z cell) metres from the roomiest place of the lowest hall (or of the house) to each cell of each plan."""
+        """(P, x cell, z cell) metres from the roomiest place of the lowest hall (or of the house) to each cell of each
+        plan."""
         return self.floors.distances(self._roomiest())
 
     def _roomiest(self) -> Array:
@@ -40,8 +41,8 @@ class WalkableArea:
         return np.array([x, plan.floor, z])
 
     def near(self, low: Array, high: Array, reach: float) -> tuple[Mask, ...]:
-        """On each storey, the cells that can be walked to whose middle is at most `reach` from a box, seen from above; none
-        on a storey that the box is not on."""
+        """On each storey, the cells that can be walked to whose middle is at most `reach` from a box, seen from above;
+        none on a storey that the box is not on."""
         return tuple(
             np.isfinite(self.reached[2 * k])
             & (plan.gap(low, high) <= reach)
@@ -55,8 +56,8 @@ class WalkableArea:
 
 
 def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
-    """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the house is
-    large enough, in the hall if that is possible, facing the longest free line of sight."""
+    """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the
+    house is large enough, in the hall if that is possible, facing the longest free line of sight."""
     walkable = WalkableArea.of(scene)
     plan = walkable.floors.grids[0]
     roomy = walkable.room_at(0) > 0.55

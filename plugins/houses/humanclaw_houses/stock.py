@@ -31,8 +31,8 @@ _SCALE: Final = 0.1
 """A model is made larger or smaller by this share at most, the same in all directions."""
 _SMALLER: Final = 1.5
 _WIDER: Final = 1.2
-"""How many times smaller than what is wanted a model may be along each axis, and how many times wider and deeper: rules count
-on the room."""
+"""How many times smaller than what is wanted a model may be along each axis, and how many times wider and deeper: rules
+count on the room."""
 _SEAT: Final = (0.36, 0.64)
 """Heights of couches, beds and toilets that can be sat on, metres."""
 _STEP: Final = 0.03
@@ -103,7 +103,8 @@ def _scaled(asset: Asset, entry: Entry, scale: float) -> Piece:
 
 
 def apart(chair: Placed, table: Placed) -> Placed:
-    """A chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under every top.
+    """A chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under every
+    top.
 
     Parametric chairs go under parametric tables, so they stay where they are.
     """

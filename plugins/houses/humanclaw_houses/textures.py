@@ -1,7 +1,7 @@
 """Procedural texture tiles: wood, cloth, tiles, plaster, screens, pictures.
 
-A tile is a small picture that a surface is covered with. Everything comes from a generator that is passed in; noise is blurred
-in integers, so that a tile is the same on every machine.
+A tile is a small picture that a surface is covered with. Everything comes from a generator that is passed in; noise is
+blurred in integers, so that a tile is the same on every machine.
 """
 
 from __future__ import annotations
@@ -262,10 +262,12 @@ ACCENTS: Final[tuple[Colour, ...]] = (
 )  # fmt: skip
 WOODS: Final[tuple[Colour, ...]] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
 FABRICS: Final[tuple[Colour, ...]] = (
-    (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116), (128, 92, 118),
+    (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116),
+    (128, 92, 118),
 )  # fmt: skip
 LEATHERS: Final[tuple[Colour, ...]] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
 PAINTS: Final[tuple[Colour, ...]] = (
-    (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216, 214),
+    (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216,
+    214),
     (222, 222, 222), (196, 210, 206), (238, 226, 204),
 )  # fmt: skip

@@ -1,4 +1,5 @@
-"""What makes a house usable, checked: nothing stands in anything else, and every target can be walked up to and sat on."""
+"""What makes a house usable, checked: nothing stands in anything else, and every target can be walked up to and sat
+on."""
 
 from __future__ import annotations
 
@@ -48,8 +49,8 @@ def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:
 
 
 def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
-    """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are passed
-    over if a storey that they lead to is reached."""
+    """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are
+    passed over if a storey that they lead to is reached."""
     names = []
     for room in scene.rooms:
         for k, plan in enumerate(walkable.floors.floors):
@@ -61,8 +62,8 @@ def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
 
 
 def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tuple[NDArray[np.bool_], ...]:
-    """On each storey, the cells from which a body can sit down on an object: before its front edge (beds: beside them too), and
-    reached on foot."""
+    """On each storey, the cells from which a body can sit down on an object: before its front edge (beds: beside them
+    too), and reached on foot."""
     points = scene.assets[obj.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
     plan = walkable.floors.grids[0]

@@ -1,4 +1,5 @@
-"""A house is generated once: afterwards it comes from the cache, the same to the last byte, or anew if the cache is damaged."""
+"""A house is generated once: afterwards it comes from the cache, the same to the last byte, or anew if the cache is
+damaged."""
 
 from __future__ import annotations
 
@@ -100,7 +101,8 @@ def test_a_change_elsewhere_in_the_core_leaves_the_houses_in_the_cache(copies: P
 
 
 def test_every_part_of_the_core_that_houses_rest_on_is_in_the_digest() -> None:
-    """What they import of the core, and what that imports, but for what keeps, names or refuses a house and cannot shape it."""
+    """What they import of the core, and what that imports, but for what keeps, names or refuses a house and cannot
+    shape it."""
     core = Path(humanclaw.__file__).parent
     harmless = {"_cache.py", "_files.py", "errors.py", "hookspecs.py", "records.py", "storage.py"}
     found, waiting = set(), imported(Path(humanclaw_houses.__file__).parent)
@@ -161,7 +163,10 @@ def _open_often(fresh: Scene) -> None:
 
 def test_the_second_time_takes_less_than_two_seconds(folder: Path) -> None:
     """In CPU time of a new process, everything that is imported included."""
-    code = "from humanclaw import Plugins; Plugins.discover().scene('house:2').digest; import time; print(time.process_time())"
+    code = (
+        "from humanclaw import Plugins; Plugins.discover().scene('house:2').digest; "
+        "import time; print(time.process_time())"
+    )
     taken = [
         float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
         for _ in range(2)

@@ -1,4 +1,5 @@
-"""Generated houses, through the public door: what `house:N` gives is a house that can be lived in, and looks like one."""
+"""Generated houses, through the public door: what `house:N` gives is a house that can be lived in, and looks like
+one."""
 
 from __future__ import annotations
 
@@ -56,7 +57,10 @@ def test_an_unknown_house_is_refused_with_the_names_of_those_there_are(argument:
 
 
 def test_importing_the_plugin_loads_no_geometry_library() -> None:
-    code = "import sys, humanclaw_houses; print([m for m in ('manifold3d', 'trimesh', 'scipy', 'skimage') if m in sys.modules])"
+    code = (
+        "import sys, humanclaw_houses; "
+        "print([m for m in ('manifold3d', 'trimesh', 'scipy', 'skimage') if m in sys.modules])"
+    )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 
@@ -164,7 +168,8 @@ def test_nothing_is_wrong_with_a_house(name: str) -> None:
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_no_furniture_reaches_into_a_wall(name: str) -> None:
-    """Independent of the generator's own check: boxes of hulls against boxes of walls, for what is turned by quarter turns."""
+    """Independent of the generator's own check: boxes of hulls against boxes of walls, for what is turned by quarter
+    turns."""
     walls = [box for wall in scene(name).of_category("wall") for box in boxes(scene(name), wall)]
     for obj in furniture(scene(name)):
         for low, high in boxes(scene(name), obj):
@@ -238,7 +243,8 @@ def test_over_every_step_there_is_room_for_a_head() -> None:
 
 
 def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
-    """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something waist-high."""
+    """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something
+    waist-high."""
     whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
     plan = walkable.floors.floors[1]
     solid = np.array([box for obj in whole.objects for box in boxes(whole, obj)])

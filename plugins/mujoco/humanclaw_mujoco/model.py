@@ -27,7 +27,8 @@ from humanclaw.scene import Asset, SceneObject
 
 FIXED_GROUP, BODY_GROUP = 0, 1
 _MARGIN: Final = 0.03
-"""Contacts are looked for this far ahead of the body and of movable objects, metres: no link comes further between two looks."""
+"""Contacts are looked for this far ahead of the body and of movable objects, metres: no link comes further between two
+looks."""
 _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """How hard contacts are: as hard as MuJoCo makes them."""
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
@@ -59,7 +60,8 @@ class Model:
 
 
 def build(scene: Scene, profile: Profile) -> Model:
-    """Compile a scene with a body. Raises SceneError for a movable object without a mass, and for hulls without a volume."""
+    """Compile a scene with a body. Raises SceneError for a movable object without a mass, and for hulls without a
+    volume."""
     spec = mj.MjSpec()
     spec.option.gravity = [0.0, -profile.gravity, 0.0]
     spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC

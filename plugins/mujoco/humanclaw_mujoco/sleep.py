@@ -1,4 +1,5 @@
-"""Objects that lie still sleep until something that moves comes near: asleep they cost next to nothing, and do not creep."""
+"""Objects that lie still sleep until something that moves comes near: asleep they cost next to nothing, and do not
+creep."""
 
 from __future__ import annotations
 
@@ -45,8 +46,8 @@ class Sleep:
         self._let_meet()
 
     def held(self) -> NDArray[np.int64]:
-        """Addresses of the velocities of those that do not fall: the sleepers, and who woke in this step, after the search for
-        contacts had left out what carries them."""
+        """Addresses of the velocities of those that do not fall: the sleepers, and who woke in this step, after the
+        search for contacts had left out what carries them."""
         return self._dofs[self._asleep | self._woken].ravel()
 
     def arrange(self, data: Any) -> None:

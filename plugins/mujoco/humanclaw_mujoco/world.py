@@ -1,8 +1,8 @@
 """A scene and a body in MuJoCo.
 
-MuJoCo's contacts are springs and dampers that act once shapes have met. Here they are made hard, and act ahead: a contact at a
-distance allows the approach that closes the distance by the end of the step, and no more, so that what is driven by velocities
-does not enter a wall first and is pushed out afterwards.
+MuJoCo's contacts are springs and dampers that act once shapes have met. Here they are made hard, and act ahead: a
+contact at a distance allows the approach that closes the distance by the end of the step, and no more, so that what is
+driven by velocities does not enter a wall first and is pushed out afterwards.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ class MujocoWorld:
         mj.mj_collision(m, d)
 
     def _harden(self, seconds: float) -> None:
-        """Let each contact allow the approach that closes its distance in this step; MuJoCo would let the shapes meet first."""
+        """Let each contact allow the approach that closes its distance in this step; MuJoCo would let the shapes meet
+        first."""
         contact = self._d.contact
         contact.includemargin[:] = 0.0
         contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
@@ -105,7 +106,8 @@ class MujocoWorld:
         contact.friction[:, :2] = self._model.friction[contact.geom].prod(axis=1)[:, None]
 
     def _let_fall(self) -> None:
-        """Without contacts the body's velocity changes by gravity alone: its limbs move as they are told and have no recoil."""
+        """Without contacts the body's velocity changes by gravity alone: its limbs move as they are told and have no
+        recoil."""
         d = self._d
         d.qacc_smooth[self._tree] = 0.0
         d.qacc_smooth[self._model.root_dof + 1] = -self._gravity

@@ -1,7 +1,7 @@
 """The inner loops, compiled by Numba: what is in view, which triangle each pixel shows, how open it lies, its colour.
 
-Camera frame: x right, y down, z forward, metres. Pixel (row, column) is looked at through its middle. Arithmetic is strict
-(no fast-math) and in one fixed order, so that the same input gives the same bytes.
+Camera frame: x right, y down, z forward, metres. Pixel (row, column) is looked at through its middle. Arithmetic is
+strict (no fast-math) and in one fixed order, so that the same input gives the same bytes.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ NEAR: Final = 0.02
 SUN: Final = (0.505, 0.808, 0.303)
 """Direction towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
 UPLIFT: Final = 0.6
-"""Normals are lifted by this much before shading, as light that comes from above and bounces all round would: without it
-every face that is turned away from the sun would have one and the same darkness, and corners between them would vanish."""
+"""Normals are lifted by this much before shading, as light that comes from above and bounces all round would: without
+it every face that is turned away from the sun would have one and the same darkness, and corners between them would
+vanish."""
 BOUNCE: Final = 0.5
 """Faces that look down are lit by the floor, with this share of what it gets."""
 AMBIENT: Final = 0.6
@@ -95,7 +96,8 @@ class GBuffer(NamedTuple):
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Machine code, kept on disk beside the source or in the user's cache; compiled anew where neither can be written."""
+    """Machine code, kept on disk beside the source or in the user's cache; compiled anew where neither can be
+    written."""
     how: Any = {"error_model": "numpy", "nogil": True}
     try:
         return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
@@ -158,7 +160,8 @@ def _moved(turn: Array, shift: Array, point: Floats) -> tuple[float, float, floa
 
 @_compiled
 def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32], gbuffer: GBuffer) -> None:
-    """Fill the G-buffer with the nearest triangles, both sides of a face. order: (K, 2) as from in_view, nearest first."""
+    """Fill the G-buffer with the nearest triangles, both sides of a face. order: (K, 2) as from in_view, nearest
+    first."""
     seen, flat = np.empty((3, 3)), np.empty((4, 3))
     for item in range(order.shape[0]):
         instance, cluster = order[item]
@@ -173,7 +176,8 @@ def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np
 
 @_compiled
 def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> int:
-    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and inverse_depth."""
+    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and
+    inverse_depth."""
     count = 0
     for corner in range(3):
         here, there = seen[corner], seen[(corner + 1) % 3]
@@ -195,7 +199,8 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
 
 @_compiled
 def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuffer) -> None:
-    """Row by row. A pixel belongs to a triangle if its middle does; of two triangles with a common side exactly one has it."""
+    """Row by row. A pixel belongs to a triangle if its middle does; of two triangles with a common side exactly one has
+    it."""
     height, width = gbuffer.inverse_depth.shape
     x0, y0, w0, x1, y1, w1, x2, y2, w2 = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
@@ -235,7 +240,8 @@ def ambient_occlusion(
 ) -> Floats:
     """(H / 2, W / 2) share of the light that reaches every second pixel.
 
-    Ambient occlusion in screen space takes the light of corners; instances over a place take the light that falls on it from above.
+    Ambient occlusion in screen space takes the light of corners; instances over a place take the light that falls on it
+    from above.
     """
     height, width = (gbuffer.inverse_depth.shape[0] + 1) // 2, (gbuffer.inverse_depth.shape[1] + 1) // 2
     depth, normals = np.empty((height, width), np.float32), np.zeros((height, width, 3), np.float32)
@@ -288,7 +294,8 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
 
 @_compiled
 def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: OverheadMap, light: Floats) -> None:
-    """Darken what lies under or close beside something. Light comes down in a cone; surfaces that face up receive it."""
+    """Darken what lies under or close beside something. Light comes down in a cone; surfaces that face up receive
+    it."""
     height, width = depth.shape
     axes, eye, swing = pinhole.axes, pinhole.eye, _swing()
     deep, wide = overhead.heights.shape[1:]
@@ -375,9 +382,10 @@ def paint(
 def _prepare(model: Model, instances: Instances, pinhole: Pinhole, face: int, instance: int, out: Array) -> None:
     """What all pixels of a face share.
 
-    0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the camera
-    frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading, world frame,
-    at the first corner and its change to the others. 20..25: uv likewise. 26: texels a pixel at a depth of one metre.
+    0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the
+    camera frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading,
+    world frame, at the first corner and its change to the others. 20..25: uv likewise. 26: texels a pixel at a depth of
+    one metre.
     """
     turn, shift = _placed(instances, instance, pinhole)
     px, py, pz = _moved(turn, shift, model.corners[face, 0])

@@ -1,4 +1,5 @@
-"""What hangs over each place: height maps seen from above, one a storey, for the soft shadows under and beside objects."""
+"""What hangs over each place: height maps seen from above, one a storey, for the soft shadows under and beside
+objects."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ CELL: Final = 0.04
 """Side of a cell of the map, metres; more in scenes that would need more than MOST cells a side."""
 MOST: Final = 1024
 TALLEST: Final = 2.1
-"""Walls and whatever else reaches higher over its floor than this throws no shadow: it would be beyond the lamps. Metres."""
+"""Walls and whatever else reaches higher over its floor than this throws no shadow: it would be beyond the lamps.
+Metres."""
 _HIGH: Final = 1000.0
 """From so high up the map is seen that lines of sight are as good as parallel, metres."""
 

@@ -22,7 +22,8 @@ Floats = NDArray[np.float32]
 
 
 class Model(NamedTuple):
-    """All meshes of a scene, one after the other, each in its own frame. T triangles, C clusters, M meshes, P texels."""
+    """All meshes of a scene, one after the other, each in its own frame. T triangles, C clusters, M meshes, P
+    texels."""
 
     corners: Floats
     """(T, 3, 3) positions, metres."""

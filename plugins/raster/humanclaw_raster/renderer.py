@@ -43,7 +43,8 @@ class RasterRenderer:
 
     def load(self, scene: Scene) -> None:
         """Make a scene ready to be drawn, in the place of the one before."""
-        self.close()  # Before packing: two scenes at once would fragment the heap of a process that moves through many houses.
+        # Before packing: two scenes at once would fragment the heap of a process that moves through many houses.
+        self.close()
         links, names = robot(), sorted({obj.asset for obj in scene.objects})
         number = {name: len(links) + k for k, name in enumerate(names)}
         model = pack([*links.values(), *(scene.assets[name].mesh for name in names)])

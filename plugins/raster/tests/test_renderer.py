@@ -50,7 +50,8 @@ def test_an_object_is_drawn_where_a_pinhole_would_see_it(builder, camera):
     box = builder.box((0.2, 0.2, 0.2), (1.0, 1.4, 2.1))
     view = builder.look(camera((0, 1, 0), (0, 0, 1), 512))
     rows, columns = np.nonzero((view.ids == box) & (view.depth < 2.0001))
-    # Left is +X. The front face, at a depth of 2, spans x 0.9..1.1 and y 0.4..0.6 above the eye: pixels 128 to the metre.
+    # Left is +X. The front face, at a depth of 2, spans x 0.9..1.1 and y 0.4..0.6 above the eye: pixels 128 to the
+    # metre.
     assert (columns.min(), rows.max()) == (round(256 - 1.1 * 128), round(256 - 0.4 * 128) - 1)
 
 
@@ -94,7 +95,8 @@ def test_where_nothing_is_there_is_bright_sky_without_an_end(builder, camera):
 
 
 def test_pixels_agree_with_rays_cast_at_random_triangles(builder, camera):
-    """Each pixel against every triangle, by solving three equations: no code and no method in common with the rasterizer."""
+    """Each pixel against every triangle, by solving three equations: no code and no method in common with the
+    rasterizer."""
     random = np.random.default_rng(3)
     triangles = random.normal(size=(60, 1, 3)) * [2, 2, 1] + [0, 0, 4] + random.normal(size=(60, 3, 3))
     for corners in triangles:
@@ -206,7 +208,8 @@ def test_ids_match_the_colours_pixel_for_pixel(builder, camera):
 
 
 def test_textures_are_the_right_way_round(builder, camera):
-    """A picture that is green at u = 0, and to the right of that red at v = 1 and blue at v = 0, seen from its front."""
+    """A picture that is green at u = 0, and to the right of that red at v = 1 and blue at v = 0, seen from its
+    front."""
     texture = np.zeros((64, 64, 3), np.uint8)
     texture[:32], texture[32:], texture[:, :16] = (255, 0, 0), (0, 0, 255), (0, 255, 0)
     builder.mesh(picture_of(texture), (0, 5, -1))

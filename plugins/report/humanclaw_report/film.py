@@ -51,8 +51,8 @@ def film(
 ) -> Path:
     """Film an episode from behind and above, with the ego view in a corner. every: frames of motion a frame of film.
 
-    Loads the scene, without what hides the body from above, into the renderer. Raises RecordError if there is no motion or out
-    cannot be written.
+    Loads the scene, without what hides the body from above, into the renderer. Raises RecordError if there is no motion
+    or out cannot be written.
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
@@ -65,7 +65,8 @@ def film(
 def poster(
     episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
 ) -> Path:
-    """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path (PNG)."""
+    """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path
+    (PNG)."""
     replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
     # The map fills its column, a storey below another: as wide as its shape makes it at the height of both rows.
     shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
@@ -156,8 +157,8 @@ def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0)
 def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion) -> Array:
     """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
 
-    plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of directions
-    (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
+    plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of
+    directions (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
     """
     keys = np.arange(0, len(motion), KEY)
     azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
@@ -329,7 +330,8 @@ class _Chart:
 # -- files -------------------------------------------------------------------------------------------------------------
 def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, int]) -> None:
     writer = imageio_ffmpeg.write_frames(
-        str(out), size, fps=fps, codec="libx264", macro_block_size=2, output_params=["-crf", "21", "-movflags", "+faststart"]
+        str(out), size, fps=fps, codec="libx264", macro_block_size=2,
+        output_params=["-crf", "21", "-movflags", "+faststart"]
     )  # fmt: skip
     writer.send(None)
     try:

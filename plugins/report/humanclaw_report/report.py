@@ -416,9 +416,11 @@ def _totals(views: Sequence[EpisodeView]) -> dict[str, object]:
 
 # -- maps --------------------------------------------------------------------------------------------------------------
 def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
-    """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all are.
+    """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all
+    are.
 
-    A pelvis, or the bottom of an object, tells which storey it is on; on stairs a body changes storeys two thirds of the way up.
+    A pelvis, or the bottom of an object, tells which storey it is on; on stairs a body changes storeys two thirds of
+    the way up.
     """
     return np.maximum(np.searchsorted(np.asarray(floors), np.asarray(heights) + 0.1, side="right") - 1, 0)
 
@@ -471,7 +473,8 @@ def _on_storey(scene: Scene, obj: SceneObject, floor: float) -> bool:
 
 
 def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
-    """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel above.
+    """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel
+    above.
 
     Of stairs all pieces, from the lowest up.
     """

@@ -1,6 +1,7 @@
 """HumanCLAW plugin: train the motion prior and skill adapters, and measure what was learned.
 
-The training modules also run on a machine that has torch, numpy, safetensors and tqdm alone: `python -m humanclaw_train.train`.
+The training modules also run on a machine that has torch, numpy, safetensors and tqdm alone: `python -m
+humanclaw_train.train`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""What the composer takes from real clips: upper-body gait profiles over the step cycle, the quiet stance, and idle sway.
+"""What the composer takes from real clips: upper-body gait profiles over the step cycle, the quiet stance, and idle
+sway.
 
-Phase convention: a cycle of two steps has phase [0, 2); at phase 0 the right foot passes the left one on its way forward, at phase
-1 the left foot passes the right one. Channels: pelvis pitch, roll and yaw about the path, then the rotation vectors of UPPER.
-Needs numpy alone.
+Phase convention: a cycle of two steps has phase [0, 2); at phase 0 the right foot passes the left one on its way
+forward, at phase 1 the left foot passes the right one. Channels: pelvis pitch, roll and yaw about the path, then the
+rotation vectors of UPPER. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ def mirror_channels(values: Array) -> Array:
 
 
 def channels(motion: Motion) -> Array:
-    """(T, CHANNELS) of a motion; the pelvis yaw is taken about a quadratic trend, which stands for the path's direction."""
+    """(T, CHANNELS) of a motion; the pelvis yaw is taken about a quadratic trend, which stands for the path's
+    direction."""
     matrix = matrix_from_vector(motion.rotations[:, 0])
     yaw = np.unwrap(motion.yaw())
     time = np.linspace(-1, 1, len(motion))
@@ -105,7 +107,8 @@ class Profiles:
 
     @classmethod
     def of(cls, clips: Sequence[RealClip]) -> Profiles:
-        """Measure the profiles on real clips. Raises ValueError when the clips that are known to serve are not among them."""
+        """Measure the profiles on real clips. Raises ValueError when the clips that are known to serve are not among
+        them."""
         named = {clip.name: clip.motion for clip in clips}
         walks = [named[name] for name in _WALKS if name in named]
         idles = [named[name] for name in _IDLES if name in named]
@@ -123,7 +126,8 @@ class Profiles:
 
 
 def _gait(walk: Motion) -> Array:
-    """Least squares over the cycle and its mirror image half a cycle later: a gait is symmetric, one short clip is not."""
+    """Least squares over the cycle and its mirror image half a cycle later: a gait is symmetric, one short clip is
+    not."""
     phase, inside = step_phase(walk)
     values = channels(walk)[inside]
     rows = np.concatenate([basis(phase[inside]), basis(phase[inside] + 1)])

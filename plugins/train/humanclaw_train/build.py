@@ -26,8 +26,8 @@ from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.edited import edited_chunks
 
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
-"""Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg and of one
-idler, and the second of the two walks over blocks, for which there is one subject alone."""
+"""Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg
+and of one idler, and the second of the two walks over blocks, for which there is one subject alone."""
 
 
 def held_out(clip: Clip, patterns: Sequence[str] = HELD_OUT) -> bool:
@@ -44,9 +44,11 @@ def build(
     without: Sequence[str] = (),
     hold_out: Sequence[str] = HELD_OUT,
 ) -> dict[str, Chunks]:
-    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in out/held_out.
+    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in
+    out/held_out.
 
-    seconds: of edited motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of clips' names.
+    seconds: of edited motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of clips'
+    names.
     """
     every = [clip for clip in load_pack(source) if clip.source not in without]
     clips = [clip for clip in every if not held_out(clip, hold_out)]

@@ -1,4 +1,5 @@
-"""Model cards: one beside each checkpoint, written from its header and the fidelity report, so that they cannot disagree.
+"""Model cards: one beside each checkpoint, written from its header and the fidelity report, so that they cannot
+disagree.
 
 humanclaw cards            write README.md beside every checkpoint
 humanclaw cards --check    only say which cards are out of date
@@ -31,19 +32,22 @@ _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 _NAMES: Final = {"composed": "composed by `humanclaw_train.composer` (edited)"}
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
-        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF "
+        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
+        "NSF "
         "EIA-0196217."
     ),
     "ReActIdle": "ReActIdle: MIT, Copyright (c) 2025 RSAIT.",
     "HDM05": (
-        "HDM05: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database HDM05*, "
+        "HDM05: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database "
+        "HDM05*, "
         "CG-2007-2, Universitaet Bonn, 2007; CC BY-SA 3.0."
     ),
 }
 """What the owners of the data ask to be said."""
 _BASE_LIMITS: Final = (
     "Hips do not sway sideways, and arms move little beyond the swing of the gait.",
-    "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw naturalness`.",
+    "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw "
+    "naturalness`.",
 )
 
 
@@ -120,7 +124,8 @@ def _ratio(ratio: Ratio) -> str:
 
 # -- all of them -------------------------------------------------------------------------------------------------------
 def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Path]:
-    """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should be.
+    """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should
+    be.
 
     check: write nothing. The fidelity report is the one beside the base, if there is one.
     """

@@ -1,7 +1,7 @@
 """Clips of retargeted motion, and the half-second chunks that the motion model learns from (paper, section 3.3).
 
-A chunk is 5 history and 15 future frames in the canonical frame of its history, with the skill parameters that it realises.
-Needs numpy alone.
+A chunk is 5 history and 15 future frames in the canonical frame of its history, with the skill parameters that it
+realises. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ Spans = Mapping[str, tuple[tuple[int, int], ...]]
 # -- clips -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Clip:
-    """One retargeted clip. spans: tag to (first, last) frames, both included, at 30 fps; real is False once it was edited."""
+    """One retargeted clip. spans: tag to (first, last) frames, both included, at 30 fps; real is False once it was
+    edited."""
 
     name: str
     motion: Motion
@@ -58,8 +59,8 @@ class Clip:
 def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
     """Retarget every clip that `folder/clips.csv` lists.
 
-    Rows name their file as `archive.tar.xz!member`. Archives are read from `folder` and unpacked into a temporary folder, unless
-    `unpacked` already holds the members. Raises MocapError for a file that is missing or broken.
+    Rows name their file as `archive.tar.xz!member`. Archives are read from `folder` and unpacked into a temporary
+    folder, unless `unpacked` already holds the members. Raises MocapError for a file that is missing or broken.
     """
     folder = Path(folder)
     if unpacked is not None:
@@ -98,7 +99,8 @@ def _clip(row: Mapping[str, str], folder: Path) -> Clip:
 
 
 def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
-    """CMU's BVH conversions open with a set-up pose; for one family, whose zero angles mean nothing, it is the reference."""
+    """CMU's BVH conversions open with a set-up pose; for one family, whose zero angles mean nothing, it is the
+    reference."""
     if "CC_Base_Hip" in source.joints:
         return source.with_reference_frame(0)[1:], 1
     return (source[1:], 1) if "LHipJoint" in source.joints else (source, 0)
@@ -137,7 +139,8 @@ def mirror(clip: Clip) -> Clip:
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
 def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
-    """The parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it. Raises ValueError."""
+    """The parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it. Raises
+    ValueError."""
     root, rotations = chunk.root[None], chunk.rotations[None]
     if len(chunk) != CHUNK:
         raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
@@ -145,7 +148,8 @@ def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
 
 
 def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
-    """Chunks in any frame, root (N, 20, 3) and rotations (N, 20, 24, 3), each in the canonical frame of its own history."""
+    """Chunks in any frame, root (N, 20, 3) and rotations (N, 20, 24, 3), each in the canonical frame of its own
+    history."""
     history = forward_kinematics(root[:, :HISTORY], rotations[:, :HISTORY])[0]
     return _canonical(root, rotations, support_height(history).min(axis=1))
 
@@ -159,7 +163,8 @@ def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Arra
 
 
 def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
-    """The chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    """The chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N, 20, 24,
+    3)."""
     frames = np.asarray(starts, int)[:, None] + np.arange(CHUNK)
     support = support_height(motion.joints())
     return _canonical(motion.root[frames], motion.rotations[frames], support[frames[:, :HISTORY]].min(axis=1))
@@ -169,8 +174,9 @@ def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
 class Chunks:
     """N canonical chunks of one skill. Metres, radians.
 
-    root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32; real (N,) bool, False for synthetic motion; source
-    (N,) text, where each comes from. names, measures (k,) text: of the parameters, and what they command.
+    root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32; real (N,) bool, False for synthetic
+    motion; source (N,) text, where each comes from. names, measures (k,) text: of the parameters, and what they
+    command.
     """
 
     root: NDArray[np.float32]
@@ -186,7 +192,8 @@ class Chunks:
         shapes = (self.root.shape, self.rotations.shape, self.params.shape[:1], self.real.shape, self.source.shape)
         if shapes != ((n, CHUNK, 3), (n, CHUNK, N_JOINTS, 3), (n,), (n,), (n,)) or self.params.ndim != 2:
             raise ValueError(
-                f"chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got {shapes}"
+                "chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got "
+                f"{shapes}"
             )
         if not len(self.names) == len(self.measures) == self.params.shape[1]:
             raise ValueError(f"{self.params.shape[1]} parameters need as many names and measures; got {self.names}")
@@ -200,7 +207,8 @@ class Chunks:
             np.array([getattr(one, what) for one in parameters], np.str_) for what in ("name", "measure")
         )
         return cls(
-            root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source), names, measures
+            root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source),
+            names, measures
         )  # fmt: skip
 
     @classmethod

@@ -1,4 +1,5 @@
-"""`humanclaw train`, `humanclaw fidelity` and `humanclaw data build`: doors to humanclaw_train, which reads its own options.
+"""`humanclaw train`, `humanclaw fidelity` and `humanclaw data build`: doors to humanclaw_train, which reads its own
+options.
 
 The modules also run as `python -m humanclaw_train.train` on a machine that has torch and little else.
 """
@@ -17,7 +18,8 @@ _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_opti
 
 
 def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
-    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is given."""
+    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is
+    given."""
 
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)

@@ -1,4 +1,5 @@
-"""Trained skills as synthesis sees them: a recipe, the measures that the skill's parameters command, and commands of many bodies.
+"""Trained skills as synthesis sees them: a recipe, the measures that the skill's parameters command, and commands of
+many bodies.
 
 What a command asks of the pelvis follows from the measures alone; no skill is known by name. Needs numpy alone.
 """
@@ -62,7 +63,8 @@ class Trained:
         return self.recipe.gait is not None
 
     def axes(self) -> dict[str, tuple[str, float]]:
-        """Parameter to the number of Commands that it sets. Raises HumanclawError for a measure that synthesis does not know."""
+        """Parameter to the number of Commands that it sets. Raises HumanclawError for a measure that synthesis does not
+        know."""
         unknown = [one.measure for one in self.declaration.parameters if one.measure not in AXES]
         if unknown:
             hint = f"It knows {', '.join(AXES)}; give {self.name} no gait, and real chunks alone."
@@ -83,9 +85,9 @@ _GAIT: Final = tuple(one.name for one in fields(GaitParameters))
 class Commands:
     """One command for each of N bodies, all (N,), metres and radians.
 
-    x, z: travel to the left and ahead; yaw: turn to the left; NaN where the command leaves them open. rise: of the floor. height:
-    of the pelvis at the end, NaN where that is to stand. feet: index into FEET. stays_seated: a body that sits goes on sitting.
-    gait: the skills' gait parameters, by name.
+    x, z: travel to the left and ahead; yaw: turn to the left; NaN where the command leaves them open. rise: of the
+    floor. height: of the pelvis at the end, NaN where that is to stand. feet: index into FEET. stays_seated: a body
+    that sits goes on sitting. gait: the skills' gait parameters, by name.
     """
 
     x: Array

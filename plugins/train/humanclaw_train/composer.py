@@ -1,13 +1,14 @@
-"""The step composer: continuous motion for any series of commands, from the profiles of real clips (edited training data).
+"""The step composer: continuous motion for any series of commands, from the profiles of real clips (edited training
+data).
 
-Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of its own
-command, never of a later one, because the motion model sees no more than that. A chunk begins and ends as the feet pass each
-other: one foot stands under the hips, the other one hangs beside it, or stands too. In the chunk's first part the hanging foot
-lands where the hips will be; in its second part the other one follows. Walking, turning, stairs, sitting down and stopping are
-the same two swings with other numbers.
+Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of
+its own command, never of a later one, because the motion model sees no more than that. A chunk begins and ends as the
+feet pass each other: one foot stands under the hips, the other one hangs beside it, or stands too. In the chunk's first
+part the hanging foot lands where the hips will be; in its second part the other one follows. Walking, turning, stairs,
+sitting down and stopping are the same two swings with other numbers.
 
-Shapes: N bodies move at once; a chunk has 16 instants at s = 0 ... 1, the first of which belongs to the chunk before. Frames as in
-humanclaw.pose; "floor" vectors are (x, z). Needs numpy alone.
+Shapes: N bodies move at once; a chunk has 16 instants at s = 0 ... 1, the first of which belongs to the chunk before.
+Frames as in humanclaw.pose; "floor" vectors are (x, z). Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -60,14 +61,16 @@ SEATED: Final = 0.03
 # -- state -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class State:
-    """N bodies at the end of a chunk; rates and velocities are per chunk. The root is that of the path, about which a walker sways.
+    """N bodies at the end of a chunk; rates and velocities are per chunk. The root is that of the path, about which a
+    walker sways.
 
-    root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet, nought
-    when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw, foot_yaw_rate,
-    foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a reason against it;
-    pose, pose_rate (N, CHANNELS). phase (N,) of the step cycle and cadence (N,), nought for who does not walk; sway (N, 3):
-    amplitudes of the pelvis about its path, as humanclaw_train.gait has them. height (N,): of the pelvis itself above the level.
-    lacking (N,): by how much the chunk before missed 2 cm of clearance over the edge of a stair, metres.
+    root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet,
+    nought when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw,
+    foot_yaw_rate, foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a
+    reason against it; pose, pose_rate (N, CHANNELS). phase (N,) of the step cycle and cadence (N,), nought for who does
+    not walk; sway (N, 3): amplitudes of the pelvis about its path, as humanclaw_train.gait has them. height (N,): of
+    the pelvis itself above the level. lacking (N,): by how much the chunk before missed 2 cm of clearance over the edge
+    of a stair, metres.
     """
 
     root: Array
@@ -110,7 +113,8 @@ class State:
         n = len(pose)
         zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
         return cls(
-            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out, -toe_out],
+            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out,
+            -toe_out],
             two, two, two, next_foot, pose, np.zeros_like(pose), zero, zero, three, zero + height, zero,
         )  # fmt: skip
 
@@ -162,10 +166,11 @@ class Style:
 class Plan:
     """Where a chunk ends, all (N,) unless said otherwise.
 
-    end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise: velocity of
-    that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot still hangs; base (N, 2):
-    the point about which the feet come to stand; first: the foot that lands first; wrong: the other foot hangs, and must
-    come down before the first one may leave. speed: over the floor, m/s. stride: goes on walking, in steps of its own time.
+    end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise:
+    velocity of that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot
+    still hangs; base (N, 2): the point about which the feet come to stand; first: the foot that lands first; wrong: the
+    other foot hangs, and must come down before the first one may leave. speed: over the floor, m/s. stride: goes on
+    walking, in steps of its own time.
     """
 
     end: Array
@@ -283,7 +288,8 @@ def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) 
 
 
 def hip_path(state: State, p: Plan) -> tuple[Array, Array]:
-    """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the height."""
+    """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the
+    height."""
     end_velocity = raised(p.velocity, p.rise)
     at = [value[:, None] for value in (state.root, state.velocity, np.zeros_like(state.root), p.root, end_velocity)]
     turn = [value[:, None] for value in (state.yaw, state.yaw_rate, np.zeros_like(state.yaw), p.yaw, p.yaw_rate)]
@@ -306,8 +312,8 @@ class Steps(NamedTuple):
 class Swing:
     """One foot of each body on its way to a new place, all (N, ...).
 
-    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: as the chunk before left it. target, yaw1:
-    where it will stand.
+    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: as the chunk before left it. target,
+    yaw1: where it will stand.
     """
 
     foot: Ints
@@ -362,7 +368,8 @@ class Swing:
 
 
 def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple[Feet, Array]:
-    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or stands.
+    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or
+    stands.
 
     The second value, (N,), is by how much they clear the edge of a stair by less than 2 cm, metres.
     """
@@ -431,7 +438,8 @@ def _within_reach(target: Array, root: Array, land: Array | float, p: Plan) -> A
 
 
 def _stair(u: Array, level0: Array, level1: Array) -> Array:
-    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose is."""
+    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose
+    is."""
     u = np.clip(u, 0, 1)
     ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
     return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
@@ -593,7 +601,8 @@ def _striding_foot(
 def swaying(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
     """The path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
 
-    Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing foot.
+    Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing
+    foot.
     """
     last = np.where(p.stride[:, None], gait.amplitudes(p.speed) * style.swings, 0.0)
     size = state.sway[:, None] + (last - state.sway)[:, None] * smoother(GRID)[:, None]
@@ -638,7 +647,8 @@ def _to_and_fro(index: Ints, length: int) -> Ints:
 
 
 def upper_body(state: State, p: Plan, c: Commands, target: Array) -> Array:
-    """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips demand."""
+    """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips
+    demand."""
     gap = (state.pose - target[:, 0])[:, None]
     rate = (state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE)[:, None]
     span = np.where(p.sits | state.seated, 1.0, 0.85)[:, None, None]
@@ -672,7 +682,8 @@ def seat_table(stance: Array) -> Array:
     pose = np.repeat(stance[None], len(_SEATS), 0)
     pose[:, 0] = -0.16 - 0.1 * low
     for joint, amount, more in (
-        ("spine1", 0.16, 0.1), ("spine2", 0.12, 0.1), ("spine3", 0.04, 0.1), ("neck", -0.06, -0.12), ("head", -0.12, -0.12)
+        ("spine1", 0.16, 0.1), ("spine2", 0.12, 0.1), ("spine3", 0.04, 0.1), ("neck", -0.06, -0.12), ("head", -0.12,
+        -0.12)
     ):  # fmt: skip
         pose[:, channel(joint)] += amount + more * low
     rotations = np.zeros((len(_SEATS), N_JOINTS, 3))
@@ -730,7 +741,8 @@ def _may_lift(p: Plan, steps: gait.Cycle) -> Array:
 
 
 def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
-    """yaw (...) and pitch, roll, extra yaw (..., 3) to (..., 3, 3): Ry Rz Rx, which keeps the hip line's heading exact."""
+    """yaw (...) and pitch, roll, extra yaw (..., 3) to (..., 3, 3): Ry Rz Rx, which keeps the hip line's heading
+    exact."""
     vector = np.zeros((*yaw.shape, 3, 3))
     vector[..., 0, 1], vector[..., 1, 2], vector[..., 2, 0] = yaw + tilt[..., 2], tilt[..., 1], tilt[..., 0]
     matrix = matrix_from_vector(vector)
@@ -798,7 +810,8 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
 
 
 def _eyes_level(pose: Array, down: float) -> Array:
-    """The pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in the head."""
+    """The pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in the
+    head."""
     pose = pose.copy()
     missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
         -1
@@ -811,7 +824,8 @@ def _eyes_level(pose: Array, down: float) -> Array:
 def play(
     profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """Root (N, 5 + 15 K, 3), rotations (N, 5 + 15 K, 24, 3) and lacking (N, K) of N bodies that carry out K commands each.
+    """Root (N, 5 + 15 K, 3), rotations (N, 5 + 15 K, 24, 3) and lacking (N, K) of N bodies that carry out K commands
+    each.
 
     They begin in a quiet stance, a share `rested` of them in `rest_pose`.
     """
@@ -837,9 +851,9 @@ def play(
 def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
     """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
 
-    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their names behind
-    the contract. What a command asks for is what its measures say, but for a stair straight out of a seat, where the pelvis rises
-    by both. Raises HumanclawError for unknown parameters and skills without gait.
+    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their
+    names behind the contract. What a command asks for is what its measures say, but for a stair straight out of a seat,
+    where the pelvis rises by both. Raises HumanclawError for unknown parameters and skills without gait.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))

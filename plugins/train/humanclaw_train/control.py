@@ -2,8 +2,8 @@
 
     z_{l+1} = B_l(z_l, tau) + W_l C_l(z_l + e_s(c), tau)
 
-B_l are the base's blocks, frozen; C_l their trainable copies; W_l begins at zero, so that an untrained adapter changes nothing;
-e_s encodes the skill's parameters c, which are the outcome that the chunk should have. This is the definition;
+B_l are the base's blocks, frozen; C_l their trainable copies; W_l begins at zero, so that an untrained adapter changes
+nothing; e_s encodes the skill's parameters c, which are the outcome that the chunk should have. This is the definition;
 `humanclaw.motion.control` follows it in numpy.
 """
 
@@ -41,7 +41,8 @@ class Adapter(nn.Module):
         return encoded[:, None]
 
     def modulations(self, base: DiT, tau: Tensor) -> Tensor:
-        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is the base's."""
+        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is
+        the base's."""
         return modulate_blocks(self.blocks, F.silu(base.time(tau)))
 
     def residual(self, condition: Tensor, modulations: Tensor) -> Residual:

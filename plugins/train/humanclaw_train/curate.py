@@ -1,6 +1,7 @@
 """Curation: from retargeted clips to the real chunks of each skill and of the skill-agnostic base (paper, section 3.3).
 
-A window belongs to a skill where the clip's spans name the skill and the window's own geometry agrees. Needs numpy alone.
+A window belongs to a skill where the clip's spans name the skill and the window's own geometry agrees. Needs numpy
+alone.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ class Limits:
     speed: float = 7.0
     """Any joint relative to the pelvis, m/s."""
     turn: float = 1.0
-    """Any number of a rotation vector, radians a frame: a flip, or the vector's own wrap at half a turn, which cannot be learnt."""
+    """Any number of a rotation vector, radians a frame: a flip, or the vector's own wrap at half a turn, which cannot
+    be learnt."""
     acceleration: float = 120.0
     """Any joint, m/s^2: a glitch moves a joint for one frame and back."""
     sunk: float = 0.05
@@ -62,7 +64,8 @@ class Limits:
 
 
 def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None) -> Mask:
-    """Which canonical chunks have no leap, no glitch, nobody lying down, and (on flat ground) no foot under the floor."""
+    """Which canonical chunks have no leap, no glitch, nobody lying down, and (on flat ground) no foot under the
+    floor."""
     limits = limits or Limits()
     joints = forward_kinematics(root, rotations)[0]
     relative = np.diff(joints - joints[:, :, :1], axis=1) * FPS
@@ -86,7 +89,8 @@ _DROPS: Final = (("ankle", SOLE), ("foot", TOE_SOLE))
 
 # -- building ----------------------------------------------------------------------------------------------------------
 def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Chunks]:
-    """The real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at IDLE_SHARE."""
+    """The real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at
+    IDLE_SHARE."""
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, STRIDE)
@@ -138,7 +142,8 @@ def _less_idle(base: Chunks) -> Chunks:
 # -- statistics --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Statistics:
-    """One skill's data: chunks, how many are real, clips they come from, and (min, 5 %, median, 95 %, max) of each parameter."""
+    """One skill's data: chunks, how many are real, clips they come from, and (min, 5 %, median, 95 %, max) of each
+    parameter."""
 
     chunks: int
     real: int
@@ -149,7 +154,8 @@ class Statistics:
 
 
 def statistics(chunks: Mapping[str, Chunks], stride: int = STRIDE) -> dict[str, Statistics]:
-    """What each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are counted."""
+    """What each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are
+    counted."""
     return {skill: _statistics(found, stride) for skill, found in chunks.items()}
 
 

@@ -1,7 +1,7 @@
 """Chunks as tensors: reading them, spoiling their histories, and bringing them to the state that the model sees.
 
-A chunk folder holds one `NAME.npz` a skill, and `base.npz` for the prior, each with root (N, 20, 3) and rotations (N, 20, 24, 3) in
-the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
+A chunk folder holds one `NAME.npz` a skill, and `base.npz` for the prior, each with root (N, 20, 3) and rotations (N,
+20, 24, 3) in the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ def normaliser(chunks: ChunkTensors) -> Normaliser:
 
 
 def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
-    """Of chunks that stand, the history that moves least and stands most typically: root (5, 3), rotations (5, 24, 3)."""
+    """Of chunks that stand, the history that moves least and stands most typically: root (5, 3), rotations (5, 24,
+    3)."""
     root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     positions = kinematics.joints(root, rotations)
     moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2)) + (chunks.root[:, -1] - chunks.root[:, 0]).norm(dim=-1)
@@ -118,9 +119,10 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
 def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0) -> tuple[Tensor, Tensor]:
     """Chunks whose histories are off, as those are that the model wrote itself, and whose futures find back.
 
-    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter. The future
-    starts where the spoilt history ends and returns to the clean one within ten frames, so that what is learned is a smooth
-    recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical frame demands.
+    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter.
+    The future starts where the spoilt history ends and returns to the clean one within ten frames, so that what is
+    learned is a smooth recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical
+    frame demands.
     """
     device = root.device
     share = strength * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
@@ -156,7 +158,8 @@ def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tens
 
 
 def _curves() -> tuple[Tensor, Tensor, Tensor]:
-    """Over the 20 frames: a held offset that fades, a drift through the last history frame, and 1 on the history alone."""
+    """Over the 20 frames: a held offset that fades, a drift through the last history frame, and 1 on the history
+    alone."""
     frame = torch.arange(CHUNK) - (HISTORY - 1.0)
     pose = 0.5 + 0.5 * torch.cos(torch.pi * (frame / _SETTLED).clamp(0, 1))
     drift = frame / HISTORY * torch.exp(-frame.clamp(min=0) / 2)

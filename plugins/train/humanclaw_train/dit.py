@@ -1,8 +1,9 @@
-"""The motion prior: a diffusion transformer over 20 frame tokens (paper, section 3.3; blocks after Peebles and Xie, 2023).
+"""The motion prior: a diffusion transformer over 20 frame tokens (paper, section 3.3; blocks after Peebles and Xie,
+2023).
 
-Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy future frames. The flow time tau enters through
-adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them apart from the
-rest, once per solver time, whatever the motion.
+Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy future frames. The flow time tau enters
+through adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them
+apart from the rest, once per solver time, whatever the motion.
 
 This is the definition. `humanclaw.motion.dit` follows it line by line in numpy, for who only runs the model.
 """
@@ -105,7 +106,8 @@ class DiT(nn.Module):
         return Modulations(modulate_blocks(self.blocks, embedded), _split(self.final_modulation(embedded), 2))
 
     def forward(self, history: Tensor, noisy: Tensor, at: Modulations, residual: Residual | None = None) -> Tensor:
-        """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future tokens."""
+        """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future
+        tokens."""
         z = self.enter(torch.cat([history, noisy], 1)) + self.position
         for layer, block in enumerate(self.blocks):
             entering = z

@@ -19,14 +19,16 @@ from humanclaw_train.composer import SECONDS, play
 
 @dataclass(frozen=True)
 class Call:
-    """One command for each of N bodies: the skills (N,) as indices, and the values (N, k) as far as each has parameters."""
+    """One command for each of N bodies: the skills (N,) as indices, and the values (N, k) as far as each has
+    parameters."""
 
     skill: Ints
     values: Array
 
 
 def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.Generator) -> list[Call]:
-    """Natural series of commands for n bodies: runs of one skill at about the same values, and every change of skill."""
+    """Natural series of commands for n bodies: runs of one skill at about the same values, and every change of
+    skill."""
     share = np.array([one.recipe.share for one in skills])
     repeats = np.array([one.recipe.repeats for one in skills])
     skill = rng.choice(len(skills), n, p=share / share.sum())
@@ -53,7 +55,8 @@ def _names(skill: Trained) -> tuple[str, ...]:
 
 
 def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> Array:
-    """(N, k) over the whole ranges of the recipes, half of them near what is asked for most; 0 beyond a skill's parameters."""
+    """(N, k) over the whole ranges of the recipes, half of them near what is asked for most; 0 beyond a skill's
+    parameters."""
     values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
@@ -91,9 +94,11 @@ def edited_chunks(
     progress: Callable[[float], object] | None = None,
     base_share: float = 4.0,
 ) -> dict[str, Chunks]:
-    """Composed chunks of every skill, and of `base` at any offset, half of them mirrored, with the parameters that they realise.
+    """Composed chunks of every skill, and of `base` at any offset, half of them mirrored, with the parameters that they
+    realise.
 
-    seconds_per_skill: of future frames, so 2 chunks a second; base gets base_share times as much. progress hears 0 to 1.
+    seconds_per_skill: of future frames, so 2 chunks a second; base gets base_share times as much. progress hears 0 to
+    1.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     rng = np.random.default_rng(seed)

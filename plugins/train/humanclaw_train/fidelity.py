@@ -2,10 +2,11 @@
 
     humanclaw fidelity --rollouts 200 --realised --baseline CHUNKS
 
-Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from standing; then come
-three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths of the adapter's range.
-Realised: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the command, and measured there.
-Baseline: the median clip of each verb, whatever the magnitude asked for, as a text-to-motion model does it.
+Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from
+standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
+of the adapter's range. Realised: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
+command, and measured there. Baseline: the median clip of each verb, whatever the magnitude asked for, as a
+text-to-motion model does it.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Row:
-    """One skill's line of the table. NaN in `generated` for a skill without parameters; None for what was not measured."""
+    """One skill's line of the table. NaN in `generated` for a skill without parameters; None for what was not
+    measured."""
 
     skill: str
     generated: Ratio
@@ -119,10 +121,11 @@ def realised(
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
-    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this skill.
+    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this
+    skill.
 
-    The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where there are
-    any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
+    The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
+    there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
     """
     chunks = _of_skill(folders, command.skill)
     if chunks is None or not chunks.params.shape[1]:

@@ -2,7 +2,8 @@
 
     x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
 
-A model may answer with v or with the clean future; the two say the same, and `velocity` and `clean` turn each into the other.
+A model may answer with v or with the clean future; the two say the same, and `velocity` and `clean` turn each into the
+other.
 """
 
 from __future__ import annotations

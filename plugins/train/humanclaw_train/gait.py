@@ -1,9 +1,9 @@
 """Walking whose steps do not wait for chunks: the phase of the step cycle, the feet, and what the pelvis does over it.
 
-The phase counts steps: at an even number the right foot passes the left one, at an odd number the left foot passes the right one,
-as in humanclaw_train.augment. A chunk advances it by what real walkers do at that speed, so that chunks begin anywhere in a
-cycle; a foot in the air is led on towards a landing that is planned anew from each command. Numbers were read off the real walks
-of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s). Needs numpy alone.
+The phase counts steps: at an even number the right foot passes the left one, at an odd number the left foot passes the
+right one, as in humanclaw_train.augment. A chunk advances it by what real walkers do at that speed, so that chunks
+begin anywhere in a cycle; a foot in the air is led on towards a landing that is planned anew from each command. Numbers
+were read off the real walks of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s). Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -48,12 +48,14 @@ def pelvis_height(speed: Array) -> Array:
 
 
 def pelvis(phase: Array) -> Array:
-    """(..., 3) to the side, ahead and up, each between -1 and 1: over the standing foot, fastest and lowest between two steps."""
+    """(..., 3) to the side, ahead and up, each between -1 and 1: over the standing foot, fastest and lowest between two
+    steps."""
     return np.stack([np.cos(np.pi * phase), -np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)], -1)
 
 
 def pinned(values: Array) -> Array:
-    """(N, 16, ...) with the difference to a smooth passage from first to last instant alone left: nought at both ends."""
+    """(N, 16, ...) with the difference to a smooth passage from first to last instant alone left: nought at both
+    ends."""
     ease = smoother(GRID).reshape(-1, *(1 for _ in values.shape[2:]))
     return np.asarray(values - values[:, :1] * (1 - ease) - values[:, -1:] * ease)
 
@@ -91,7 +93,8 @@ def swing_height(progress: Array) -> Array:
 # -- the feet of a chunk -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Cycle:
-    """The step cycle over a chunk: phase (N, 16), the rates at its ends (N,) steps a chunk, and how fast the body walks."""
+    """The step cycle over a chunk: phase (N, 16), the rates at its ends (N,) steps a chunk, and how fast the body
+    walks."""
 
     phase: Array
     rate: Array
@@ -124,7 +127,8 @@ def foot_of(passing: Ints) -> Ints:
 
 
 def reached(cycle: Cycle, path: Array, velocity: Array, phase: Array) -> Array:
-    """(N, k) of a path (N, 16, k) when the cycle gets to a phase (N,), beyond its end at the velocity (N, k) that it ends with."""
+    """(N, k) of a path (N, 16, k) when the cycle gets to a phase (N,), beyond its end at the velocity (N, k) that it
+    ends with."""
     order = np.array([np.interp(at, row, GRID) for at, row in zip(phase, cycle.phase, strict=True)]) * FUTURE
     low = np.clip(order.astype(int), 0, FUTURE - 1)
     share = (order - low)[:, None]
@@ -142,7 +146,8 @@ class Leg:
 
 
 def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
-    """(N, 16, k) from where a foot is, or stood, to its target (N, k) at the landing; the same curve whenever it is planned.
+    """(N, 16, k) from where a foot is, or stood, to its target (N, k) at the landing; the same curve whenever it is
+    planned.
 
     Shortly before the landing there is no time left for another target.
     """
@@ -158,7 +163,8 @@ def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
 
 
 def settled(value: Array, rate: Array, goal: Array, span: Array | float = 0.5) -> Array:
-    """(N, 16) a goal (N, 16), with the difference to the value and rate (N,) that a chunk begins with faded out over `span`."""
+    """(N, 16) a goal (N, 16), with the difference to the value and rate (N,) that a chunk begins with faded out over
+    `span`."""
     gap = (value - goal[:, 0])[:, None]
     drift = (rate - (goal[:, 1] - goal[:, 0]) * FUTURE)[:, None]
     return goal + cubic(GRID / span, gap, drift * span, np.zeros_like(gap), 0.0)

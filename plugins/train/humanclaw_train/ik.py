@@ -1,7 +1,7 @@
 """Legs for edited motion: feet that roll on the ground, and hips that stay within the reach of both legs.
 
-Everything is vectorised: (...) is any leading shape, (N, 2, T) are the left and right feet of N bodies over T frames. Metres and
-radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the world. Needs numpy alone.
+Everything is vectorised: (...) is any leading shape, (N, 2, T) are the left and right feet of N bodies over T frames.
+Metres and radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the world. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -34,10 +34,11 @@ def foot_orientation(yaw: Array, pitch: Array) -> Array:
 
 
 def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Array:
-    """The ankle (..., 3) of a foot that rolls on the ground over the point `sole`, which lies below the ankle of the flat foot.
+    """The ankle (..., 3) of a foot that rolls on the ground over the point `sole`, which lies below the ankle of the
+    flat foot.
 
-    A raised heel (pitch > 0) pivots about the toe base, raised toes (pitch < 0) about the heel; within `blend` radians of flat the
-    pivots pass into one another, so that the ankle's velocity is continuous.
+    A raised heel (pitch > 0) pivots about the toe base, raised toes (pitch < 0) about the heel; within `blend` radians
+    of flat the pivots pass into one another, so that the ankle's velocity is continuous.
     """
     flat, tilted = foot_orientation(yaw, np.zeros_like(pitch)), foot_orientation(yaw, pitch)
     weight = smoothstep((pitch / blend + 1) / 2)[..., None]
@@ -50,8 +51,8 @@ def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Ar
 # -- both legs of a body -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Feet:
-    """sole (N, 2, T, 3): the point of the ground below each ankle of a flat foot. yaw, pitch (positive: heel up) and bend of the
-    toes (positive: towards flat when the heel is up): (N, 2, T)."""
+    """sole (N, 2, T, 3): the point of the ground below each ankle of a flat foot. yaw, pitch (positive: heel up) and
+    bend of the toes (positive: towards flat when the heel is up): (N, 2, T)."""
 
     sole: Array
     yaw: Array
@@ -104,7 +105,8 @@ def ease_ankles(root: Array, pelvis: Array, feet: Feet, yaw: Array, limit: float
 
 
 def place_legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> dict[str, Array]:
-    """Local rotations (N, T, 3, 3) of hips, knees, ankles and feet by joint name, with the feet where `feet` has them."""
+    """Local rotations (N, T, 3, 3) of hips, knees, ankles and feet by joint name, with the feet where `feet` has
+    them."""
     thigh, shin = _legs(root, pelvis, feet, yaw)
     foot = foot_orientation(feet.yaw, feet.pitch)
     toes = np.zeros((*feet.bend.shape, 3))

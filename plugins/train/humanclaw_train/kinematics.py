@@ -1,4 +1,5 @@
-"""Forward kinematics and the 219-number state on batches of torch tensors: the differentiable twin of humanclaw.pose."""
+"""Forward kinematics and the 219-number state on batches of torch tensors: the differentiable twin of
+humanclaw.pose."""
 
 from __future__ import annotations
 

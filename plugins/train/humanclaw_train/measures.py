@@ -1,6 +1,8 @@
-"""Measures of motion, on joint positions and poses alone: contact with the ground, smoothness, joint limits, and likeness.
+"""Measures of motion, on joint positions and poses alone: contact with the ground, smoothness, joint limits, and
+likeness.
 
-Shapes: T frames at 30 a second, ... any number of leading axes; joints (..., T, 24, 3) in metres, Y up. Needs numpy alone.
+Shapes: T frames at 30 a second, ... any number of leading axes; joints (..., T, 24, 3) in metres, Y up. Needs numpy
+alone.
 """
 
 from __future__ import annotations
@@ -32,13 +34,15 @@ def skate(joints: Array) -> float:
 def slower_toe(joints: Array) -> float:
     """Mean horizontal speed of whichever toe is the slower one, centimetres a second.
 
-    Who steps has one foot planted at any time, so this is the skate of the planted foot, whatever the height of its ground.
+    Who steps has one foot planted at any time, so this is the skate of the planted foot, whatever the height of its
+    ground.
     """
     return float(_toe_speed(joints).min(-1).mean())
 
 
 def slide(joints: Array) -> Array:
-    """(..., T, 24, 3) to (...) path that the slower toe slides over the T frames, centimetres: nought for whoever steps cleanly."""
+    """(..., T, 24, 3) to (...) path that the slower toe slides over the T frames, centimetres: nought for whoever steps
+    cleanly."""
     return np.asarray(_toe_speed(joints).min(-1).sum(-1) / FPS)
 
 
@@ -64,7 +68,8 @@ INSIDE: Final = slice(HISTORY, None)
 
 
 def seam_and_inside(joints: Array) -> tuple[float, float]:
-    """(N, 20, 24, 3) chunks: medians of the peak acceleration where history and future meet and within the future, m/s^2."""
+    """(N, 20, 24, 3) chunks: medians of the peak acceleration where history and future meet and within the future,
+    m/s^2."""
     size = acceleration(joints)
     return float(np.median(size[:, SEAM].max(1))), float(np.median(size[:, INSIDE].max(1)))
 
@@ -102,7 +107,8 @@ LIMITS: Final = tuple(
 
 
 def beyond_limits(rotations: Array) -> Array:
-    """(..., 24, 3) rotation vectors to (...) degrees by which the worst joint of LIMITS is beyond its range; 0 within."""
+    """(..., 24, 3) rotation vectors to (...) degrees by which the worst joint of LIMITS is beyond its range; 0
+    within."""
     over = [_over(np.degrees(rotations[..., JOINT_INDEX[limit.joint], limit.axis]), limit) for limit in LIMITS]
     return np.asarray(np.max(over, axis=0))
 
@@ -117,10 +123,11 @@ COMPONENTS: Final = 16
 
 @dataclass(frozen=True)
 class Features:
-    """What the Frechet distance compares: joint positions (m) and velocities (m/s) of a chunk's 15 future frames, canonical.
+    """What the Frechet distance compares: joint positions (m) and velocities (m/s) of a chunk's 15 future frames,
+    canonical.
 
-    Each of the 2160 numbers is brought to mean 0 and deviation 1 over real motion, then projected on the first 16 principal
-    components of real motion, in units of their own deviation. mean, scale: (2160,). axes: (2160, 16).
+    Each of the 2160 numbers is brought to mean 0 and deviation 1 over real motion, then projected on the first 16
+    principal components of real motion, in units of their own deviation. mean, scale: (2160,). axes: (2160, 16).
     """
 
     mean: Array
@@ -148,7 +155,8 @@ def _raw(root: Array, rotations: Array) -> Array:
 
 
 def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Frechet distance between the normal distributions of two samples, (N, k) and (M, k); NaN for fewer than 2 k of either.
+    """Frechet distance between the normal distributions of two samples, (N, k) and (M, k); NaN for fewer than 2 k of
+    either.
 
     |m_a - m_b|^2 + tr(C_a + C_b - 2 (C_a C_b)^(1/2)).
     """

@@ -1,7 +1,8 @@
 """Readers of motion capture: ASF/AMC, BVH, AMASS npz and the humanoid3d text format of DeepMimic.
 
-Each gives a SourceMotion: world positions and orientations of the source's own joints, Y up, with the reference pose that says
-what the orientations are measured from. What the joints mean to our body is the business of retarget.py. Needs numpy alone.
+Each gives a SourceMotion: world positions and orientations of the source's own joints, Y up, with the reference pose
+that says what the orientations are measured from. What the joints mean to our body is the business of retarget.py.
+Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ class Rest:
 
 @dataclass(frozen=True)
 class SourceMotion:
-    """Captured motion on the source's own skeleton, Y up, in the file's units times the reader's `unit` (metres if that is right).
+    """Captured motion on the source's own skeleton, Y up, in the file's units times the reader's `unit` (metres if that
+    is right).
 
-    positions: (T, J, 3) world; rotations: (T, J, 3, 3) world; parents: (J,), -1 at the root, always before their children.
+    positions: (T, J, 3) world; rotations: (T, J, 3, 3) world; parents: (J,), -1 at the root, always before their
+    children.
     """
 
     fps: float
@@ -75,7 +78,8 @@ class SourceMotion:
         return replace(self, positions=self.positions[frames], rotations=self.rotations[frames])
 
     def with_reference_frame(self, frame: int) -> SourceMotion:
-        """The same motion, measured from the pose of one of its frames: for files whose zero angles are no natural pose."""
+        """The same motion, measured from the pose of one of its frames: for files whose zero angles are no natural
+        pose."""
         return replace(self, rest=Rest(self.positions[frame], self.rotations[frame]))
 
 
@@ -226,7 +230,8 @@ def skeleton_of(amc: Path) -> Path:
 
 
 def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float = 120.0) -> SourceMotion:
-    """Read an AMC motion on its ASF skeleton, in metres. AMC files do not tell their rate; 120 is that of CMU and HDM05.
+    """Read an AMC motion on its ASF skeleton, in metres. AMC files do not tell their rate; 120 is that of CMU and
+    HDM05.
 
     Joint `x` is where bone x begins; `x_end` is the tip of a last bone.
     """
@@ -313,7 +318,8 @@ def _asf_tree(bones: dict[str, _Bone], hierarchy: list[list[str]]) -> _Tree:
     children = {words[0]: words[1:] for words in hierarchy if words[0] not in ("begin", "end")}
 
     def grow(name: str) -> None:
-        # A bone begins where its parent ends; ASF directions are in the world frame, and so is every zero-angle rotation.
+        # A bone begins where its parent ends; ASF directions are in the world frame, and so is every zero-angle
+        # rotation.
         index, start = joints.index(name), bones[name].end if name in bones else np.zeros(3)
         for child in children.get(name) or [f"{name}_end"]:
             joints.append(child)
@@ -371,7 +377,8 @@ _HUMANOID3D_HINGES: Final = ("right_knee", "right_elbow", "left_knee", "left_elb
 
 
 def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
-    """Read a DeepMimic humanoid3d text file: JSON rows of 44 numbers (seconds, root, then quaternions w, x, y, z and hinges)."""
+    """Read a DeepMimic humanoid3d text file: JSON rows of 44 numbers (seconds, root, then quaternions w, x, y, z and
+    hinges)."""
     path = Path(path)
     try:
         rows = np.array(json.loads(_read(path))["Frames"], float)
@@ -400,6 +407,7 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
     positions, rotations = tree.motion(rows[:, 1:4], local)
     rest = tree.rest()
     return SourceMotion(
-        float(round(1.0 / float(np.median(rows[:-1, 0])), 1)), tree.joints, tree.parents, positions @ turn.T, turn @ rotations,
+        float(round(1.0 / float(np.median(rows[:-1, 0])), 1)), tree.joints, tree.parents, positions @ turn.T,
+        turn @ rotations,
         Rest(rest.positions @ turn.T, turn @ rest.rotations), str(path), licence,
     )  # fmt: skip

@@ -2,15 +2,18 @@
 
     humanclaw naturalness --chunks REAL EDITED
 
-* Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the Frechet
-  distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing learnt from; without
-  them a half of the real chunks, split by clip) with the parameters that those realise, so that only the manner differs; its floor
-  is the distance of the other real chunks. Free-running, it begins from standing and feeds on its own motion.
-* Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against the peak in
-  real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that move).
+* Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the
+  Frechet distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing
+  learnt from; without them a half of the real chunks, split by clip) with the parameters that those realise, so that
+  only the manner differs; its floor is the distance of the other real chunks. Free-running, it begins from standing and
+  feeds on its own motion.
+* Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against
+  the peak in real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that
+  move).
 * Life: 120 random calls in a row, as the model feeds on its own motion.
-* Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one beside walks
-  generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end up.
+* Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one
+  beside walks generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end
+  up.
 * Uncommanded: how far skills travel and turn on axes that they do not command, from standing and after walking.
 * First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
@@ -85,7 +88,8 @@ def manner(
 def skills(
     generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
 ) -> list[Manner]:
-    """For every skill what is generated and, where the folders have it, what the data show: real chunks, else edited ones."""
+    """For every skill what is generated and, where the folders have it, what the data show: real chunks, else edited
+    ones."""
     features = _features(folders)
     rows: list[Manner] = []
     for command in commands:
@@ -107,7 +111,8 @@ def skills(
 def likeness(
     generator: DiTGenerator, command: Command, held: Chunks, rest: Chunks, features: Features, seed: int
 ) -> tuple[float, float]:
-    """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other chunks.
+    """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other
+    chunks.
 
     NaN for too few chunks.
     """
@@ -128,7 +133,8 @@ def _asked(command: Command, chunks: Chunks) -> Array:
 def free_running(
     generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
 ) -> float:
-    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not looked at.
+    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not
+    looked at.
 
     Nothing real is given but parameters, drawn from those that the chunks realise.
     """
@@ -145,7 +151,8 @@ def free_running(
 
 
 def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
-    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a distance."""
+    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a
+    distance."""
     held, rest = _of_skill([folder / "held_out" for folder in folders], skill), _of_skill(folders, skill)
     return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
 
@@ -221,7 +228,8 @@ def _seam_peaks(joints: Array) -> Array:
 
 
 def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
-    """99.9th percentile, over all windows of the real chunks of skills that move, of the peak that a seam is judged by, m/s^2."""
+    """99.9th percentile, over all windows of the real chunks of skills that move, of the peak that a seam is judged by,
+    m/s^2."""
     peaks = [
         _window_peaks(data)
         for one in commands
@@ -262,7 +270,8 @@ def _straightness(walk: Motion) -> float:
 def straight_walks(
     generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
 ) -> list[Motion]:
-    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else nought."""
+    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else
+    nought."""
     values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
     motions = [generator.start() for _ in range(bodies)]
     for call in range(calls):
@@ -286,7 +295,8 @@ def walker(commands: Sequence[Command]) -> Command | None:
 def generated_gaits(
     generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
 ) -> dict[str, list[Gait]]:
-    """Speeds from slow to fast to the gaits of bodies that differ in nothing but their noise, from the third call on."""
+    """Speeds from slow to fast to the gaits of bodies that differ in nothing but their noise, from the third call
+    on."""
     found = {}
     for speed in (0.9, 1.0, 1.3, 1.6):
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
@@ -297,7 +307,8 @@ def generated_gaits(
 
 @dataclass(frozen=True)
 class Drift:
-    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the same)."""
+    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the
+    same)."""
 
     side: tuple[float, float]
     turned: tuple[float, float]
@@ -339,7 +350,8 @@ _FREE: Final = ("hips.left", "hips.forward", "heading.left")
 def uncommanded(
     generator: DiTGenerator, commands: Sequence[Command], walks: Command, bodies: int = 30, seed: int = 0
 ) -> dict[str, dict[str, tuple[float, float]]]:
-    """Skill to measure to what happens of it though the skill does not command it: (from standing, after walking at 1 m/s).
+    """Skill to measure to what happens of it though the skill does not command it: (from standing, after walking at 1
+    m/s).
 
     Means over bodies, in metres and radians. A skill that commands `hips.back` commands `hips.forward`.
     """
@@ -378,7 +390,8 @@ class Life:
 def life(
     generator: DiTGenerator, commands: Sequence[Command], calls: int = 120, bodies: int = 4, seed: int = 0
 ) -> Life:
-    """Chain random calls of all the skills. Bodies that end up higher or lower do so because each chunk has its own floor."""
+    """Chain random calls of all the skills. Bodies that end up higher or lower do so because each chunk has its own
+    floor."""
     random = np.random.default_rng((seed, 1))
     motions = [generator.start() for _ in range(bodies)]
     for call in range(calls):
@@ -399,7 +412,8 @@ _WALK: Final = ("hips.forward", 0.4)
 _SIDE: Final = ("hips.left", 0.2)
 _TURN: Final = ("heading.left", float(np.radians(37.5)))
 Call = tuple[str, float]
-"""A measure and how much of it, SI: asked of the skill on the level that commands it and least besides, all else being 0."""
+"""A measure and how much of it, SI: asked of the skill on the level that commands it and least besides, all else being
+0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
@@ -408,8 +422,9 @@ SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "the same ten, interleaved": ((_WALK, _SIDE) * 5, 7.4),
     "aimless": ((), 9.7),
 }
-"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws steps ahead, aside and back, and turns, at random. The
-paper gives neither parameters nor lengths; ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5 degrees."""
+"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws steps ahead, aside and back, and turns, at random.
+The paper gives neither parameters nor lengths; ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5
+degrees."""
 _AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 
 
@@ -494,9 +509,11 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 
 
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
-    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over seeds."""
+    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over
+    seeds."""
     heads = (
-        "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s"
+        "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
+        "slower toe cm/s"
     )  # fmt: skip
     rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
     for name, gaits in made.items():
@@ -507,13 +524,15 @@ def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> 
 
 def drift_line(found: Drift) -> str:
     return (
-        f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side (95 % within {found.side[1]:.2f} m) "
+        f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side (95 % within "
+        f"{found.side[1]:.2f} m) "
         f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
     )
 
 
 def uncommanded_table(found: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
-    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands it."""
+    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands
+    it."""
 
     def cell(row: Mapping[str, tuple[float, float]], name: str) -> str:
         scale = 180 / np.pi if name.startswith("heading") else 100.0
@@ -538,7 +557,8 @@ def transitions_table(found: Transitions) -> str:
         for i, j in zip(*np.unravel_index(order, ratio.shape), strict=True)
     )
     notes = (
-        f"Peak of real motion {found.real:.0f} m/s2; {int((ratio > 1.5).sum())} of {ratio.size} pairs over 1.5 times that. "
+        f"Peak of real motion {found.real:.0f} m/s2; {int((ratio > 1.5).sum())} of {ratio.size} pairs over 1.5 times "
+        "that. "
         f"Median seam {np.median(found.median):.0f} m/s2. Worst, m/s2: {pairs}."
     )
     heads = ("from, to", *found.skills)
@@ -548,7 +568,8 @@ def transitions_table(found: Transitions) -> str:
 def life_line(found: Life) -> str:
     return (
         f"{found.calls} random calls in a row, {found.bodies} bodies: ankles {found.toes_up:+.1f} degrees toes-up "
-        f"(worst {found.worst_toes_up:+.1f}); a leg joint beyond its limits in {100 * found.beyond:.1f} % of the last frames, "
+        f"(worst {found.worst_toes_up:+.1f}); a leg joint beyond its limits in {100 * found.beyond:.1f} % of the last "
+        "frames, "
         f"by {found.most:.0f} degrees at most."
     )
 

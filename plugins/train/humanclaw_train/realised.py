@@ -1,9 +1,9 @@
 """Rollouts as half-physics realises them: on a flat floor, on flights of stairs and on seats that fit the command.
 
-The loop is that of an episode: the motion model continues its own poses, anchored where physics left the body. The body meets a
-flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the body is put in front of
-the stage, made to take up its last pose, and goes on from there. Half-physics commands velocities from pose to pose, so the
-pose is all that a body carries over.
+The loop is that of an episode: the motion model continues its own poses, anchored where physics left the body. The body
+meets a flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the body
+is put in front of the stage, made to take up its last pose, and goes on from there. Half-physics commands velocities
+from pose to pose, so the pose is all that a body carries over.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ _Boxes = list[tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
 
 def _ascent(h: float, d: float, chunks: int) -> _Boxes:
-    # The foot that lands has its ankle over the nosing, as who climbs has; the toes of the standing one stay clear of the riser.
+    # The foot that lands has its ankle over the nosing, as who climbs has; the toes of the standing one stay clear of
+    # the riser.
     riser = max(TOE + _CLEAR, d + 2 * _CLEAR)
     treads: _Boxes = [("stairs", (2.0, h * (k + 1), d), (0.0, 0.0, riser + d * (k + 0.5))) for k in range(chunks)]
     landing = ("floor", (2.0, h * (chunks + 1), 4.0), (0.0, 0.0, riser + d * chunks + 2.0))
@@ -124,7 +125,8 @@ def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
 
 # -- a body in a simulator ---------------------------------------------------------------------------------------------
 class Actor:
-    """A body that a generator moves and a simulator carries. `realised`: what became of it since it was last put down."""
+    """A body that a generator moves and a simulator carries. `realised`: what became of it since it was last put
+    down."""
 
     def __init__(self, generator: DiTGenerator, simulator: Simulator) -> None:
         self._generator, self._simulator = generator, simulator

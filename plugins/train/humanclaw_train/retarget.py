@@ -1,8 +1,8 @@
 """Retargeting: motion on any captured skeleton to our 24-joint body at 30 fps.
 
-Orientations are carried over relative to a reference pose that is fitted from joint positions, so that every limb keeps its
-direction and its twist; legs are then solved by two-bone inverse kinematics onto the scaled path of the source's ankles, and
-feet are levelled on the floor. Metres, Y up. Needs numpy alone.
+Orientations are carried over relative to a reference pose that is fitted from joint positions, so that every limb keeps
+its direction and its twist; legs are then solved by two-bone inverse kinematics onto the scaled path of the source's
+ankles, and feet are levelled on the floor. Metres, Y up. Needs numpy alone.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ NAMINGS: Final = (
     _sided("root - - chest neck -", "*_hip *_knee *_ankle *_toe - *_shoulder *_elbow *_wrist -", "left", "right"),
     MappingProxyType({name: name for name in JOINTS}),
 )  # fmt: skip
-"""The naming conventions that are recognised: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d, SMPL."""
+"""The naming conventions that are recognised: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d,
+SMPL."""
 
 _SIDES: Final = ("left", "right")
 _NEEDED: Final = (
@@ -79,7 +80,8 @@ _LEG: Final = float(
 
 
 def naming_of(source: SourceMotion) -> Mapping[str, str]:
-    """The convention that names the most of this source's joints; MocapError if limbs that the body needs have no name in it."""
+    """The convention that names the most of this source's joints; MocapError if limbs that the body needs have no name
+    in it."""
     best = max(NAMINGS, key=lambda naming: sum(name in source.joints for name in naming.values()))
     missing = [f"{name} ({best.get(name, '-')})" for name in _NEEDED if best.get(name) not in source.joints]
     if missing:
@@ -93,7 +95,8 @@ def naming_of(source: SourceMotion) -> Mapping[str, str]:
 
 # -- the steps ---------------------------------------------------------------------------------------------------------
 def retarget(source: SourceMotion) -> Motion:
-    """Source motion to our body at 30 fps: start over the origin, lowest stance sole at height 0, feet level where they stand.
+    """Source motion to our body at 30 fps: start over the origin, lowest stance sole at height 0, feet level where they
+    stand.
 
     Root travel is scaled by the ratio of leg lengths. Raises MocapError for a skeleton that no naming fits.
     """
@@ -101,7 +104,8 @@ def retarget(source: SourceMotion) -> Motion:
 
 
 def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
-    """The source at another rate: positions interpolated linearly, orientations along the chord of neighbouring frames."""
+    """The source at another rate: positions interpolated linearly, orientations along the chord of neighbouring
+    frames."""
     times = np.arange(0.0, (len(source) - 1) / source.fps + 1e-9, 1.0 / fps) * source.fps
     low = np.minimum(times.astype(int), len(source) - 1)
     high, part = np.minimum(low + 1, len(source) - 1), times - low
@@ -159,8 +163,8 @@ class _Cast:
 def _reference(rest: Rest, cast: _Cast) -> Array:
     """(24, 3, 3) our world orientations in the source's reference pose.
 
-    Torso, head and collars stand upright and face where the hips face. Down a limb each joint begins as its parent and swings by
-    the least angle that lays its bone along the source's, which leaves the twist alone.
+    Torso, head and collars stand upright and face where the hips face. Down a limb each joint begins as its parent and
+    swings by the least angle that lays its bone along the source's, which leaves the twist alone.
     """
     left = rest.positions[cast.index["left_hip"]] - rest.positions[cast.index["right_hip"]]
     upright = yaw_matrix(float(np.arctan2(-left[2], left[0])))
@@ -209,7 +213,8 @@ def _local(world: Array) -> Array:
 
 
 def _reach(root: Array, world: Array, side: str, ankle: Array) -> Array:
-    """Two-bone inverse kinematics: turn one leg so that its ankle lies at (T, 3) `ankle`, the knee bending in its old plane."""
+    """Two-bone inverse kinematics: turn one leg so that its ankle lies at (T, 3) `ankle`, the knee bending in its old
+    plane."""
     hip, knee, foot = (JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle"))
     thigh, shin = np.linalg.norm(OFFSETS[knee]), np.linalg.norm(OFFSETS[foot])
     start = root + world[:, 0] @ OFFSETS[hip]
@@ -359,7 +364,8 @@ def _calibrated(pose: _Pose, side: str) -> _Pose:
 
 
 def _levelled(pose: _Pose, side: str, floor: float | None) -> _Pose:
-    """Lay each flat stance exactly level, and toes whenever they bear; outside the stances the correction fades away."""
+    """Lay each flat stance exactly level, and toes whenever they bear; outside the stances the correction fades
+    away."""
     bears = _bearing(pose, side, floor)
     flat = bears & _slow(pose, f"{side}_ankle")
     for joint, stands, most in ((f"{side}_ankle", flat, _LEVEL_TILT), (f"{side}_foot", bears, 1.0)):
@@ -371,7 +377,8 @@ def _levelled(pose: _Pose, side: str, floor: float | None) -> _Pose:
 
 
 def _one_floor(pose: _Pose) -> float | None:
-    """Height of the floor if the feet stand on one for nine tenths of the time that they stand, else None (stairs, blocks)."""
+    """Height of the floor if the feet stand on one for nine tenths of the time that they stand, else None (stairs,
+    blocks)."""
     toes = [pose.at(f"{side}_foot")[_bearing(pose, side, None), 1] - TOE_SOLE for side in _SIDES]
     heights = np.concatenate(toes)
     if not len(heights) or np.subtract(*np.percentile(heights, [95, 5])) > _FLAT_RANGE:
@@ -380,7 +387,8 @@ def _one_floor(pose: _Pose) -> float | None:
 
 
 def _hold(pose: _Pose, side: str, runs: list[slice], floor: float | None) -> Array:
-    """(T, 3) displacement that keeps the ball of the foot still in every stance, and no sole below the lower neighbouring one."""
+    """(T, 3) displacement that keeps the ball of the foot still in every stance, and no sole below the lower
+    neighbouring one."""
     toe = pose.at(f"{side}_foot")
     target = toe.copy()
     for run in runs:

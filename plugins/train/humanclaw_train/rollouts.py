@@ -1,4 +1,5 @@
-"""Generated rollouts of a skill, from standing and after other skills: what the measures of the motion model look at."""
+"""Generated rollouts of a skill, from standing and after other skills: what the measures of the motion model look
+at."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _LEAST: Final = 0.25
 
 @dataclass(frozen=True)
 class Command:
-    """What one skill can be asked: the range of each parameter, SI. names (k,), low (k,), high (k,): as in the adapter's header."""
+    """What one skill can be asked: the range of each parameter, SI. names (k,), low (k,), high (k,): as in the
+    adapter's header."""
 
     declaration: Declaration
     adapter: Path
@@ -86,7 +88,8 @@ def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Pat
 
 
 def _declared(skill: str, adapter: Path) -> Path:
-    """The folder that declares a skill: that of its adapter, or for one just trained that of the skill in the repository."""
+    """The folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
+    repository."""
     if (adapter.parent / "schema.json").is_file():
         return adapter.parent
     return next((file.parent for file in sorted(Path("skills").glob(f"**/{skill}/schema.json"))), adapter.parent)
@@ -98,14 +101,16 @@ def file_digest(path: Path) -> str:
 
 
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
-    """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of the two."""
+    """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of
+    the two."""
     seats = command.declaration.climbs
     return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
 
 
 @dataclass(frozen=True)
 class Rollouts:
-    """What became of one skill's commands (N, k): root (N, 20, 3) and rotations (N, 20, 24, 3), each chunk in its canonical frame.
+    """What became of one skill's commands (N, k): root (N, 20, 3) and rotations (N, 20, 24, 3), each chunk in its
+    canonical frame.
 
     after_other (N,): whether the chunk before was another skill's. whole: the motions that the chunks were cut from.
     """

@@ -2,9 +2,10 @@
 
     humanclaw speed --threads 1 2
 
-The field of the flow, base with adapter, is what is timed inside its solver, at batch 1 unless a row says otherwise. What depends
-on tau alone, the modulations, is computed beforehand for every runtime. Weights are random: they do not change the time. ONNX
-Runtime and OpenVINO are measured where they are installed (`pip install onnx onnxscript onnxruntime openvino`).
+The field of the flow, base with adapter, is what is timed inside its solver, at batch 1 unless a row says otherwise.
+What depends on tau alone, the modulations, is computed beforehand for every runtime. Weights are random: they do not
+change the time. ONNX Runtime and OpenVINO are measured where they are installed (`pip install onnx onnxscript
+onnxruntime openvino`).
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ _ENOUGH: Final = 3.0
 
 
 class VelocityField(nn.Module):
-    """Base and adapter as one function of the noisy future; modulations come in, so that one export serves every solver."""
+    """Base and adapter as one function of the noisy future; modulations come in, so that one export serves every
+    solver."""
 
     def __init__(self, base: DiT, adapter: Adapter) -> None:
         super().__init__()

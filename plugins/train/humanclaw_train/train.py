@@ -3,9 +3,9 @@
     python -m humanclaw_train.train base --data CHUNKS --out DIR
     python -m humanclaw_train.train adapter walk --data CHUNKS --base base.safetensors --out DIR
 
-A run saves its whole state every two minutes and, started again with the same --out, goes on from there. Every random number of a
-step depends on the seed and the step alone, so a run that was interrupted ends with the weights of one that was not (with --steps;
-with --minutes the schedule follows the clock).
+A run saves its whole state every two minutes and, started again with the same --out, goes on from there. Every random
+number of a step depends on the seed and the step alone, so a run that was interrupted ends with the weights of one that
+was not (with --steps; with --minutes the schedule follows the clock).
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ class Loss:
         self.feet[list(kinematics.FEET)] = 1.0
 
     def __call__(self, predicted: Tensor, wanted: Tensor, clean: Tensor, states: Tensor) -> Tensor:
-        """predicted, wanted: outputs (B, 15, 219). clean: the future that predicted means. states: (B, 20, 219) in metres."""
+        """predicted, wanted: outputs (B, 15, 219). clean: the future that predicted means. states: (B, 20, 219) in
+        metres."""
         matching = (self.by_block * (predicted - wanted).square()).mean()
         implied = self.normaliser.inverse(clean)
         root = implied[..., kinematics.ROOT]
@@ -129,7 +130,8 @@ Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 """(states, encoded condition, noise, tau) to the loss."""
 Encode = Callable[[Tensor], Tensor]
-"""Condition values (B, k) to (B, 1, hidden). Left outside what is compiled, so that one compilation serves all skills."""
+"""Condition values (B, k) to (B, 1, hidden). Left outside what is compiled, so that one compilation serves all
+skills."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
@@ -174,7 +176,8 @@ class Trainer(Generic[M]):
         return self.step / recipe.steps if recipe.steps else self.seconds / (60 * recipe.minutes)
 
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """States (B, 20, 219) in metres, condition values (B, k), noise (B, 15, 219) and tau (B,) of the current step."""
+        """States (B, 20, 219) in metres, condition values (B, k), noise (B, 15, 219) and tau (B,) of the current
+        step."""
         device = self.chunks.root.device
         generator = torch.Generator(device)
         generator.manual_seed(
@@ -188,8 +191,8 @@ class Trainer(Generic[M]):
         values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
-        # Not uniform: the noisy joints of 15 frames together betray the outcome from tau 0.1 on, so what a model makes of its
-        # condition is decided close to 0.
+        # Not uniform: the noisy joints of 15 frames together betray the outcome from tau 0.1 on, so what a model makes
+        # of its condition is decided close to 0.
         return states, values, noise, torch.rand(size, generator=generator, device=device) ** 2
 
     def advance(self, problem: Objective, encode: Encode) -> Tensor:

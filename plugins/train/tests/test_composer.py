@@ -154,7 +154,8 @@ def test_a_chunk_knows_nothing_of_the_command_after_it(profiles):
 
 
 def _passings(motion):
-    """Frames at which the left ankle gets ahead of the right one, or falls behind it, along the facing of a walk to +Z."""
+    """Frames at which the left ankle gets ahead of the right one, or falls behind it, along the facing of a walk to
+    +Z."""
     joints = motion.joints()
     lead = joints[:, ANKLES[0], 2] - joints[:, ANKLES[1], 2]
     return np.flatnonzero(lead[:-1] * lead[1:] < 0)

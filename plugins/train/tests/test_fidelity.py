@@ -1,4 +1,5 @@
-"""The fidelity table: what bodies achieve of what they are told, generated, in half-physics, and as a clip that ignores it."""
+"""The fidelity table: what bodies achieve of what they are told, generated, in half-physics, and as a clip that ignores
+it."""
 
 import json
 from dataclasses import replace

@@ -110,7 +110,8 @@ def test_real_motion_has_features_of_mean_nought_and_deviation_one():
 
 
 def test_the_gait_of_a_walk_is_what_its_joints_do():
-    # Six metres in six seconds, four passings of the ankles a second, a sway of 2 x 3 cm, a bob of 2 x 2 cm and stiff knees.
+    # Six metres in six seconds, four passings of the ankles a second, a sway of 2 x 3 cm, a bob of 2 x 2 cm and stiff
+    # knees.
     frames = 181
     time = np.arange(frames) / 30
     swing = 0.3 * np.sin(2 * np.pi * 2 * time + 0.3)

@@ -1,4 +1,5 @@
-"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models whose answers follow by hand."""
+"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models whose answers follow by
+hand."""
 
 import numpy as np
 import pytest

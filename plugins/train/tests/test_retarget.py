@@ -1,4 +1,5 @@
-"""From a captured walk to our body, to clips, to chunks: held against the source, and against numbers worked out by hand."""
+"""From a captured walk to our body, to clips, to chunks: held against the source, and against numbers worked out by
+hand."""
 
 import tarfile
 from dataclasses import replace

@@ -46,7 +46,8 @@ def otherwise(category: str, size: Vec3) -> str:
 
 
 def misfit(category: str, size: Vec3, seat: float | None = None) -> str:
-    """Why a size cannot be that of an object of a category, in words; empty if it can. Width and depth may be swapped."""
+    """Why a size cannot be that of an object of a category, in words; empty if it can. Width and depth may be
+    swapped."""
     limits = _table()["sizes"][category]
     off = [
         [

@@ -1,4 +1,5 @@
-"""A folder of models without a catalogue of its own, such as Kenney's Furniture Kit, or with a plain table beside it."""
+"""A folder of models without a catalogue of its own, such as Kenney's Furniture Kit, or with a plain table beside
+it."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ class Facts:
 
 
 def open_folder(source: Path, name: str, facts: Facts) -> Collection:
-    """Every GLB and OBJ under a folder. With a table, its rows say more; models that it does not name are imported too."""
+    """Every GLB and OBJ under a folder. With a table, its rows say more; models that it does not name are imported
+    too."""
     rows = _rows(facts.table, source) if facts.table else {}
     paths = sorted(path for path in source.rglob("*") if path.suffix.lower() in SUFFIXES)
     paths = [path for path in paths if not any(mark in path.name for mark in _BESIDE)]

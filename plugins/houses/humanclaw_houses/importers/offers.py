@@ -19,7 +19,8 @@ class Offer:
     name: str
     """What people call it."""
     fetch: Callable[[Path], Path]
-    """Puts the model and what belongs to it into an empty folder, if it is not on disk, and returns the model's path."""
+    """Puts the model and what belongs to it into an empty folder, if it is not on disk, and returns the model's
+    path."""
     group: str = ""
     """The collection's own category."""
     category: str = ""

@@ -1,6 +1,7 @@
 """Sweet Home 3D furniture libraries: a zip, or its folder, with a catalogue in Java's properties format.
 
-Models stand with +Y up and their front to +Z; the catalogue gives each its true size in centimetres and, for some, a rotation.
+Models stand with +Y up and their front to +Z; the catalogue gives each its true size in centimetres and, for some, a
+rotation.
 """
 
 from __future__ import annotations
