@@ -133,8 +133,10 @@ def test_the_summary_counts_what_came_in_what_was_left_out_and_names_what_was_br
 ) -> None:
     _, result = imported
     assert result.exit_code == 0, result.output
-    told = ("couch", "chair", "wardrobe", "rejected: broken: m.obj cannot be read", "Grand piano",
-            "doors, windows and stairs: 1", "3 assets", "rejected: toysofa: Toy sofa (couch): 0.22 m width")  # fmt: skip
+    told = (
+        "couch", "chair", "wardrobe", "rejected: broken: m.obj cannot be read", "Grand piano",
+        "doors, windows and stairs: 1", "3 assets", "rejected: toysofa: Toy sofa (couch): 0.22 m width",
+    )  # fmt: skip
     for words in told:
         assert words in " ".join(result.output.split()), (words, result.output)
 
