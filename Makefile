@@ -43,8 +43,8 @@ lint: install  ## Style, types and import rules
 
 CHUNKS ?= .data/chunks
 
-fidelity: install  ## Achieved against commanded motion, generated and realised, 200 rollouts a skill, and the model cards (minutes)
-	$(BIN)/humanclaw fidelity --realised --save core/humanclaw/motion/weights/fidelity.json \
+fidelity: install  ## Achieved against commanded motion, generated and simulated, 200 rollouts a skill, and the model cards (minutes)
+	$(BIN)/humanclaw fidelity --simulated --save core/humanclaw/motion/weights/fidelity.json \
 		$(if $(wildcard $(CHUNKS)),--baseline $(CHUNKS))
 	$(BIN)/humanclaw cards
 

@@ -215,7 +215,7 @@ def test_a_scene_that_is_not_the_episodes_own_is_refused(body, house):
 def test_the_record_holds_every_frame_and_every_view(play):
     episode, _ = play(STEP, Call("turn_in_place", {"yaw_deg": -45}), STOP)
     frames = sum(step.motion_frames for step in episode.steps)
-    assert len(episode.motion("generated")) == len(episode.motion("realised")) == 5 + frames
+    assert len(episode.motion("generated")) == len(episode.motion("simulated")) == 5 + frames
     assert all((episode.folder / step.frame_file).read_bytes()[:2] == b"\xff\xd8" for step in episode.steps)
     assert set(episode.steps[0].seconds) == {"observe", "decide", "generate", "simulate"}
     assert episode.record.targets.keys() == set(episode.record.spec.target_ids)

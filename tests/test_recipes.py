@@ -11,7 +11,7 @@ from humanclaw.recipes import Recipe, WindowTravel
 def _windows(**given) -> WindowTravel:
     zero, no = np.zeros(1), np.ones(1, bool)
     numbers = {"across": zero, "up": zero, "forward": zero, "yaw": zero, "feet": zero}
-    return WindowTravel(**numbers | {key: np.array([value]) for key, value in given.items()}, composed=no, level=no)
+    return WindowTravel(**numbers | {key: np.array([value]) for key, value in given.items()}, neutral=no, level=no)
 
 
 class _Stroll:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from humanclaw._lazy import lazy
 
 if TYPE_CHECKING:
-    from humanclaw._backends import SENSES, Backends, default_simulator
+    from humanclaw._backends import SENSORS, Backends, default_simulator
     from humanclaw.contract import Check, Control, Keyframes, Skill, skill
     from humanclaw.embodiment import Body, Chunk
     from humanclaw.episode import Episode
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "SENSES": "_backends",
+    "SENSORS": "_backends",
     "Agent": "interfaces",
     "Attempt": "records",
     "Backends": "_backends",
@@ -106,7 +106,7 @@ _HOMES = {
     "skill": "contract",
 }
 __all__ = [
-    "SENSES",
+    "SENSORS",
     "Agent",
     "Attempt",
     "Backends",

@@ -11,7 +11,7 @@ from humanclaw.errors import HumanclawError, PluginError
 if TYPE_CHECKING:
     from humanclaw.plugins import Plugins
 
-SENSES: Final = ("vision", "body", "touch")
+SENSORS: Final = ("vision", "body", "touch")
 """Vision is always on: it is the picture."""
 SIMULATORS: Final = ("bullet", "mujoco")
 """Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest
@@ -28,8 +28,8 @@ class Backends:
     generator: str = "dit"
     profile: str = "default"
     """'default' or 'paper': settings of the simulator and the motion solver."""
-    senses: tuple[str, ...] = ("vision",)
-    """What an observation tells of the last call (humanclaw.senses); vision is the picture, and always on."""
+    sensors: tuple[str, ...] = ("vision",)
+    """What an observation tells of the last call (humanclaw.sensors); vision is the picture, and always on."""
 
     def chosen(self, plugins: Plugins) -> Self:
         """Return the same with every name filled in: what records and versions name."""
@@ -45,10 +45,10 @@ def default_simulator(plugins: Plugins) -> str:
     return preferred[0]
 
 
-def check_senses(names: Iterable[str]) -> tuple[str, ...]:
-    """Put the senses asked for, vision among them, in a fixed order. Raises HumanclawError for an unknown one."""
+def check_sensors(names: Iterable[str]) -> tuple[str, ...]:
+    """Put the sensors asked for, vision among them, in a fixed order. Raises HumanclawError for an unknown one."""
     asked = set(names)
-    unknown = asked - set(SENSES)
+    unknown = asked - set(SENSORS)
     if unknown:
-        raise HumanclawError(f"there is no sense {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(SENSES)}.")
-    return tuple(name for name in SENSES if name in asked | {"vision"})
+        raise HumanclawError(f"there is no sensor {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(SENSORS)}.")
+    return tuple(name for name in SENSORS if name in asked | {"vision"})

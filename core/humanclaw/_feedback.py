@@ -106,11 +106,11 @@ class Feedback:
     def __str__(self) -> str:
         if self.executed is None:
             return self.refusal
-        return f"{self._action()} {self.felt}".strip()
+        return f"{self._action()} {self.sensor_readings}".strip()
 
     @property
-    def felt(self) -> str:
-        """What the body felt, in words; empty for one that only sees."""
+    def sensor_readings(self) -> str:
+        """What the body sensor_readings, in words; empty for one that only sees."""
         return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
 
     def _action(self) -> str:

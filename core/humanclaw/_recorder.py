@@ -31,7 +31,7 @@ class TrajectoryBuffer:
         self._scene = body.scene
         self._commanded: list[Motion] = [body.history]
         still = body.state().body
-        self._realised: list[Motion] = [
+        self._simulated: list[Motion] = [
             Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
         ]
         self._paths: dict[int, list[tuple[int, Array]]] = {}
@@ -41,15 +41,15 @@ class TrajectoryBuffer:
         """Append the motion of one step."""
         for chunk in chunks:
             self._commanded.append(chunk.commanded)
-            self._realised.append(chunk.execution.realised)
+            self._simulated.append(chunk.execution.simulated)
             for key, path in chunk.execution.objects.items():
                 self._paths.setdefault(key, []).append((self._length, path))
             self._length += len(chunk.commanded)
 
     def arrays(self) -> dict[str, Array]:
-        """Name the arrays of motion.npz: {generated,realised}_{root,rotations} and object_ID, a row a frame."""
+        """Name the arrays of motion.npz: {generated,simulated}_{root,rotations} and object_ID, a row a frame."""
         arrays = {f"object_{key}": self._path(key) for key in sorted(self._paths)}
-        for kind, pieces in (("generated", self._commanded), ("realised", self._realised)):
+        for kind, pieces in (("generated", self._commanded), ("simulated", self._simulated)):
             arrays[f"{kind}_root"] = np.concatenate([piece.root for piece in pieces])
             arrays[f"{kind}_rotations"] = np.concatenate([piece.rotations for piece in pieces])
         return arrays
@@ -75,7 +75,7 @@ def begin_record(
         options: of the run, as they were given.
         settings: what is in force of agent, verifier and limits; empty ones are left out.
     """
-    in_force = {**settings, "body": asdict(body.backends) | {"senses": list(body.senses)}}
+    in_force = {**settings, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
@@ -192,7 +192,7 @@ def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
     if not chunks:
         return ()
     last = chunks[-1].execution
-    frame = len(last.realised) - 1
+    frame = len(last.simulated) - 1
     return tuple(sorted({c.object_id for c in last.contacts if c.joint == "pelvis" and frame in c.frames}))
 
 

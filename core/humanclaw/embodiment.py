@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from humanclaw._backends import Backends, check_senses
+from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw.contract import Control, Plan, Skill
 from humanclaw.errors import CheckpointError, blaming
@@ -29,10 +29,10 @@ from humanclaw.interfaces import (
     ego_camera,
 )
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, anchored
+from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.records import Call
 from humanclaw.scene import Scene
-from humanclaw.senses import proprioception, tactile
+from humanclaw.sensors import proprioception, tactile
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SkillExecution:
     seconds: Mapping[str, float]
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """What senses other than vision tell of it; None for one that is off."""
+    """What sensors other than vision tell of it; None for one that is off."""
 
     @property
     def feedback(self) -> Feedback:
@@ -78,7 +78,7 @@ class Body:
         """
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
-        self.senses = check_senses(self.backends.senses)
+        self.sensors = check_sensors(self.backends.sensors)
         self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
@@ -99,7 +99,7 @@ class Body:
         self.step = 0
         self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
-        self._history = anchored(self._generator.start(), self._state.body)
+        self._history = re_rooted(self._generator.start(), self._state.body)
         return self.observe()
 
     @property
@@ -149,7 +149,7 @@ class Body:
             moment = time.perf_counter()
             execution = self._simulator.execute(commanded)
             self._state = self._simulator.state()
-            self._history = anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
+            self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
             chunks.append(Chunk(commanded, execution))
             seconds["simulate"] += time.perf_counter() - moment
             moment = time.perf_counter()
@@ -160,8 +160,8 @@ class Body:
     def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
         told = [(chunk.commanded, chunk.execution) for chunk in chunks]
         return (
-            proprioception(before, told) if "body" in self.senses else None,
-            tactile([execution for _, execution in told]) if "touch" in self.senses else None,
+            proprioception(before, told) if "body" in self.sensors else None,
+            tactile([execution for _, execution in told]) if "touch" in self.sensors else None,
         )
 
     def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:

@@ -42,7 +42,7 @@ class WorldState:
 class Execution:
     """What became of 15 commanded frames."""
 
-    realised: Motion
+    simulated: Motion
     """15 frames in the world frame, as physics left them."""
     contacts: tuple[Contact, ...]
     touches: tuple[tuple[int, int, int], ...]

@@ -222,14 +222,14 @@ class Pose2D:
         return np.asarray((np.asarray(point, float) - [self.x, self.floor, self.z]) @ yaw_matrix(self.yaw))
 
 
-def anchored(generated: Motion, realised: Motion) -> Motion:
+def re_rooted(generated: Motion, simulated: Motion) -> Motion:
     """Generated frames, moved as one piece so that the last of them stands where the body really is.
 
-    The motion model continues its own poses and not the realised ones: what contact did to the body is physics' affair,
-    and the model never meets a pose that no person would take. Position and heading, which contact changes for good,
-    are physical.
+    The motion model continues its own poses and not the simulated ones: what contact did to the body is physics'
+    affair, and the model never meets a pose that no person would take. Position and heading, which contact changes for
+    good, are physical.
     """
-    there = Pose2D.of(realised, floor=float(realised.root[-1, 1]))
+    there = Pose2D.of(simulated, floor=float(simulated.root[-1, 1]))
     here = Pose2D.of(generated, floor=float(generated.root[-1, 1]))
     return there.to_world(here.to_local(generated))
 

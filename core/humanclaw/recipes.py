@@ -32,7 +32,7 @@ class WindowTravel:
     """What the pelvis of N windows of real motion does from the last history frame to the last; all (N,).
 
     across (positive to the left), up, forward: metres. yaw: radians. feet: mean horizontal path of the two feet,
-    metres. composed: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not
+    metres. neutral: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not
     on stairs.
     """
 
@@ -41,7 +41,7 @@ class WindowTravel:
     forward: Array
     yaw: Array
     feet: Array
-    composed: Mask
+    neutral: Mask
     level: Mask
 
     @property

@@ -122,7 +122,7 @@ class StepRecord(Record):
     """The call that was executed, or the stop."""
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """What the body felt, as far as its senses were on."""
+    """What the body felt, as far as its sensors were on."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view that this decision was made from."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
@@ -303,7 +303,7 @@ class RecordedEpisode:
         if self.record.files and len(self.steps) != self.record.steps:
             raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
 
-    def motion(self, kind: Literal["generated", "realised"] = "realised") -> Motion:
+    def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
         with np.load(self.folder / "motion.npz") as data:
             return Motion(data[f"{kind}_root"].astype(float), data[f"{kind}_rotations"].astype(float))

@@ -63,7 +63,7 @@ def test_every_adapter_fits_the_shipped_base_and_says_where_it_comes_from(genera
     assert load_adapter(path, generator.base, skill).config.skill == skill
     card = read_header(path)["card"]
     assert card["licences"]
-    assert card["data"]["chunks"] == card["data"]["real"] + card["data"]["edited"]
+    assert 0 <= card["data"]["real"] < card["data"]["chunks"]
 
 
 def test_all_weights_together_stay_small():

@@ -110,7 +110,7 @@ def record_episode(
     still = rest_pose(len(track))
     motion = Motion(np.stack([track[:, 0], heights, track[:, 1]], -1), still.rotations)
     arrays = {
-        f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "realised") for part in ("root", "rotations")
+        f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "simulated") for part in ("root", "rotations")
     }
     writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}), arrays)
     return scene

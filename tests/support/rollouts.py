@@ -71,7 +71,7 @@ def rollout(
     category: str = "couch", motion: tuple[Motion, Motion] | None = None, objects: dict[int, np.ndarray] | None = None,
     max_steps: int = 100, agent: str = "model", **record: Any,
 ) -> RecordedEpisode:  # fmt: skip
-    """Write an episode and read it back. motion: generated and realised frames; by default the body stands still."""
+    """Write an episode and read it back. motion: generated and simulated frames; by default the body stands still."""
     fields = {
         "start": Pose2D(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
         "movable": (LAMP, VASE, BOOK), "skills": INFOS,
@@ -84,7 +84,7 @@ def rollout(
     writer = EpisodeWriter(folder / name, begun, [one.model_copy(update={"step": k}) for k, one in enumerate(steps)])
     still = rest_pose(HISTORY + sum(one.motion_frames for one in steps))
     arrays = {f"object_{key}": path for key, path in (objects or {}).items()}
-    for kind, frames in zip(("generated", "realised"), motion or (still, still), strict=True):
+    for kind, frames in zip(("generated", "simulated"), motion or (still, still), strict=True):
         arrays |= {f"{kind}_root": frames.root, f"{kind}_rotations": frames.rotations}
     ending = outcome or ("stopped" if steps and steps[-1].status == "stopped" else "out_of_steps")
     writer.end(begun.model_copy(update={"outcome": ending, "steps": len(steps)}), arrays)

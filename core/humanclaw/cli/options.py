@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw._backends import SENSES, Backends, check_senses
+from humanclaw._backends import SENSORS, Backends, check_sensors
 from humanclaw.errors import HumanclawError
 from humanclaw.limits import Meter, check_limits
 
@@ -78,9 +78,9 @@ _DECIDERS: Final = (
     *_ENGINES,
     click.option("--renderer", default=Backends.renderer, show_default=True, help="What draws the views, by name."),
     click.option(
-        "--sense",
-        "senses",
-        type=click.Choice(SENSES),
+        "--sensor",
+        "sensors",
+        type=click.Choice(SENSORS),
         multiple=True,
         help="What the agent is told besides the view, which is always there. Repeatable.",
     ),
@@ -117,7 +117,7 @@ def decider_options(function: F) -> F:
         simulator: str,
         generator: str,
         renderer: str,
-        senses: Sequence[str],
+        sensors: Sequence[str],
         pairs: Sequence[str],
         limits: Sequence[str],
         **rest: Any,
@@ -132,7 +132,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, check_senses(senses))
+        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors))
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

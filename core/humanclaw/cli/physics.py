@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from humanclaw.cli.options import SIMULATOR_HELP
 from humanclaw.half_physics.profile import PROFILES
 
-_LAWS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
+_CHECKS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
 
 
 def _bar() -> Progress:
@@ -34,21 +34,21 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-@click.argument("laws", nargs=-1, type=click.Choice(_LAWS))
-def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, laws: tuple[str, ...]) -> None:
-    """Measure the laws of half-physics and print them as a table; exit code 1 if one does not hold.
+@click.argument("checks", nargs=-1, type=click.Choice(_CHECKS))
+def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, checks: tuple[str, ...]) -> None:
+    """Run the physics checks of half-physics and print them as a table; exit code 1 if one does not hold.
 
-    LAWS: some of them; all without.
+    CHECKS: some of them; all without.
     """
-    from humanclaw.testing.physics import LAWS, Fixture, table, ticks
+    from humanclaw.testing.physics import CHECKS, Fixture, table, ticks
 
     fixture = Fixture.of(simulator, profile, samples=samples, chunks=chunks, seed=seed)
-    names, findings = laws or _LAWS, []
+    names, findings = checks or _CHECKS, []
     with _bar() as bar:
         task = bar.add_task("", total=ticks(fixture, names))
         for name in names:
             bar.update(task, description=name)
-            findings += list(LAWS[name](fixture, lambda: bar.advance(task)))
+            findings += list(CHECKS[name](fixture, lambda: bar.advance(task)))
     click.echo(table(findings))
     sys.exit(not all(finding.holds for finding in findings))
 

@@ -47,9 +47,9 @@ class Exertion:
         """Remember how everything near moves, before a step."""
         self._before = {key: self._world.motion(key) for key in self._near}
 
-    def bound(self, felt: Sequence[Touch], seconds: float) -> None:
+    def bound(self, touches: Sequence[Touch], seconds: float) -> None:
         """Take back what the step since brace gave to objects beyond what a person can exert."""
-        pushed = {touch.object_id for touch in felt if touch.object_id in self._before}
+        pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
         if not any(self._gain(key, after[key]) > 0 for key in pushed):
             return
@@ -57,7 +57,7 @@ class Exertion:
         gain = sum(self._gain(key, after[key]) for key in chain)
         share = max(0.0, self._profile.exertion - sum(self._held[key] for key in chain)) * seconds / max(gain, 1e-12)
         if share < 1:
-            self._hold(chain, after, share, felt, seconds)
+            self._hold(chain, after, share, touches, seconds)
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
         """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
@@ -80,7 +80,7 @@ class Exertion:
         chain: Iterable[int],
         after: Mapping[int, ObjectMotion],
         share: float,
-        felt: Sequence[Touch],
+        touches: Sequence[Touch],
         seconds: float,
     ) -> None:
         back = np.zeros(3)
@@ -88,7 +88,7 @@ class Exertion:
             if self._gain(key, after[key]) > 0:
                 kept = _shared(self._before[key], after[key], share, seconds)
                 self._world.set_motion(key, kept)
-                back = _longer(back, _lost(after[key], kept, [t for t in felt if t.object_id == key], seconds))
+                back = _longer(back, _lost(after[key], kept, [t for t in touches if t.object_id == key], seconds))
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
@@ -113,10 +113,10 @@ def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: fl
     return replace(after, position=moved, quaternion=turned, velocity=velocity, spin=spin)
 
 
-def _lost(after: ObjectMotion, kept: ObjectMotion, felt: Sequence[Touch], seconds: float) -> Array:
+def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], seconds: float) -> Array:
     """(3,) how much less far, on the level and along the push, the touched part of an object has come."""
     lost = np.zeros(3)
-    for touch in felt:
+    for touch in touches:
         arm = np.array(touch.point) - after.position
         way = (after.velocity - kept.velocity + np.cross(after.spin - kept.spin, arm)) * seconds
         push = -np.array([touch.normal[0], 0.0, touch.normal[2]])

@@ -60,12 +60,12 @@ class Reflex:
 CALM: Final = Reflex()
 
 
-def feel(world: World, profile: Profile, movable: Collection[int], felt: Sequence[Touch], before: Reflex) -> Reflex:
+def feel(world: World, profile: Profile, movable: Collection[int], touches: Sequence[Touch], before: Reflex) -> Reflex:
     """Read the contacts of the body that one physics step has left. movable: ids of the objects that are."""
-    felt = [touch for touch in felt if touch.distance <= TOUCHING]
-    carrying = {touch.joint for touch in felt if touch.normal[1] > LEVEL}
+    touches = [touch for touch in touches if touch.distance <= TOUCHING]
+    carrying = {touch.joint for touch in touches if touch.normal[1] > LEVEL}
     borne = _borne(carrying, before, 1 / (FPS * profile.substeps)) if profile.yielding else {}
-    return Reflex(_lift(world, profile, movable, felt), borne, _PELVIS in carrying)
+    return Reflex(_lift(world, profile, movable, touches), borne, _PELVIS in carrying)
 
 
 def _borne(carrying: set[int], before: Reflex, step: float) -> Mapping[int, float]:
@@ -75,8 +75,8 @@ def _borne(carrying: set[int], before: Reflex, step: float) -> Mapping[int, floa
     return {thigh: seconds for thigh, seconds in since.items() if seconds < _PATIENCE}
 
 
-def _lift(world: World, profile: Profile, movable: Collection[int], felt: Sequence[Touch]) -> float:
-    held = [touch for touch in felt if _holds_back(touch) and touch.object_id not in movable]
+def _lift(world: World, profile: Profile, movable: Collection[int], touches: Sequence[Touch]) -> float:
+    held = [touch for touch in touches if _holds_back(touch) and touch.object_id not in movable]
     if not held or not profile.step_offset:
         return 0.0
     soles = _soles(world.pose())

@@ -79,16 +79,16 @@ class HalfPhysics:
         Raises HumanclawError before the first reset, and for a motion that holds numbers which are not finite.
         """
         world = self._ready(motion)
-        realised, contacts, touches, paths = [], [], [], []
+        simulated, contacts, touches, paths = [], [], [], []
         began, before, swings = self._objects, world.pose().root, self._drive.swings(motion)
         for frame, target in enumerate(poses_of(motion)):
-            felt = self._frame(world, target, (target.root - before) * FPS, float(swings[frame]))
+            met = self._frame(world, target, (target.root - before) * FPS, float(swings[frame]))
             before = target.root
-            realised.append(world.pose())
-            contacts += self._contacts(frame, felt)
+            simulated.append(world.pose())
+            contacts += self._contacts(frame, met)
             touches += self._touches(world, frame)
             paths.append(self._objects)
-        return Execution(motion_of(realised), tuple(contacts), tuple(touches), _moved(began, paths))
+        return Execution(motion_of(simulated), tuple(contacts), tuple(touches), _moved(began, paths))
 
     def state(self) -> WorldState:
         """Return the pose of the body and of every movable object, now.
@@ -111,10 +111,10 @@ class HalfPhysics:
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
             speed = self._drive.command(profile.substeps - substep, horizontal, self._reflex)
-            felt = self._step(world, speed)
-            self._drive.restrain(bool(felt))
-            self._reflex = feel(world, profile, self._exertion.movable, felt, self._reflex)
-            met += felt
+            touches = self._step(world, speed)
+            self._drive.restrain(bool(touches))
+            self._reflex = feel(world, profile, self._exertion.movable, touches, self._reflex)
+            met += touches
         self._objects = world.objects()
         return met
 
@@ -127,18 +127,18 @@ class HalfPhysics:
         """
         seconds = 1 / (FPS * self._profile.substeps)
         parts = min(max(1, math.ceil(speed * seconds / self._profile.travel)), self._profile.max_looks)
-        felt: Sequence[Touch] = ()
+        touches: Sequence[Touch] = ()
         for _ in range(parts):
             self._exertion.brace()
             met = world.step(seconds / parts)
             self._exertion.bound(met, seconds / parts)
-            felt = met or felt
-        return felt
+            touches = met or touches
+        return touches
 
-    def _contacts(self, frame: int, felt: Iterable[Touch]) -> list[Contact]:
+    def _contacts(self, frame: int, touches: Iterable[Touch]) -> list[Contact]:
         """One contact for each pair of link and object: the deepest of the frame."""
         deepest: dict[tuple[int, int], Touch] = {}
-        for touch in felt:
+        for touch in touches:
             key = touch.joint, touch.object_id
             if touch.distance <= TOUCHING and (key not in deepest or touch.distance < deepest[key].distance):
                 deepest[key] = touch

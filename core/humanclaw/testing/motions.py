@@ -24,7 +24,7 @@ class Played:
     """What was commanded and what became of it."""
 
     commanded: Motion
-    realised: Motion
+    simulated: Motion
     contacts: tuple[Contact, ...]
     touches: tuple[tuple[int, int, int], ...]
     objects: Mapping[int, Array]
@@ -46,15 +46,15 @@ def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
         piece, before = motion[first : first + FUTURE], simulator.state().objects
         gap = (here.root[-1] - origin) * [1, 0, 1]
         chunks.append(simulator.execute(Motion(piece.root + gap, piece.rotations)))
-        here, origin = chunks[-1].realised, piece.root[-1]
+        here, origin = chunks[-1].simulated, piece.root[-1]
         for key, path in paths.items():
             path.append(chunks[-1].objects.get(key, np.repeat(before[key][None], len(piece), 0)))
-    realised = chunks[0].realised
+    simulated = chunks[0].simulated
     for chunk in chunks[1:]:
-        realised = realised.then(chunk.realised)
+        simulated = simulated.then(chunk.simulated)
     return Played(
         motion,
-        realised,
+        simulated,
         tuple(contact for chunk in chunks for contact in chunk.contacts),
         tuple(touch for chunk in chunks for touch in chunk.touches),
         simulator.state().objects,

@@ -1,8 +1,8 @@
-"""Physics checks: the laws of half-physics, measured on any simulator. `humanclaw physics` prints them.
+"""Physics checks: what half-physics has to keep to, measured on any simulator. `humanclaw physics` prints them.
 
-Each law is a function of a Fixture that yields Findings: what was measured, and within what bounds it has to lie. They
-are measured with the motion that skills generate, and, where that would prove little, with commands that no skill would
-ever give.
+Each check is a function of a Fixture that yields Findings: what was measured, and within what bounds it has to lie.
+They are measured with the motion that skills generate, and, where that would prove little, with commands that no skill
+would ever give.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from humanclaw.half_physics.exertion import GROUND_FRICTION
 from humanclaw.interfaces import Execution, MotionGenerator, Simulator
 from humanclaw.measures import from_si
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, anchored, matrix_from_vector, rest_pose
+from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, re_rooted, rest_pose
 from humanclaw.scene import Scene
 from humanclaw.testing.scenes import SceneBuilder, block
 
@@ -52,9 +52,9 @@ STRENGTH: Final = 600.0
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured number and the bounds that the law sets it."""
+    """A measured number and the bounds that the check sets it."""
 
-    law: str
+    check: str
     measure: str
     value: float
     unit: str
@@ -78,13 +78,13 @@ class Played:
     """Movable object id to (7,) at the end."""
 
     @property
-    def realised(self) -> Motion:
-        parts = [execution.realised for execution in self.executions]
+    def simulated(self) -> Motion:
+        parts = [execution.simulated for execution in self.executions]
         return Motion(np.concatenate([p.root for p in parts]), np.concatenate([p.rotations for p in parts]))
 
     def achieved(self) -> Array:
         """Return (3,) displacement of the root, as a share of the displacement that was commanded chunk by chunk."""
-        ends = np.stack([self.start, *(execution.realised.root[-1] for execution in self.executions)])
+        ends = np.stack([self.start, *(execution.simulated.root[-1] for execution in self.executions)])
         asked = np.stack([motion.root[-1] for motion in self.commanded]) - ends[:-1]
         return np.asarray((ends[-1] - ends[0]) / asked.sum(axis=0))
 
@@ -92,7 +92,7 @@ class Played:
         """Return (frames + 1, 3) where a movable object was, from where it began."""
         rows = [begin[None]]
         for execution in self.executions:
-            still = np.repeat(rows[-1][-1:], len(execution.realised), axis=0)
+            still = np.repeat(rows[-1][-1:], len(execution.simulated), axis=0)
             rows.append(execution.objects[object_id][:, :3] if object_id in execution.objects else still)
         return np.concatenate(rows)
 
@@ -103,7 +103,7 @@ class Played:
 
 @dataclass
 class Fixture:
-    """Where laws are measured. samples: of random walls; chunks: of random commands."""
+    """Where checks are measured. samples: of random walls; chunks: of random commands."""
 
     make: Callable[[Profile], Simulator]
     """The simulator under test, as a plugin's factory makes it."""
@@ -142,18 +142,18 @@ class Fixture:
         skill, keys = skill_with(self.plugins, *command)
         plan = skill.plan(skill.check({keys[measure]: _written(keys[measure], x) for measure, x in command.items()}))
         if not isinstance(plan, Control):
-            raise HumanclawError(f"the laws are measured with motion that is generated, and {skill.name} is not.")
+            raise HumanclawError(f"the checks are measured with motion that is generated, and {skill.name} is not.")
         return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
 
     def perform(self, scene: Scene, commands: Sequence[Command], profile: Profile | None = None) -> Played:
         """Let a body that stands on the scene's start carry out some commands."""
         simulator = self.make(profile or self.profile)
         body = simulator.reset(scene, scene.start).body
-        history, commanded, executions = anchored(self.start(), body), [], []
+        history, commanded, executions = re_rooted(self.start(), body), [], []
         for number, command in enumerate(commands):
             motion = self.generate(history, command, number)
             execution = simulator.execute(motion)
-            history = anchored(history.then(motion)[-HISTORY:], execution.realised)
+            history = re_rooted(history.then(motion)[-HISTORY:], execution.simulated)
             commanded.append(motion)
             executions.append(execution)
         objects = dict(simulator.state().objects)
@@ -199,7 +199,7 @@ def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command
     return [{FORWARD: metres, TURN: turn}] * count
 
 
-# -- the laws ----------------------------------------------------------------------------------------------------------
+# -- the checks --------------------------------------------------------------------------------------------------------
 def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     """Check a walk commanded to a body that falls and touches nothing.
 
@@ -215,11 +215,11 @@ def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     simulator.reset(scene, scene.start)
     simulator.execute(off)
     falling = Motion(command.root + gap, command.rotations)
-    realised = simulator.execute(falling).realised
+    simulated = simulator.execute(falling).simulated
     touching = simulator.execute(falling[-1:]).contacts
     simulator.close()
-    drop = (realised.root[:, 1] - falling.root[:, 1])[:, None, None] * [0.0, 1.0, 0.0]
-    error = np.linalg.norm(realised.joints() - drop - falling.joints(), axis=-1)[5:]
+    drop = (simulated.root[:, 1] - falling.root[:, 1])[:, None, None] * [0.0, 1.0, 0.0]
+    error = np.linalg.norm(simulated.joints() - drop - falling.joints(), axis=-1)[5:]
     yield Finding("free space", "mean joint error", 1000 * float(error.mean()), "mm", high=1.0)
     yield Finding("free space", "largest joint error", 1000 * float(error.max()), "mm", high=10.0)
     yield Finding("free space", "contacts meanwhile", len(touching), "", high=0)
@@ -240,7 +240,7 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         commands = walk(4, float(rng.integers(50, 81)) / 100)
         played = fixture.perform(builder.scene(), commands)
         depths.append(played.depths(wall))
-        beyond += bool(((played.realised.root - [0, 0, distance]) @ normal).max() > 0)
+        beyond += bool(((played.simulated.root - [0, 0, distance]) @ normal).max() > 0)
         imagined += bool((fixture.imagine(commands).root[-1] - [0, 0, distance]) @ normal > thickness)
         tick()
     depth = 100 * np.concatenate(depths)
@@ -257,7 +257,7 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     played = fixture.perform(builder.scene(), walk(5, 0.8))
     touching = [k * FUTURE + contact.frames[0] for k, e in enumerate(played.executions) for contact in e.contacts]
     begun = max(touching) + 2
-    fall = np.diff(played.realised.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
+    fall = np.diff(played.simulated.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
     yield Finding("a step into the air falls", "acceleration", -float(fall), "m/s2", 0.98 * GRAVITY, 1.02 * GRAVITY)
     tick()
 
@@ -265,7 +265,7 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     """Check a flight of six, up and down, begun one tread before the first riser, and half a foot before the first
     edge."""
-    for change, law in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
+    for change, check in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
         heights, advances = [], []
         for rise in RISES:
             builder, up = SceneBuilder(), change == RISE
@@ -274,13 +274,13 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
             played = fixture.perform(
                 builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STEP_DEPTH}] * (STEPS + 1)
             )
-            heights.append(abs(played.realised.root[-1, 1] - played.start[1]) / (STEPS * rise))
+            heights.append(abs(played.simulated.root[-1, 1] - played.start[1]) / (STEPS * rise))
             advances.append(played.achieved()[2])
             tick()
         worst = int(np.argmax(np.abs(np.array(advances) - 1)))
         what = f"{100 * min(RISES):.0f} to {100 * max(RISES):.0f} cm"
-        yield Finding(law, f"least height of the flight reached, {what}", 100 * min(heights), "%", 95, 105)
-        yield Finding(law, "forward travel, worst realised/commanded", 100 * advances[worst], "%", 95, 105)
+        yield Finding(check, f"least height of the flight reached, {what}", 100 * min(heights), "%", 95, 105)
+        yield Finding(check, "forward travel, worst simulated/commanded", 100 * advances[worst], "%", 95, 105)
 
 
 @dataclass(frozen=True)
@@ -351,7 +351,7 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         builder.floor()
         sides = [builder.box("wall", (2, 2.5, 0.1), (offset + x, 0, 0.8)) for x in (-1.3, 1.3)]
         played = fixture.perform(builder.scene(), walk(5))
-        through += bool(played.realised.root[-1, 2] > 1.1)
+        through += bool(played.simulated.root[-1, 2] > 1.1)
         depths += [played.depths(side) for side in sides]
         tick()
     yield Finding("a 60 cm door is squeezed through", "bodies through it", 100 * through / len(offsets), "%", low=100)
@@ -369,7 +369,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         played = fixture.perform(builder.scene(), [{HEIGHT: seat + 0.13}] * 3)
         last = played.executions[-1]
         touched += any(c.joint == "pelvis" and c.object_id == bench and FUTURE - 1 in c.frames for c in last.contacts)
-        gaps.append(last.realised.root[-1, 1] - seat - 0.14)
+        gaps.append(last.simulated.root[-1, 1] - seat - 0.14)
         tick()
     share = 100 * touched / len(SEATS)
     yield Finding(
@@ -391,14 +391,14 @@ def wild(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         worst.add(execution, before, upright=number % 3 == 2)
         tick()
     simulator.close()
-    law = f"{fixture.chunks} random chunks"
+    check = f"{fixture.chunks} random chunks"
     bound = fixture.profile.max_link_speed + fixture.profile.max_speed
-    yield Finding(law, "not finite", worst.broken, "", high=0)
-    yield Finding(law, "upright poses that did not end upright", worst.fallen, "", high=0)
-    yield Finding(law, "lowest joint", 100 * worst.lowest, "cm", low=-2.0)
-    yield Finding(law, "outside the room", worst.outside, "", high=0)
-    yield Finding(law, "fastest link", worst.speed, "m/s", high=bound)
-    yield Finding(law, "deepest contact with the building", 100 * worst.depth, "cm", high=5.0)
+    yield Finding(check, "not finite", worst.broken, "", high=0)
+    yield Finding(check, "upright poses that did not end upright", worst.fallen, "", high=0)
+    yield Finding(check, "lowest joint", 100 * worst.lowest, "cm", low=-2.0)
+    yield Finding(check, "outside the room", worst.outside, "", high=0)
+    yield Finding(check, "fastest link", worst.speed, "m/s", high=bound)
+    yield Finding(check, "deepest contact with the building", 100 * worst.depth, "cm", high=5.0)
 
 
 def _furnished() -> Scene:
@@ -425,11 +425,11 @@ class _Worst:
     depth: float = 0.0
 
     def add(self, execution: Execution, before: Array, upright: bool) -> None:
-        joints = execution.realised.joints()
+        joints = execution.simulated.joints()
         if not np.isfinite(joints).all() or not all(np.isfinite(path).all() for path in execution.objects.values()):
             self.broken += 1
             return
-        up = float(matrix_from_vector(execution.realised.rotations[-1, 0])[1, 1])
+        up = float(matrix_from_vector(execution.simulated.rotations[-1, 0])[1, 1])
         self.fallen += upright and up < 0.99
         self.outside += bool(np.abs(joints[..., [0, 2]]).max() > 2.0)
         self.lowest = min(self.lowest, float(joints[..., 1].min()))
@@ -460,19 +460,19 @@ def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command], tick: Ti
     """Largest distance between the ends of any two rates."""
     ends = []
     for substeps in (2, 4, 8):
-        ends.append(fixture.perform(scene, commands, replace(fixture.profile, substeps=substeps)).realised.root[-1])
+        ends.append(fixture.perform(scene, commands, replace(fixture.profile, substeps=substeps)).simulated.root[-1])
         tick()
     return float(max(np.linalg.norm(a - b) for a in ends for b in ends))
 
 
-LAWS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
+CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
     "free-space": free_space, "walls": walls, "ledge": ledge, "stairs": stairs, "boxes": boxes, "chair": chair,
     "door": door, "seats": seats, "rates": rates, "wild": wild,
 }  # fmt: skip
 
 
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
-    """Measure how often the laws of these names will tick."""
+    """Measure how often the checks of these names will tick."""
     each: Mapping[str, int] = {
         "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES),
         "chair": 1, "door": 5, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
@@ -482,9 +482,9 @@ def ticks(fixture: Fixture, names: Sequence[str]) -> int:
 
 def table(findings: Sequence[Finding]) -> str:
     """Write the findings as a Markdown table."""
-    lines = ["| law | measure | found | bound | holds |", "| --- | --- | --- | --- | --- |"]
+    lines = ["| check | measure | found | bound | holds |", "| --- | --- | --- | --- | --- |"]
     for f in findings:
         bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", f.low), ("≤", f.high)) if np.isfinite(bound)]
         found = f"{f.value:.3g} {f.unit}".strip()
-        lines.append(f"| {f.law} | {f.measure} | {found} | {', '.join(bounds)} | {'yes' if f.holds else '**no**'} |")
+        lines.append(f"| {f.check} | {f.measure} | {found} | {', '.join(bounds)} | {'yes' if f.holds else '**no**'} |")
     return "\n".join(lines)

@@ -21,15 +21,15 @@ from humanclaw.interfaces import Simulator
 from humanclaw.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.scene import Scene
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
-from humanclaw.testing.physics import LAWS, Fixture
+from humanclaw.testing.physics import CHECKS, Fixture
 from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
 
 PROFILES: Final = ("default", "paper", "reference")
 
 
 class SimulatorConformance:
-    """The laws of half-physics: what a body may do, and what the world does to it. simulator: the factory that a plugin
-    offers."""
+    """The checks of half-physics: what a body may do, and what the world does to it. simulator: the factory that a
+    plugin offers."""
 
     def simulator(self, profile: str | Profile = "default") -> Simulator:
         raise NotImplementedError("a conformance test names its simulator.")
@@ -45,7 +45,7 @@ class SimulatorConformance:
         builder = SceneBuilder()
         builder.floor()
         played = self.play(builder.scene(), _waving(45), profile)
-        error = np.linalg.norm(played.realised.joints() - played.commanded.joints(), axis=-1)
+        error = np.linalg.norm(played.simulated.joints() - played.commanded.joints(), axis=-1)
         assert error.mean() < 0.001
         assert error.max() < 0.01
 
@@ -55,7 +55,7 @@ class SimulatorConformance:
         command = glide(0.0, 2.0, 30)
         command.rotations[:, JOINT_INDEX["left_hip"], 0] = -0.5 * np.sin(np.arange(30) / 5)
         played = self.play(builder.scene(), command)
-        shape = [motion.joints() - motion.root[:, None] for motion in (played.realised, played.commanded)]
+        shape = [motion.joints() - motion.root[:, None] for motion in (played.simulated, played.commanded)]
         assert np.linalg.norm(shape[0] - shape[1], axis=-1)[15:].mean() < 0.002
 
     def test_walking_on_a_floor_tracks_the_command_without_sinking_or_sliding(self) -> None:
@@ -63,9 +63,9 @@ class SimulatorConformance:
         builder.floor()
         command = gait(4, 0.4)
         played = self.play(builder.scene(), command)
-        error = np.linalg.norm(played.realised.joints() - command.joints(), axis=-1)[15:]
+        error = np.linalg.norm(played.simulated.joints() - command.joints(), axis=-1)[15:]
         assert error.mean() < 0.02
-        assert np.abs(played.realised.root[-1] - command.root[-1]).max() < 0.05
+        assert np.abs(played.simulated.root[-1] - command.root[-1]).max() < 0.05
         assert max(contact.depth for contact in played.contacts) < 0.02
 
     @pytest.mark.parametrize("profile", PROFILES)
@@ -75,7 +75,7 @@ class SimulatorConformance:
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.1))
         played = self.play(builder.scene(), gait(6, 0.4), profile)
         assert played.commanded.root[-1, 2] > 2.0
-        assert played.realised.joints()[..., 2].max() < 1.0
+        assert played.simulated.joints()[..., 2].max() < 1.0
         assert max(contact.depth for contact in played.touched(wall)) < 0.02
 
     @pytest.mark.parametrize("speed", [1.0, 1.6, 5.0])
@@ -86,7 +86,7 @@ class SimulatorConformance:
         wall = builder.box("wall", (6, 2.5, 0.03), (0, 0, 0.8))
         played = self.play(builder.scene(), glide(0.0, speed, 30))
         assert max(contact.depth for contact in played.touched(wall)) < 0.015
-        assert played.realised.joints()[..., 2].max() < 0.785
+        assert played.simulated.joints()[..., 2].max() < 0.785
 
     @pytest.mark.parametrize(("mass", "low", "high"), [(5.0, 1.0, 2.5), (60.0, 0.5, 1.6), (300.0, -0.01, 0.01)])
     def test_mass_counts_and_nobody_pushes_with_more_than_a_person_can(
@@ -106,7 +106,7 @@ class SimulatorConformance:
         builder.floor()
         box = builder.box("box", (0.8, 1.2, 0.8), (0, 0, 0.75), movable=True, mass=1000.0)
         played = self.play(builder.scene(), glide(0.0, 1.0, 60))
-        assert played.realised.root[-1, 2] < 0.35
+        assert played.simulated.root[-1, 2] < 0.35
         assert max(contact.depth for contact in played.touched(box)) < 0.015
 
     def test_nobody_climbs_a_wall(self) -> None:
@@ -115,14 +115,14 @@ class SimulatorConformance:
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7))
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
         assert played.commanded.root[-1, 1] > 1.7
-        assert played.realised.root[:, 1].max() < STANDING_HEIGHT + 0.01
+        assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.01
 
     def test_a_wall_does_not_turn_the_body(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7), rotation=(0, np.sin(0.4), 0, np.cos(0.4)))
         played = self.play(builder.scene(), glide(0.0, 1.0, 30))
-        assert np.abs(heading(played.realised.rotations[:, 0])).max() < 0.01
+        assert np.abs(heading(played.simulated.rotations[:, 0])).max() < 0.01
 
     def test_blocked_distance_is_not_made_up_for(self) -> None:
         builder = SceneBuilder()
@@ -130,9 +130,9 @@ class SimulatorConformance:
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.4))
         ahead, back = glide(0.0, 1.0, 12), glide(0.0, -1.0, 3)
         command = ahead.then(Motion(back.root + [0, 0, ahead.root[-1, 2]], back.rotations))
-        realised = self.play(builder.scene(), command).realised.root[:, 2]
-        assert realised[11] < 0.2
-        assert realised[14] - realised[11] == pytest.approx(-3 / FPS, abs=0.01)
+        simulated = self.play(builder.scene(), command).simulated.root[:, 2]
+        assert simulated[11] < 0.2
+        assert simulated[14] - simulated[11] == pytest.approx(-3 / FPS, abs=0.01)
 
     @pytest.mark.parametrize("profile", PROFILES)
     def test_stairs_carry_the_body_up(self, profile: str) -> None:
@@ -140,19 +140,19 @@ class SimulatorConformance:
         builder.floor()
         builder.steps(5, rise=0.17, run=0.28, first=0.29)
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17), profile)
-        assert played.realised.root[-1, 1] == pytest.approx(0.93 + 5 * 0.17, abs=0.01)
-        assert np.diff(played.realised.root[:, 1]).max() * FPS < 1.0
+        assert played.simulated.root[-1, 1] == pytest.approx(0.93 + 5 * 0.17, abs=0.01)
+        assert np.diff(played.simulated.root[:, 1]).max() * FPS < 1.0
 
     def test_climbing_where_no_stairs_are_lifts_nobody(self) -> None:
         builder = SceneBuilder()
         builder.floor()
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
-        assert played.realised.root[:, 1].max() < STANDING_HEIGHT + 0.01
+        assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.01
 
     def test_a_step_into_the_air_falls_at_g(self) -> None:
         builder = SceneBuilder()
         builder.box("floor", (2, 3, 2), (0, -3, 0))
-        height = self.play(builder.scene(), glide(0.0, 3.0, 30)).realised.root[18:, 1]
+        height = self.play(builder.scene(), glide(0.0, 3.0, 30)).simulated.root[18:, 1]
         assert height[-1] < 0.5
         assert np.diff(height, 2) * FPS**2 == pytest.approx(-9.81, rel=0.02)
 
@@ -170,7 +170,7 @@ class SimulatorConformance:
         box = builder.box("table", (0.4, 0.4, 0.4), (0, 0, 0.7))
         played = self.play(builder.scene(), gait(4, 0.3))
         assert box not in played.objects
-        assert played.realised.root[-1, 2] < 0.7 < played.commanded.root[-1, 2]
+        assert played.simulated.root[-1, 2] < 0.7 < played.commanded.root[-1, 2]
 
     def test_a_push_that_is_handed_on_is_reported(self) -> None:
         builder = SceneBuilder()
@@ -200,9 +200,9 @@ class SimulatorConformance:
         couch = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.65))
         played = self.play(builder.scene(), sitting_down(seat + 0.12, -0.45))
         assert "pelvis" in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
-        assert played.realised.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.02)
-        assert _uprightness(played.realised).min() > 0.99
-        assert np.abs(np.diff(played.realised.root[-15:], axis=0)).max() < 0.001
+        assert played.simulated.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.02)
+        assert _uprightness(played.simulated).min() > 0.99
+        assert np.abs(np.diff(played.simulated.root[-15:], axis=0)).max() < 0.001
 
     def test_who_sat_on_a_high_seat_stands_up_on_straight_legs(self) -> None:
         builder = SceneBuilder()
@@ -211,9 +211,9 @@ class SimulatorConformance:
         down = sitting_down(0.62, -0.45)
         forward = glide(0.0, 0.6, 30)
         up = Motion(forward.root + [0, 0, down.root[-1, 2]], forward.rotations)
-        realised = self.play(builder.scene(), down.then(up)).realised
-        assert realised.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
-        assert np.abs(realised.rotations[-1, [1, 2]]).max() < 0.01
+        simulated = self.play(builder.scene(), down.then(up)).simulated
+        assert simulated.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
+        assert np.abs(simulated.rotations[-1, [1, 2]]).max() < 0.01
 
     def test_a_toe_that_catches_an_edge_is_lifted_over_it_and_over_no_more(self) -> None:
         """Soles drag along the floor at 0.6 m/s into a board of 3 cm, and into one of 6 cm."""
@@ -222,7 +222,7 @@ class SimulatorConformance:
             builder = SceneBuilder()
             builder.floor()
             builder.box("board", (2, height, 2), (0, 0, 1.4))
-            ends.append(self.play(builder.scene(), glide(0.0, 0.6, 30)).realised.root[-1])
+            ends.append(self.play(builder.scene(), glide(0.0, 0.6, 30)).simulated.root[-1])
         assert ends[0] == pytest.approx([0, STANDING_HEIGHT + 0.03, 0.6], abs=0.05)
         assert ends[1][1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
         assert ends[1][2] < 0.25
@@ -245,7 +245,7 @@ class SimulatorConformance:
         command = rest_pose(45)
         for side in ("left", "right"):
             command.rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -1.7
-        height = self.play(builder.scene(), command).realised.root[:, 1]
+        height = self.play(builder.scene(), command).simulated.root[:, 1]
         assert 0.13 < height[-1] < 0.17
         assert -np.diff(height).min() * FPS < np.sqrt(2 * 9.81 * STANDING_HEIGHT)
         assert np.diff(height[20:]).max() * FPS < 0.1
@@ -255,7 +255,7 @@ class SimulatorConformance:
         builder.floor()
         down = sitting_down(0.6, -0.2)
         up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
-        height = self.play(builder.scene(), down.then(up)).realised.root[:, 1]
+        height = self.play(builder.scene(), down.then(up)).simulated.root[:, 1]
         assert height[75:].max() < STANDING_HEIGHT + 0.05
 
     @pytest.mark.parametrize("seed", range(3))
@@ -278,11 +278,11 @@ class SimulatorConformance:
                 gap = (here.root[-1] - walk.root[max(first - 1, 0)]) * [1, 0, 1]
                 here = simulator.execute(
                     Motion(walk.root[first : first + 15] + gap, walk.rotations[first : first + 15])
-                ).realised
+                ).simulated
                 assert np.abs(here.joints()[..., [0, 2]]).max() < 1.95
                 assert 0.4 < here.root[:, 1].min() < here.root[:, 1].max() < 1.6
         for _ in range(4):
-            here = simulator.execute(Motion(here.root[-1:].repeat(15, axis=0), rest_pose(15).rotations)).realised
+            here = simulator.execute(Motion(here.root[-1:].repeat(15, axis=0), rest_pose(15).rotations)).simulated
         assert here.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.02)
 
     def test_the_same_commands_have_the_same_outcome_bit_for_bit(self) -> None:
@@ -290,8 +290,8 @@ class SimulatorConformance:
         builder.floor()
         builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
         first, second = (self.play(builder.scene(), gait(3, 0.3)) for _ in range(2))
-        assert np.array_equal(first.realised.root, second.realised.root)
-        assert np.array_equal(first.realised.rotations, second.realised.rotations)
+        assert np.array_equal(first.simulated.root, second.simulated.root)
+        assert np.array_equal(first.simulated.rotations, second.simulated.rotations)
         assert first.contacts == second.contacts
 
     def test_contacts_say_who_touched_what_when_and_where(self) -> None:
@@ -401,19 +401,19 @@ class SimulatorConformance:
         with pytest.raises(SceneError, match="mass"):
             self.simulator().reset(builder.scene(), builder.scene().start)
 
-    @pytest.mark.parametrize("law", sorted(LAWS))
-    def test_the_law_holds(self, law: str) -> None:
+    @pytest.mark.parametrize("check", sorted(CHECKS))
+    def test_the_law_holds(self, check: str) -> None:
         """What `humanclaw physics` measures, on few samples: the same code, within the same bounds."""
         fixture = Fixture(self.simulator, find_profile("default"), samples=2, chunks=60)
-        found = list(LAWS[law](fixture, lambda: None))
+        found = list(CHECKS[check](fixture, lambda: None))
         assert found
         assert [finding for finding in found if not finding.holds] == []
 
     @pytest.mark.parametrize("profile", ["paper", "reference"])
     def test_the_papers_constants_keep_bodies_whole_too(self, profile: str) -> None:
         fixture = Fixture(self.simulator, find_profile(profile), chunks=30)
-        for law in ("free-space", "ledge", "wild"):
-            assert [finding for finding in LAWS[law](fixture, lambda: None) if not finding.holds] == []
+        for check in ("free-space", "ledge", "wild"):
+            assert [finding for finding in CHECKS[check](fixture, lambda: None) if not finding.holds] == []
 
 
 def _uprightness(motion: Motion) -> Array:

@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from humanclaw.interfaces import Simulator
-from humanclaw.pose import HISTORY, Array, anchored
+from humanclaw.pose import HISTORY, Array, re_rooted
 from humanclaw.scene import Scene, SceneObject
 from humanclaw.testing.physics import FORWARD, TURN, Fixture, Tick
 
@@ -59,13 +59,13 @@ def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[
     """CPU milliseconds of half a second of walking about, contacts included."""
     simulator, times = fixture.simulator(), []
     body = simulator.reset(scene, scene.start).body
-    history = anchored(fixture.start(), body)
+    history = re_rooted(fixture.start(), body)
     for number in range(count):
         command = {FORWARD: 0.4, TURN: np.radians(20 if number % 8 < 4 else -20)}
         motion = fixture.generate(history, command, number)
         milliseconds, execution = _timed(lambda motion=motion: simulator.execute(motion))  # type: ignore[misc]
         times.append(milliseconds)
-        history = anchored(history.then(motion)[-HISTORY:], execution.realised)
+        history = re_rooted(history.then(motion)[-HISTORY:], execution.simulated)
         tick()
     simulator.close()
     return times

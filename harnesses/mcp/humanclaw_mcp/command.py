@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from humanclaw import SENSES
+from humanclaw import SENSORS
 from humanclaw.cli import engine_options, plugin_files
 
 
@@ -25,9 +25,9 @@ from humanclaw.cli import engine_options, plugin_files
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
 @click.option(
-    "--sense",
-    "senses",
-    type=click.Choice(SENSES),
+    "--sensor",
+    "sensors",
+    type=click.Choice(SENSORS),
     multiple=True,
     help="Told besides the view, always there. Repeatable.",
 )

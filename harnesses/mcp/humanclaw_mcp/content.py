@@ -301,8 +301,8 @@ def _point(place: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _touching(step: StepRecord, floor: float) -> tuple[str, ...]:
-    felt = {c.joint for c in step.contacts if c.movable or c.height - floor > FLOOR_THRESHOLD}
-    return tuple(name for name in JOINTS if name in felt)
+    meeting = {c.joint for c in step.contacts if c.movable or c.height - floor > FLOOR_THRESHOLD}
+    return tuple(name for name in JOINTS if name in meeting)
 
 
 def _entry(step: StepRecord) -> Json:

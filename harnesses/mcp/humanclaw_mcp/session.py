@@ -158,7 +158,7 @@ class Session:
         """The body, in the scene of the task."""
         if self._body is None:
             self.doing, asked = _MAKING, self._settings
-            backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.senses)
+            backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.sensors)
             self._body = Body(self.task.scene, plugins=self._plugins, backends=backends)
             self.doing = _MOVING
         elif self._body.scene.name != self.task.scene:

@@ -26,8 +26,8 @@ class Settings:
     simulator: str = ""
     """By name; empty: the one that bodies run in by default."""
     generator: str = Backends.generator
-    senses: tuple[str, ...] = ()
-    """What a call's answer tells besides the view (humanclaw.senses)."""
+    sensors: tuple[str, ...] = ()
+    """What a call's answer tells besides the view (humanclaw.sensors)."""
     reasoning: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
     bodies: int = 4

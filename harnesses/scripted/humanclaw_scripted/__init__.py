@@ -22,7 +22,9 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("still", _still, "stops at once")
-    register("faulty", _faulty, "the oracle with a capability missing or a bounded mind, for ablations and root causes")
+    register(
+        "faulty", _faulty, "the oracle with a capability missing or a bounded agent, for ablations and root causes"
+    )
 
 
 @hookimpl(optionalhook=True)

@@ -29,7 +29,7 @@ TURNING_POINT: Final = 3.2
 
 # -- what every one of them can tell -----------------------------------------------------------------------------------
 @dataclass
-class Senses:
+class Perception:
     """The true state of an episode, for those who are allowed to know it."""
 
     context: EpisodeContext
@@ -79,7 +79,7 @@ class Snapshot:
     """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the
     episode."""
 
-    senses: Senses
+    perception: Perception
     decision: Decision
     left: int
     """Steps that are left, this one included."""
@@ -105,7 +105,7 @@ class Snapshot:
 
     def asks(self, measures: Sequence[str], *amounts: float) -> Call:
         """A call of the skill that commands these measures, SI."""
-        return asking(self.senses.context.skills, measures, amounts)
+        return asking(self.perception.context.skills, measures, amounts)
 
     def stops(self, why: str) -> Decision:
         """The same perception, and an active stop."""
@@ -126,7 +126,7 @@ class Snapshot:
 
     def walked(self) -> float:
         """Length of the trail up to here, over the floor, metres."""
-        steps = np.diff([*self.trail, self.senses.here()], axis=0)
+        steps = np.diff([*self.trail, self.perception.here()], axis=0)
         return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
 
     def to_and_fro(self, degrees: int, why: str) -> Decision:
@@ -189,7 +189,7 @@ def _blind(at: Snapshot) -> Decision:
 
 
 def _misjudges(at: Snapshot) -> Decision:
-    if at.seen and 3 * REACHED < at.senses.away() < 3.0:
+    if at.seen and 3 * REACHED < at.perception.away() < 3.0:
         return at.stops("It looks close enough to touch, so I stop.")
     return at.decision
 
@@ -203,7 +203,7 @@ def _overlooks_arrival(at: Snapshot) -> Decision:
 def _straight_on(at: Snapshot) -> Decision:
     if at.stopping:
         return at.decision
-    angle = at.senses.bearing()
+    angle = at.perception.bearing()
     if abs(angle) > np.radians(28):
         return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
     return at.walks(50, "It lies straight ahead: I walk on.", _degrees(angle, 20))
@@ -212,7 +212,7 @@ def _straight_on(at: Snapshot) -> Decision:
 def _wavers(at: Snapshot) -> Decision:
     if not at.has_seen:
         return at.decision
-    angle, wavering = at.senses.bearing(), at.to_and_fro(8, "A little more this way.")
+    angle, wavering = at.perception.bearing(), at.to_and_fro(8, "A little more this way.")
     if abs(angle) < np.radians(28):
         return wavering
     return at.turns(_degrees(angle, 75), wavering.reasoning)
@@ -220,7 +220,7 @@ def _wavers(at: Snapshot) -> Decision:
 
 def _turns_away(at: Snapshot) -> Decision:
     """Once half the way is done and it has said that it sees the target: back to where it came from."""
-    if "gone" not in at.notes and not (at.seen_before and at.senses.away() < 0.5 * at.begun):
+    if "gone" not in at.notes and not (at.seen_before and at.perception.away() < 0.5 * at.begun):
         return at.decision
     turns = at.count("gone")
     away = replace(at.decision, visible_state="I am in a room.")
@@ -232,7 +232,7 @@ def _imagines(at: Snapshot) -> Decision:
     gone = _turns_away(at)
     if "gone" not in at.notes:
         return gone
-    noun = at.senses.context.spec.target_category.replace("_", " ")
+    noun = at.perception.context.spec.target_category.replace("_", " ")
     return replace(gone, visible_state=f"A {noun} is right in front of me.")
 
 
@@ -264,7 +264,7 @@ def _searches_aimlessly(at: Snapshot) -> Decision:
     if at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < TURNING_POINT:
-        at.trail.append(at.senses.here())
+        at.trail.append(at.perception.here())
         return at.decision
     at.count("gone")
     back = _back_along(at, at.trail)
@@ -284,9 +284,9 @@ def _approaches_blindly(at: Snapshot) -> Decision:
 
 def _overlooks_jam(at: Snapshot) -> Decision:
     """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
-    if not (at.seen and at.senses.away() < 2.5):
+    if not (at.seen and at.perception.away() < 2.5):
         return at.decision
-    angle = at.senses.bearing()
+    angle = at.perception.bearing()
     if abs(angle) > np.radians(35):
         return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
     return at.but(at.asks(SIDE, 0.3), "I see it: I go round what stands before it.")
@@ -297,7 +297,7 @@ def _gives_up(at: Snapshot) -> Decision:
     if "gone" not in at.notes and at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
-        at.trail.append(at.senses.here())
+        at.trail.append(at.perception.here())
         return at.decision
     at.count("gone")
     return _back_along(at, at.trail)
@@ -305,11 +305,11 @@ def _gives_up(at: Snapshot) -> Decision:
 
 def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
     """The way one has come, a step; at its beginning one stops."""
-    while trail and np.hypot(*(trail[-1] - at.senses.here())[[0, 2]]) < 0.35:
+    while trail and np.hypot(*(trail[-1] - at.perception.here())[[0, 2]]) < 0.35:
         trail.pop()
     if not trail:
         return at.stops("I cannot find it.")
-    angle = at.senses.bearing_of(trail[-1])
+    angle = at.perception.bearing_of(trail[-1])
     if abs(angle) > np.radians(28):
         return at.turns(_degrees(angle, 75), "This leads nowhere: I go back.")
     return at.walks(45, "I go back.", _degrees(angle, 20))
@@ -319,8 +319,8 @@ def _backs_up(at: Snapshot) -> Decision:
     """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
     if at.has_seen:
         return at.decision
-    angle, here = at.senses.bearing(), at.senses.here()
-    if at.senses.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
+    angle, here = at.perception.bearing(), at.perception.here()
+    if at.perception.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
         return at.stops("There is nothing here.")
     if abs(angle) < np.radians(150):
         return at.turns(-45 if angle > 0 else 45, "I look at the other side.")

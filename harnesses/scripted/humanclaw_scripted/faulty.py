@@ -5,7 +5,7 @@ Each is the oracle with something put in the way of it, so that whatever goes wr
 speaks for any model: it shows that the harness and the benchmark respond to a fault as they should.
 
 Two kinds. A `fault` takes one capability away: root causes are to find it.
-A `Bounded` mind keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the
+A `Bounded` agent keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the
 settings of the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3
 are to show.
 """
@@ -36,7 +36,7 @@ from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Senses, Snapshot
+from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Perception, Snapshot
 
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
@@ -58,9 +58,9 @@ class Options(BaseModel):
     bounded: bool = False
     """Whether memory, attention and the sense of distance have limits."""
     misjudged: float = Field(0.2, ge=0, le=1)
-    """How often, within 4 m of a target in view, a bounded mind takes it to be within reach."""
+    """How often, within 4 m of a target in view, a bounded agent takes it to be within reach."""
     confusion: float = Field(0.1, ge=0)
-    """How strongly each further picture competes with the current one for a bounded mind's attention."""
+    """How strongly each further picture competes with the current one for a bounded agent's attention."""
     miss: float = Field(0.0, ge=0, le=1)
     """Of the verifier `oracle`: how often it lets pass what it should reject."""
 
@@ -88,7 +88,7 @@ def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
 
 
 class FaultyAgent:
-    """The oracle with one capability missing, or with a bounded mind, or both."""
+    """The oracle with one capability missing, or with a bounded agent, or both."""
 
     name = "faulty"
     privileged = True
@@ -99,8 +99,8 @@ class FaultyAgent:
 
     def begin(self, context: EpisodeContext) -> None:
         spec = context.spec
-        self._senses = Senses(context)
-        self._begun = spec.difficulty.distance if spec.difficulty else self._senses.away()
+        self._perception = Perception(context)
+        self._begun = spec.difficulty.distance if spec.difficulty else self._perception.away()
         self._stop = ending(context.skills)
         self._fault = self._chosen(spec)
         standing = self._fault is not None and self._fault.standing
@@ -109,11 +109,11 @@ class FaultyAgent:
         self._notes: dict[str, int] = {}
         self._trail: list[Array] = []
         self._last_seen: int | None = None
-        self._mind = Mind(self.options, self._senses, self._stop)
+        self._limits = BoundedRationality(self.options, self._perception, self._stop)
 
     def _to_another_seat(self) -> OracleAgent:
         """Who sits down on the nearest seat that is none of the targets' kind."""
-        context, scene = self._senses.context, self._senses.context.scene
+        context, scene = self._perception.context, self._perception.context.scene
         assert scene is not None
         others = set(SEATS) - {context.spec.target_category}
         seats = tuple(obj.id for obj in scene.objects if obj.category in others)
@@ -131,23 +131,25 @@ class FaultyAgent:
                 return errand
             self._errand = None
         decision = self._oracle.decide(observation, history)
-        seen = acknowledges(decision.visible_state, self._senses.context.spec.target_category)
+        seen = acknowledges(decision.visible_state, self._perception.context.spec.target_category)
         if self._fault:
             decision = self._fault.apply(self._snapshot(decision, seen, observation.step))
         self._last_seen = observation.step if seen else self._last_seen
         if not self.options.bounded:
             return decision
-        return self._mind.think(decision, observation.step, self._last_seen, history)
+        return self._limits.limit(decision, observation.step, self._last_seen, history)
 
     def _snapshot(self, decision: Decision, seen: bool, step: int) -> Snapshot:
-        left = self._senses.context.spec.max_steps - step
+        left = self._perception.context.spec.max_steps - step
         before = self._last_seen is not None
-        return Snapshot(self._senses, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail)
+        return Snapshot(
+            self._perception, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail
+        )
 
 
-# -- a bounded mind ----------------------------------------------------------------------------------------------------
+# -- a bounded agent ---------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Mind:
+class BoundedRationality:
     """Decides as the oracle would, as long as it still knows what the oracle knows.
 
     Memory: where a target is that is out of view it knows for as many steps as the history reaches back; after that it
@@ -158,20 +160,20 @@ class Mind:
     """
 
     options: Options
-    senses: Senses
+    perception: Perception
     stop: str
 
-    def think(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
+    def limit(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
         """last_seen: the step at which the target was last in view, this one included; None if it never was."""
-        rng = np.random.default_rng([self.senses.context.seed, step, 78])
+        rng = np.random.default_rng([self.perception.context.seed, step, 78])
         draws = rng.random(3)
         old = self._mistaken_for(draws[:2], history)
         if old is not None:
             return replace(decision, calls=(old,), reasoning="The view is as it was: I do the same again.")
-        if last_seen == step and 3 * REACHED < self.senses.away() < 4.0 and draws[2] < self.options.misjudged:
+        if last_seen == step and 3 * REACHED < self.perception.away() < 4.0 and draws[2] < self.options.misjudged:
             return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
         if last_seen is not None and step - last_seen > self.options.history:
-            around = asking(self.senses.context.skills, TURN, (np.radians(LOOK_AROUND),))
+            around = asking(self.perception.context.skills, TURN, (np.radians(LOOK_AROUND),))
             return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
         if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
             return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
@@ -187,14 +189,14 @@ class Mind:
 
     def _in_routine(self, call: Call) -> bool:
         """Whether a call belongs to sitting down: the back to the seat, a step back to it, the sit."""
-        skill = self.senses.context.skills[call.skill].declaration
+        skill = self.perception.context.skills[call.skill].declaration
         measures = tuple(one.measure for one in skill.parameters)
         sits = skill.role == "sit" or measures == BACK
-        near = self.senses.context.spec.interact and self.senses.away() < AT_HAND
-        return near and (sits or (measures == TURN and self.senses.reach() < 2 * REACHED))
+        near = self.perception.context.spec.interact and self.perception.away() < AT_HAND
+        return near and (sits or (measures == TURN and self.perception.reach() < 2 * REACHED))
 
 
-# -- a verifier --------------------------------------------------------------------------------------------------------
+# -- a verifier -------------------------------------------------------------------------------------------------------
 class OracleVerifier:
     """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's
     call there.
@@ -210,14 +212,14 @@ class OracleVerifier:
         self.settings = {"miss": self._miss}
 
     def begin(self, context: EpisodeContext) -> None:
-        self._senses = Senses(context)
+        self._perception = Perception(context)
         self._oracle = oracle(context, context.spec)
         self._history: list[HistoryEntry] = []
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
-        lets_pass = np.random.default_rng([self._senses.context.seed, observation.step, 79]).random() < self._miss
-        accepted = skill.role != "stop" or self._senses.reach() <= REACHED or lets_pass
+        lets_pass = np.random.default_rng([self._perception.context.seed, observation.step, 79]).random() < self._miss
+        accepted = skill.role != "stop" or self._perception.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
         self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")

@@ -164,20 +164,20 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
     assert not FAULTS["seat"].fits(spec(False))
 
 
-def test_a_bounded_mind_without_memory_cannot_turn_its_back_on_the_seat():
+def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
     """Ten seeds: with a history of ten steps most sit down, with none nobody does."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
     assert sat[0] == 0
     assert sat[10] >= 8
 
 
-def test_a_bounded_mind_without_a_mid_level_goal_arrives_and_does_not_sit():
+def test_a_bounded_agent_without_a_mid_level_goal_arrives_and_does_not_sit():
     lives = [live(bounded=True, misjudged=0, mid_level=False, seed=seed) for seed in range(10)]
     assert not any(walker.sat for walker, _ in lives)
     assert sum(reach(walker) < 0.6 and log[-1][1].skill == "stop" for walker, log in lives) >= 8
 
 
-def test_many_pictures_confuse_a_bounded_mind():
+def test_many_pictures_confuse_a_bounded_agent():
     steps = {n: [len(live(False, s, bounded=True, misjudged=0, images=n)[1]) for s in range(20)] for n in (1, 10)}
     assert np.mean(steps[10]) > 1.3 * np.mean(steps[1])
 

@@ -1,7 +1,7 @@
-"""The paper's ablation (table 3), with a scripted mind in place of a model: does the benchmark respond as it should?
+"""The paper's ablation (table 3), with a scripted agent in place of a model: does the benchmark respond as it should?
 
-A bounded mind (humanclaw_scripted.faulty) runs the same episodes under the harness's settings. The four directions of
-the paper are to come out of how the mind works: nothing here says that a success rate should fall.
+A bounded agent (humanclaw_scripted.faulty) runs the same episodes under the harness's settings. The four directions of
+the paper are to come out of how the agent works: nothing here says that a success rate should fall.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
     jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
     """
-    made, real = recorded.motion("generated"), recorded.motion("realised")
+    made, real = recorded.motion("generated"), recorded.motion("simulated")
     whole: Motion | None = None
     for first, last in _chunks(recorded.steps):
         piece = made[first:last]

@@ -355,15 +355,15 @@ def test_a_motion_shorter_than_the_stencil_has_no_jerk() -> None:
 def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Path) -> None:
     """Four chunks of a steady walk along x, with a body that a wall at 0.4 m holds back and turns by 0.3 a chunk."""
     length, ahead = 4, np.arange(1, 16) * 0.4 / 15
-    generated, realised = [track(np.zeros(HISTORY))], [track(np.zeros(HISTORY))]
+    generated, simulated = [track(np.zeros(HISTORY))], [track(np.zeros(HISTORY))]
     x, z, yaw = 0.0, 0.0, np.pi / 2
-    generated[0].rotations[:, 0, 1] = realised[0].rotations[:, 0, 1] = yaw
+    generated[0].rotations[:, 0, 1] = simulated[0].rotations[:, 0, 1] = yaw
     for _ in range(length):
         generated.append(track(x + ahead * np.sin(yaw), z + ahead * np.cos(yaw), np.full(15, yaw)))
         x, yaw = min(x + 0.4 * np.sin(yaw), 0.4), yaw - 0.3
-        realised.append(track(np.full(15, x), np.full(15, z), np.full(15, yaw)))
-    whole = [generated[0], realised[0]]
-    for made, real in zip(generated[1:], realised[1:], strict=True):
+        simulated.append(track(np.full(15, x), np.full(15, z), np.full(15, yaw)))
+    whole = [generated[0], simulated[0]]
+    for made, real in zip(generated[1:], simulated[1:], strict=True):
         whole = [whole[0].then(made), whole[1].then(real)]
     recorded = rollout(
         tmp_path, [step(motion_frames=15), step(motion_frames=30), step(), step("stop")], motion=tuple(whole)

@@ -1,4 +1,4 @@
-"""From what a collection offers to the assets of a library."""
+"""From what a collection models to the assets of a library."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from humanclaw.meshes import (
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
 from humanclaw_houses.importers.categories import category_of, misfit, otherwise, scale_of, sits
-from humanclaw_houses.importers.offers import Collection, Offer, Vec3, digest_of
+from humanclaw_houses.importers.source_models import Collection, SourceModel, Vec3, digest_of
 from humanclaw_houses.importers.sweethome import slug
 from humanclaw_houses.library import Entry, Level, paths, read_index, write_asset, write_index
 
@@ -70,18 +70,18 @@ class ImportReport:
 
 
 def import_assets(
-    collection: Collection, library: Path, triangles: int, watch: Iterable[Offer] | None = None
+    collection: Collection, library: Path, triangles: int, watch: Iterable[SourceModel] | None = None
 ) -> ImportReport:
     """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
 
-    watch: the collection's offers, wrapped by something that shows how far they are. Raises HumanclawError if the
+    watch: the collection's models, wrapped by something that shows how far they are. Raises HumanclawError if the
     library cannot be written; a model that cannot be used is rejected.
     """
     index = read_index(library)
     known = {entry.id: entry for entry in index.assets} if index else {}
     report, kept = ImportReport(passed_over=collection.passed_over), {}
-    for offer in collection.offers if watch is None else watch:
-        entry = _take(offer, collection, library, triangles, known, report)
+    for model in collection.models if watch is None else watch:
+        entry = _take(model, collection, library, triangles, known, report)
         if entry:
             kept[entry.id] = entry
             report.imported[entry.category] += 1
@@ -100,17 +100,22 @@ def import_assets(
 
 
 def _take(
-    offer: Offer, collection: Collection, library: Path, triangles: int, known: dict[str, Entry], report: ImportReport
+    model: SourceModel,
+    collection: Collection,
+    library: Path,
+    triangles: int,
+    known: dict[str, Entry],
+    report: ImportReport,
 ) -> Entry | None:
-    category = offer.category or category_of(offer.name, offer.group)
+    category = model.category or category_of(model.name, model.group)
     if not category:
-        report.other[offer.name] += 1
+        report.other[model.name] += 1
         return None
-    name = f"{slug(collection.name)}-{offer.id}"
+    name = f"{slug(collection.name)}-{model.id}"
     try:
         with tempfile.TemporaryDirectory() as folder:
-            path = offer.fetch(Path(folder))
-            digest, recipe = digest_of(path, offer.statement), f"{VERSION}/{category}/{triangles}"
+            path = model.fetch(Path(folder))
+            digest, recipe = digest_of(path, model.statement), f"{VERSION}/{category}/{triangles}"
             old = known.get(name)
             if (
                 old
@@ -120,21 +125,21 @@ def _take(
                 report.unchanged += 1
                 return old
             parts = read_model(path)
-        return _entry(offer, parts, category, triangles, library, name, collection.name, digest, recipe)
+        return _entry(model, parts, category, triangles, library, name, collection.name, digest, recipe)
     except (HumanclawError, OSError) as error:
-        report.rejected[offer.id] = error.message if isinstance(error, HumanclawError) else str(error)
+        report.rejected[model.id] = error.message if isinstance(error, HumanclawError) else str(error)
         return None
 
 
 def _entry(
-    offer: Offer, parts: Sequence[Part], category: str, triangles: int, library: Path, name: str, collection: str,
+    model: SourceModel, parts: Sequence[Part], category: str, triangles: int, library: Path, name: str, collection: str,
     digest: str, recipe: str,
 ) -> Entry:  # fmt: skip
-    sized, unit = _sized(parts, offer, category)
+    sized, unit = _sized(parts, model, category)
     mesh = bake(sized)
     mesh = lightened(moved(mesh, -base_of(mesh.vertices)), triangles)
     category = otherwise(category, _size(mesh))
-    quarters = _QUARTERS[offer.front]
+    quarters = _QUARTERS[model.front]
     if sits(category):
         back = back_of(turned(mesh, quarters))
         quarters = (quarters + _QUARTERS[_OPPOSITE[back]] if back else quarters) % 4
@@ -143,34 +148,34 @@ def _entry(
     seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if sits(category) else None
     wrong = misfit(category, size, seat.height if seat else None)
     if wrong:
-        raise HumanclawError(f"{offer.name} ({category}): {wrong}.")
+        raise HumanclawError(f"{model.name} ({category}): {wrong}.")
     top = top_of(mesh) if category in _SURFACES else None
     hulls = _hulls(mesh, category, seat.room if seat else top)
     return Entry(
-        id=name, name=offer.name, category=category, size=size, unit=unit,
+        id=name, name=model.name, category=category, size=size, unit=unit,
         turned=f"{90 * quarters} degrees" if quarters else "",
-        seat_height=seat.height if seat else None, top=Level(**vars(top)) if top else None, mass=offer.mass,
-        movable=offer.movable, triangles=len(mesh.faces), triangles_in_source=sum(len(part.faces) for part in parts),
-        textured=any(part.picture is not None for part in parts), hulls=len(hulls), licence=offer.licence,
-        author=offer.author, collection=collection, source_digest=digest, recipe=recipe,
+        seat_height=seat.height if seat else None, top=Level(**vars(top)) if top else None, mass=model.mass,
+        movable=model.movable, triangles=len(mesh.faces), triangles_in_source=sum(len(part.faces) for part in parts),
+        textured=any(part.picture is not None for part in parts), hulls=len(hulls), licence=model.licence,
+        author=model.author, collection=collection, source_digest=digest, recipe=recipe,
         digest=write_asset(library, name, mesh, hulls),
     )  # fmt: skip
 
 
-def _sized(parts: Sequence[Part], offer: Offer, category: str) -> tuple[list[Part], str]:
+def _sized(parts: Sequence[Part], model: SourceModel, category: str) -> tuple[list[Part], str]:
     """The parts in metres, and where their scale comes from."""
-    if offer.rotation:
-        matrix = np.array(offer.rotation).reshape(3, 3)
+    if model.rotation:
+        matrix = np.array(model.rotation).reshape(3, 3)
         parts = [replace(part, vertices=part.vertices @ matrix.T) for part in parts]
     low, high = bounds(parts)
     extent = high - low
-    if offer.size is not None:
-        scale, unit = np.array(offer.size) / np.maximum(extent, 1e-9), "size from the catalogue"
+    if model.size is not None:
+        scale, unit = np.array(model.size) / np.maximum(extent, 1e-9), "size from the catalogue"
     else:
         found = scale_of(category, _vec3(extent))
         if found is None:
             said = " x ".join(f"{value:.3g}" for value in extent)
-            raise HumanclawError(f"{offer.name} measures {said} in its file, which is no {category} in any unit.")
+            raise HumanclawError(f"{model.name} measures {said} in its file, which is no {category} in any unit.")
         unit, scale = found[0], np.full(3, found[1])
     return [replace(part, vertices=part.vertices * scale) for part in parts], unit
 

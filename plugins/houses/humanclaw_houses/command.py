@@ -13,7 +13,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError
 from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets
 from humanclaw_houses.importers import open_collection
-from humanclaw_houses.importers.folder import COLUMNS, Facts
+from humanclaw_houses.importers.folder import COLUMNS, FolderMetadata
 from humanclaw_houses.library import Library
 
 
@@ -40,8 +40,8 @@ def import_(
     Importing again changes nothing; importing another source into the same library adds to it.
     """
     total = ImportReport()
-    for collection in open_collection(source, name, Facts(licence, author, front, table)):
-        with tqdm(collection.offers, desc=collection.name, unit="model", leave=False) as bar:
+    for collection in open_collection(source, name, FolderMetadata(licence, author, front, table)):
+        with tqdm(collection.models, desc=collection.name, unit="model", leave=False) as bar:
             _add(total, import_assets(collection, library, triangles, bar))
     _tell(total, Console(), library)
     if not total.imported:

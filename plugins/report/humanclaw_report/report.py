@@ -77,8 +77,8 @@ class StepView:
     verdict: str
     verdict_kind: str
     contacts: str
-    felt: str
-    """What senses other than vision told of it."""
+    sensor_readings: str
+    """What sensors other than vision told of it."""
     pixels: int
     colour: str
 
@@ -331,7 +331,7 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: boo
         verdict=verdict,
         verdict_kind=kind,
         contacts="; ".join(touched.values()),
-        felt=step.feedback.felt if step.status == "executed" else "",
+        sensor_readings=step.feedback.sensor_readings if step.status == "executed" else "",
         pixels=sum(step.target_pixels.values()),
         colour=_colour(number / max(1, len(recorded.steps) - 1)),
     )

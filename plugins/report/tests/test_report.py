@@ -120,7 +120,7 @@ def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, run:
 def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Scene]:
     """From the ground floor of a house with two storeys onto the bed upstairs."""
     folder = tmp_path_factory.mktemp("climbed")
-    settings = {"body": {"senses": ["vision", "touch"]}}
+    settings = {"body": {"sensors": ["vision", "touch"]}}
     scene = record_episode(folder, two_storeys(), instruction="sit on the bed", targets=(31,), settings=settings)
     return RecordedEpisode(folder), scene
 
@@ -179,7 +179,7 @@ def test_the_page_of_a_climb_shows_both_floors_and_the_senses(climbed: tuple[Rec
     assert len(page.all("use")) == len(page.all("symbol")) == 2
     assert "ground floor" in page.text
     assert "upper floor" in page.text
-    assert "senses vision, touch" in page.text
+    assert "sensors vision, touch" in page.text
 
 
 def test_standing_on_an_upper_floor_is_no_contact(climbed: tuple[RecordedEpisode, Scene]) -> None:
@@ -198,7 +198,7 @@ def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_pa
 
 
 def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
-    assert "senses" not in page.text
+    assert "sensors" not in page.text
 
 
 def test_contacts_name_the_object_and_the_part_of_the_body(page: Page) -> None:

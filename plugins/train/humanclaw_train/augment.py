@@ -1,4 +1,4 @@
-"""What the composer takes from real clips: upper-body gait profiles over the step cycle, the quiet stance, and idle
+"""What the synthesis takes from real clips: upper-body gait profiles over the step cycle, the quiet stance, and idle
 sway.
 
 Phase convention: a cycle of two steps has phase [0, 2); at phase 0 the right foot passes the left one on its way

@@ -23,7 +23,7 @@ from humanclaw.pose import FPS, FUTURE
 from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
-from humanclaw_train.edited import edited_chunks
+from humanclaw_train.synthetic import synthetic_chunks
 
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
 """Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg
@@ -44,11 +44,11 @@ def build(
     without: Sequence[str] = (),
     hold_out: Sequence[str] = HELD_OUT,
 ) -> dict[str, Chunks]:
-    """Real chunks and edited ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in
+    """Real chunks and synthetic ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in
     out/held_out.
 
-    seconds: of edited motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of clips'
-    names.
+    seconds: of synthetic motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of
+    clips' names.
     """
     every = [clip for clip in load_pack(source) if clip.source not in without]
     clips = [clip for clip in every if not held_out(clip, hold_out)]
@@ -56,9 +56,11 @@ def build(
         chunks.save(out / "held_out" / f"{name}.npz")
     real = build_real(clips, skills)
     with tqdm(total=100, desc="editing", unit="%") as bar:
-        edited = edited_chunks(clips, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None)
-    names = list(dict.fromkeys((*real, *edited)))
-    found = {name: Chunks.join(part[name] for part in (real, edited) if name in part) for name in names}
+        synthetic = synthetic_chunks(
+            clips, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n) and None
+        )
+    names = list(dict.fromkeys((*real, *synthetic)))
+    found = {name: Chunks.join(part[name] for part in (real, synthetic) if name in part) for name in names}
     out.mkdir(parents=True, exist_ok=True)
     for name, chunks in found.items():
         chunks.save(out / f"{name}.npz")
@@ -66,18 +68,19 @@ def build(
 
 
 def table(chunks: Mapping[str, Chunks]) -> str:
-    """The statistics as a Markdown table: chunks and seconds, real and edited, and 5-50-95 % of each parameter in SI.
+    """The statistics as a Markdown table: chunks and seconds, real and synthetic, and 5-50-95 % of each parameter in
+    SI.
 
     Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
     """
-    heads = ("skill", "real", "edited", "real s", "edited s", "parameters: 5 / 50 / 95 %")
+    heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
     for name, found in statistics(chunks).items():
         spread = "; ".join(
             f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
         )
-        edited = found.chunks - found.real
-        cells = (name, found.real, edited, f"{found.seconds:.1f}", f"{edited * FUTURE / FPS:.1f}", spread or "-")
+        synthetic = found.chunks - found.real
+        cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines)
 
@@ -87,19 +90,20 @@ _BINS: Final = 16
 
 
 def histograms(chunks: Mapping[str, Chunks]) -> str:
-    """Each parameter's histogram over the range that the edited and the real chunks share, as a Markdown table of bars.
+    """Each parameter's histogram over the range that the synthetic and the real chunks share, as a Markdown table of
+    bars.
 
     Bars are relative to the fullest bin of their own row; a bin that holds anything shows at least the lowest bar.
     """
-    lines = ["| parameter | least | real | edited | most |", "| --- | --- | --- | --- | --- |"]
+    lines = ["| parameter | least | real | synthetic | most |", "| --- | --- | --- | --- | --- |"]
     for skill, found in chunks.items():
         for column, name in enumerate(found.names.tolist()):
             values = found.params[:, column].astype(float)
             low, high = float(values.min()), float(values.max())
-            real, edited = (
+            real, synthetic = (
                 _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
             )
-            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{edited}` | {high:.2f} |")
+            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{synthetic}` | {high:.2f} |")
     return "\n".join(lines)
 
 
@@ -113,7 +117,7 @@ def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[T
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
-    parser.add_argument("--seconds", type=float, default=4000.0, help="edited motion a skill")
+    parser.add_argument("--seconds", type=float, default=4000.0, help="synthetic motion a skill")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--without", nargs="*", default=[], help="sources that are left out, for instance HDM05")
     parser.add_argument(

@@ -29,7 +29,7 @@ REPORT: Final = "fidelity.json"
 """Where the fidelity report lies: beside the base."""
 _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 
-_NAMES: Final = {"composed": "composed by `humanclaw_train.composer` (edited)"}
+_NAMES: Final = {"composed": "synthesised by `humanclaw_train.synthesis`"}
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
         "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
@@ -91,7 +91,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
-        "composed": "composed" in data["sources"],
+        "synthetic": "composed" in data["sources"],
     }
 
 

@@ -46,7 +46,7 @@ Spans = Mapping[str, tuple[tuple[int, int], ...]]
 @dataclass(frozen=True)
 class Clip:
     """One retargeted clip. spans: tag to (first, last) frames, both included, at 30 fps; real is False once it was
-    edited."""
+    synthetic."""
 
     name: str
     motion: Motion

@@ -21,7 +21,7 @@ from humanclaw_train.chunks import Chunks, Clip, cut
 from humanclaw_train.commands import Trained
 
 Mask = NDArray[np.bool_]
-STRIDE: Final = 3
+WINDOW_STRIDE: Final = 3
 """Frames between windows."""
 IDLE_SHARE: Final = 0.25
 """Most of the base set that may be standing still: the mocap at hand is four fifths idling."""
@@ -39,10 +39,10 @@ def travel(root: Array, rotations: Array) -> WindowTravel:
     feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
     path = np.linalg.norm(np.diff(feet, axis=1), axis=-1).sum(axis=1).mean(axis=-1)
     last = joints[:, -1, :, 1]
-    composed = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
+    neutral = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
     toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
     level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
-    return WindowTravel(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, composed, level)
+    return WindowTravel(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, neutral, level)
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------
@@ -93,7 +93,7 @@ def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Ch
     IDLE_SHARE."""
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
-        starts = np.arange(0, len(clip.motion) - CHUNK + 1, STRIDE)
+        starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
         if len(starts):
             for skill, chunks in _of_clip(clip, starts, skills).items():
                 parts.setdefault(skill, []).append(chunks)
@@ -153,7 +153,7 @@ class Statistics:
     params: Mapping[str, tuple[float, ...]]
 
 
-def statistics(chunks: Mapping[str, Chunks], stride: int = STRIDE) -> dict[str, Statistics]:
+def statistics(chunks: Mapping[str, Chunks], stride: int = WINDOW_STRIDE) -> dict[str, Statistics]:
     """What each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are
     counted."""
     return {skill: _statistics(found, stride) for skill, found in chunks.items()}

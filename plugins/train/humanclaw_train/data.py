@@ -24,7 +24,7 @@ from humanclaw_train.checkpoint import Normaliser
 # The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
 _SETTLED: Final = 10
-"""Frames after which a spoilt history is forgotten."""
+"""Frames after which a noisy history is forgotten."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,6 @@ def _statistics(arrays: Sequence[dict[str, np.ndarray[Any, Any]]]) -> dict[str, 
     return {
         "chunks": len(real),
         "real": int(real.sum()),
-        "edited": int((~real.astype(bool)).sum()),
         "sources": dict(sorted(sources.items())),
         "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
         "params_high": [round(float(value), 4) for value in params.max(0)] if params.size else [],
@@ -116,11 +115,13 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
     return root[best], rotations[best]
 
 
-def spoilt(root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0) -> tuple[Tensor, Tensor]:
+def noisy_history(
+    root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0
+) -> tuple[Tensor, Tensor]:
     """Chunks whose histories are off, as those are that the model wrote itself, and whose futures find back.
 
     Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter.
-    The future starts where the spoilt history ends and returns to the clean one within ten frames, so that what is
+    The future starts where the noisy history ends and returns to the clean one within ten frames, so that what is
     learned is a smooth recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical
     frame demands.
     """
@@ -148,9 +149,9 @@ _FROM_HISTORY: Final = {"hips.rise": 1.0, "hips.drop": -1.0}
 
 
 def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tensor) -> Tensor:
-    """(B, k) parameters of chunks after their histories were spoilt; root (B, 20, 3) before (clean) and after.
+    """(B, k) parameters of chunks after their histories got noise; root (B, 20, 3) before (clean) and after.
 
-    Where a body ends is as it was; only a rise is measured from where the spoilt history now has the pelvis.
+    Where a body ends is as it was; only a rise is measured from where the noisy history now has the pelvis.
     """
     lifted = root[:, HISTORY - 1, 1] - clean[:, HISTORY - 1, 1]
     signs = torch.tensor([_FROM_HISTORY.get(one, 0.0) for one in measures], device=params.device)
@@ -180,7 +181,6 @@ def load_all(folders: Sequence[Path]) -> ChunkTensors:
     statistics = {
         "chunks": len(root),
         "real": sum(part.statistics["real"] for part in parts),
-        "edited": sum(part.statistics["edited"] for part in parts),
         "sources": dict(sorted(sources.items())),
         "by_skill": {name: len(part) for name, part in zip(names, parts, strict=True)},
     }

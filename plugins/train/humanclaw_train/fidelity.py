@@ -1,10 +1,10 @@
 """How faithfully the skills do what they are told: achieved over commanded (paper, table 1).
 
-    humanclaw fidelity --rollouts 200 --realised --baseline CHUNKS
+    humanclaw fidelity --rollouts 200 --simulated --baseline CHUNKS
 
 Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from
 standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
-of the adapter's range. Realised: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
+of the adapter's range. Simulated: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
 command, and measured there. Baseline: the median clip of each verb, whatever the magnitude asked for, as a
 text-to-motion model does it.
 """
@@ -30,8 +30,8 @@ from humanclaw.pose import Array, wrap_angle
 from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
-from humanclaw_train.realised import Actor, roll_realised
 from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, roll
+from humanclaw_train.simulated import Actor, roll_simulated
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
@@ -59,7 +59,7 @@ class Row:
 
     skill: str
     generated: Ratio
-    realised: Ratio | None = None
+    simulated: Ratio | None = None
     baseline: Ratio | None = None
     adapter: str = ""
     """Digest of the adapter's file."""
@@ -105,7 +105,7 @@ def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], r
     )
 
 
-def realised(
+def simulated(
     generator: DiTGenerator, simulator: Simulator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0
 ) -> dict[str, Ratio]:
     """Skill to its ratio in half-physics, for skills with parameters."""
@@ -115,7 +115,7 @@ def realised(
     with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
         for command in wanted:
             bar.set_description(command.skill)
-            rolled = roll_realised(actor, command, others(command, commands), rollouts, seed, lambda: bar.update())
+            rolled = roll_simulated(actor, command, others(command, commands), rollouts, seed, lambda: bar.update())
             ratios[command.skill] = achieved(command, rolled)
     return ratios
 
@@ -192,7 +192,7 @@ class FidelityReport:
             ) from error
 
 
-_RATIOS: Final = ("generated", "realised", "baseline")
+_RATIOS: Final = ("generated", "simulated", "baseline")
 
 
 def _ratio(content: Mapping[str, Any] | None) -> Any:
@@ -216,12 +216,12 @@ def _plain(value: Any) -> Any:
 def markdown(rows: Sequence[Row]) -> str:
     """The rows as a Markdown table, the paper's beside them."""
     heads = (
-        "skill", "generated", "after another", "error cm, deg", "realised", "error cm, deg", "median clip", "paper",
+        "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
     )  # fmt: skip
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
     for row in rows:
-        made, real = row.generated, row.realised
+        made, real = row.generated, row.simulated
         cells = (
             row.skill, _spread(made), _number(made.after_other, 3), _number(made.error, 1),
             _spread(real), _number(real.error if real else NAN, 1), _spread(row.baseline),
@@ -245,7 +245,7 @@ def _number(value: float, digits: int) -> str:
 
 # -- the command line --------------------------------------------------------------------------------------------------
 def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulator] | None = None) -> int:
-    """The command line. simulator: makes what `--realised` runs in; this module itself knows of none."""
+    """The command line. simulator: makes what `--simulated` runs in; this module itself knows of none."""
     options = _parser().parse_args(arguments)
     try:
         report = _measure(options, simulator)
@@ -267,11 +267,11 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
         rows = [
             replace(row, baseline=baseline(options.baseline, Command.of(row.skill, paths[row.skill]))) for row in rows
         ]
-    if options.realised:
+    if options.simulated:
         if simulator is None:
-            raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --realised")
-        ratios = realised(generator, simulator(), paths, options.rollouts, options.seed)
-        rows = [replace(row, realised=ratios.get(row.skill)) for row in rows]
+            raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --simulated")
+        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed)
+        rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
     command = Command.of(first, paths[first])
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
@@ -304,7 +304,7 @@ def generator_options(parser: argparse.ArgumentParser) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
-    parser.add_argument("--realised", action="store_true", help="measure in half-physics as well (minutes)")
+    parser.add_argument("--simulated", action="store_true", help="measure in half-physics as well (minutes)")
     parser.add_argument(
         "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders to take median clips from"
     )

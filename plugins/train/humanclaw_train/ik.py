@@ -1,4 +1,4 @@
-"""Legs for edited motion: feet that roll on the ground, and hips that stay within the reach of both legs.
+"""Legs for synthetic motion: feet that roll on the ground, and hips that stay within the reach of both legs.
 
 Everything is vectorised: (...) is any leading shape, (N, 2, T) are the left and right feet of N bodies over T frames.
 Metres and radians, Y up; an orientation is a (3, 3) matrix from the part's frame to the world. Needs numpy alone.

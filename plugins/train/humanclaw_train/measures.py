@@ -34,7 +34,7 @@ def skate(joints: Array) -> float:
 def slower_toe(joints: Array) -> float:
     """Mean horizontal speed of whichever toe is the slower one, centimetres a second.
 
-    Who steps has one foot planted at any time, so this is the skate of the planted foot, whatever the height of its
+    Who steps has one foot in stance at any time, so this is the skate of the stance foot, whatever the height of its
     ground.
     """
     return float(_toe_speed(joints).min(-1).mean())
@@ -189,7 +189,7 @@ class Gait:
     arms: float
     """Peak to peak of a wrist ahead of its shoulder, cm."""
     toe: float
-    """Slower toe, cm/s: the planted foot's slide."""
+    """Slower toe, cm/s: the stance foot's slide."""
 
     @property
     def step(self) -> float:

@@ -53,7 +53,7 @@ class Manner:
 
     skill: str
     source: str
-    """generated, real or edited."""
+    """generated, real or synthetic."""
     chunks: int
     skate: float
     """Horizontal speed of toes on the ground, cm/s; NaN on stairs, whose ground is not at 0."""
@@ -88,7 +88,7 @@ def manner(
 def skills(
     generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
 ) -> list[Manner]:
-    """For every skill what is generated and, where the folders have it, what the data show: real chunks, else edited
+    """For every skill what is generated and, where the folders have it, what the data show: real chunks, else synthetic
     ones."""
     features = _features(folders)
     rows: list[Manner] = []
@@ -102,7 +102,7 @@ def skills(
             free = free_running(generator, command, data, features, seed)
         rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
         if data:
-            kind = "real" if data.real.any() else "edited"
+            kind = "real" if data.real.any() else "synthetic"
             some = _some(data, _MOST, seed)
             rows.append(manner(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least))
     return rows
@@ -175,7 +175,7 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
 
 
 def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """The real chunks of a skill, and edited ones where there is none."""
+    """The real chunks of a skill, and synthetic ones where there is none."""
     files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
     if not files:
         return None

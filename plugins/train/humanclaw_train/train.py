@@ -49,7 +49,7 @@ class Recipe:
     minutes: float = 40.0
     steps: int = 0
     seed: int = 0
-    spoil: float = 1.0
+    history_noise: float = 1.0
     jitter: float = 0.01
     """Noise on a condition, in units of its own deviation."""
     init: str = ""
@@ -72,7 +72,7 @@ class Weights:
     """Their one-frame differences, per (5 mm) squared."""
     feet: float = 2.0
     """Of those, how much more the feet count than another joint,"""
-    planted: float = 12.0
+    stance: float = 12.0
     """and how much more a foot that is at rest: this is what keeps feet from skating."""
     outcome: float = 0.2
     """Root at the last frame, per (1 cm) and (0.4 degrees) squared, linear beyond: what the skills' parameters command.
@@ -114,8 +114,8 @@ class Loss:
 
     def _care(self, true_steps: Tensor) -> Tensor:
         """(B, 15, 24, 1) how much each joint's motion matters."""
-        planted = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
-        care: Tensor = 1 + self.weights.feet * self.feet + self.weights.planted * planted
+        stance = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
+        care: Tensor = 1 + self.weights.feet * self.feet + self.weights.stance * stance
         return care
 
 
@@ -186,7 +186,7 @@ class Trainer(Generic[M]):
         size = self.recipe.batch
         chosen = torch.randint(len(self.chunks), (size,), generator=generator, device=device)
         clean = self.chunks.root[chosen]
-        root, rotations = data.spoilt(clean, self.chunks.rotations[chosen], generator, self.recipe.spoil)
+        root, rotations = data.noisy_history(clean, self.chunks.rotations[chosen], generator, self.recipe.history_noise)
         states = kinematics.encode(root, rotations)
         values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
@@ -377,7 +377,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.minutes,
         options.steps,
         options.seed,
-        options.spoil,
+        options.history_noise,
         options.jitter,
         licences=tuple(options.licence),
     )
@@ -426,7 +426,7 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--batch", type=int, default=64)
         one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
         one.add_argument("--seed", type=int, default=0)
-        one.add_argument("--spoil", type=float, default=1.0, help="strength of the offsets on histories")
+        one.add_argument("--history-noise", type=float, default=1.0, help="strength of the offsets on histories")
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their deviation")
         one.add_argument("--licence", action="append", default=[], help="of the data; written into the checkpoint")
         one.add_argument("--threads", type=int, default=1)

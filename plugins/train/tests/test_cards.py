@@ -20,7 +20,7 @@ RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "
 @pytest.fixture
 def weights(tmp_path):
     """A folder with a base and an adapter of sit_in_place; 25 of 100 chunks are real."""
-    data = {"chunks": 100, "real": 25, "edited": 75, "sources": {"HDM05": 25, "composed": 75}}
+    data = {"chunks": 100, "real": 25, "sources": {"HDM05": 25, "composed": 75}}
     licences = ("HDM05: CC BY-SA 3.0",)
     base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, data, licences))
     path = tmp_path / "sit_in_place" / "adapter.safetensors"
@@ -44,7 +44,7 @@ def _report(weights: Path, base: str | None = None) -> FidelityReport:
 def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
     base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, {}, ()))
     path = tmp_path / "stroll" / "adapter.safetensors"
-    data = {"chunks": 40, "real": 40, "edited": 0, "sources": {"My own walks": 40}}
+    data = {"chunks": 40, "real": 40, "sources": {"My own walks": 40}}
     told = Card(RECIPE, {**data, "params_low": [0.1], "params_high": [0.5]}, ("My own walks: CC0",))
     write_adapter(path, base, AdapterConfig("stroll", "mlp", ("ahead",), (0.3,), (0.2,)), card=told)
     (path.parent / "card.toml").write_text('limits = ["It never hurries."]')
@@ -61,7 +61,7 @@ def test_a_card_tells_the_figures_of_the_header(weights):
     for fact in (
         "100 chunks",
         "25 real (25 %)",
-        "75 edited (75 %)",
+        "75 synthetic (75 %)",
         "4,321 steps of 64",
         "CC BY-SA 3.0",
         "| h | 0.19 | 0.81 | 0.5 ± 0.3 |",
@@ -82,16 +82,16 @@ def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
     path = weights / "sit_in_place" / "adapter.safetensors"
     text = card(path, _report(weights))
     assert "| generated | 1.012 ± 0.046 | 0.3 |" in text
-    assert "| realised in half-physics | 1.078 ± 0.020 | 2.0 |" in text
+    assert "| simulated in half-physics | 1.078 ± 0.020 | 2.0 |" in text
     assert "1.012" not in card(path, _report(weights, base="of another base"))
     assert "Not measured for these weights" in card(path)
 
 
-def test_every_reader_learns_that_sitting_and_stairs_are_edited(weights):
+def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):
     for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
         text = " ".join(card(weights / name).split())
         assert "All sitting, all regular stairs" in text
-        assert "come from edited motion" in text
+        assert "come from synthetic motion" in text
 
 
 def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, capsys):
@@ -120,5 +120,5 @@ def test_every_shipped_checkpoint_has_its_shares_and_licences_on_the_card_beside
     told = read_header(checkpoint)["card"]
     text = checkpoint.with_name(CARD).read_text("utf-8")
     assert f"{told['data']['real']:,} real" in text
-    assert f"{told['data']['edited']:,} edited" in text
+    assert f"{told['data']['chunks'] - told['data']['real']:,} synthetic" in text
     assert all(licence in text for licence in told["licences"])

@@ -12,9 +12,9 @@ from tiny_motion import write_adapter
 from humanclaw import CheckpointError, PluginError, Plugins, pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
-from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, realised
-from humanclaw_train.realised import HIPS, Actor, flat, roll_realised, stage
+from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, simulated
 from humanclaw_train.rollouts import Command, Rollouts
+from humanclaw_train.simulated import HIPS, Actor, flat, roll_simulated, stage
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def _with_notes(adapter):
     return adapter
 
 
-# -- realised ----------------------------------------------------------------------------------------------------------
+# -- simulated ---------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def simulator():
     made = Plugins.discover().make("simulators", "bullet", profile="default")
@@ -152,7 +152,7 @@ def _backwards(metres: float):
 def test_what_the_body_glides_on_a_flat_floor_is_what_it_achieves(simulator, still):
     command = Command.of("step_back", still[1])
     command = replace(command, low=np.array([0.3]), high=np.array([0.3]))
-    rolled = roll_realised(Actor(_backwards(0.15), simulator), command, [], rollouts=1, seed=0)
+    rolled = roll_simulated(Actor(_backwards(0.15), simulator), command, [], rollouts=1, seed=0)
     ratio = achieved(command, rolled)
     assert ratio.chunks == 3
     # Soles that are dragged over the floor lose some of it to friction.
@@ -179,17 +179,17 @@ def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_sce
     actor = Actor(_backwards(0.2), simulator)
     actor.stand(flat())
     actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
-    assert actor.realised.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
+    assert actor.simulated.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
     actor.move_to(stage(declaration("sit_in_place"), {"h": 0.5}))
-    assert actor.realised.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)
+    assert actor.simulated.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)
 
 
-def test_without_motion_nothing_is_realised(simulator, still):
-    ratios = realised(still[0], simulator, {"step_back": still[1]}, rollouts=1)
+def test_without_motion_nothing_is_simulated(simulator, still):
+    ratios = simulated(still[0], simulator, {"step_back": still[1]}, rollouts=1)
     assert ratios["step_back"].mean == pytest.approx(0, abs=0.02)
 
 
-# -- the command line --------------------------------------------------------------------------------------------------
+# -- the command line -------------------------------------------------------------------------------------------------
 def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still, capsys, tmp_path):
     folder = still[1].parent.parent
     file = tmp_path / "fidelity.json"
@@ -202,8 +202,8 @@ def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still
     assert report.base == still[0].digest
     assert markdown(report.rows) in printed
     assert main([*arguments, "--skills", "fly"]) == 2
-    assert main([*arguments, "--realised"]) == 2
-    assert "humanclaw fidelity --realised" in capsys.readouterr().err
+    assert main([*arguments, "--simulated"]) == 2
+    assert "humanclaw fidelity --simulated" in capsys.readouterr().err
 
 
 def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):

@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 from humanclaw import HumanclawError, pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
 from humanclaw_train import data, kinematics, train
-from humanclaw_train.data import commanded, spoilt
+from humanclaw_train.data import commanded, noisy_history
 from humanclaw_train.train import Loss, Weights, main
 
 COUNT = 64
@@ -73,7 +73,16 @@ def _base(chunks: Path, out: Path, *more: str) -> Path:
 @pytest.fixture(scope="module")
 def base_file(chunks, tmp_path_factory) -> Path:
     return _base(
-        chunks, tmp_path_factory.mktemp("base"), "--steps", "400", "--rate", "3e-3", "--spoil", "0", "--licence", "CC0"
+        chunks,
+        tmp_path_factory.mktemp("base"),
+        "--steps",
+        "400",
+        "--rate",
+        "3e-3",
+        "--history-noise",
+        "0",
+        "--licence",
+        "CC0",
     )
 
 
@@ -89,7 +98,7 @@ def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
 
 
 def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base_file, tmp_path):
-    path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--spoil", "0")
+    path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--history-noise", "0")
     generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
     start = generator.start()
     for told in (0.15, 0.35):
@@ -177,7 +186,7 @@ def test_missing_chunks_are_an_error_with_a_remedy(base_file, tmp_path, capsys):
 # -- histories ---------------------------------------------------------------------------------------------------------
 def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
     clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.linspace(0.05, 0.45, COUNT)))
-    off = spoilt(*clean, torch.Generator().manual_seed(0), strength)
+    off = noisy_history(*clean, torch.Generator().manual_seed(0), strength)
     return tuple(part.numpy().astype(float) for part in (*clean, *off))
 
 

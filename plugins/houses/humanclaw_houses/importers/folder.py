@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from humanclaw import HumanclawError
-from humanclaw_houses.importers.offers import Collection, Offer
+from humanclaw_houses.importers.source_models import Collection, SourceModel
 from humanclaw_houses.importers.sweethome import slug
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj")
@@ -20,7 +20,7 @@ _BESIDE: Final = (".collision.", ".hulls.")
 
 
 @dataclass(frozen=True)
-class Facts:
+class FolderMetadata:
     """What the user says of all models of a folder, and the table that says more of each."""
 
     licence: str = ""
@@ -29,17 +29,17 @@ class Facts:
     table: Path | None = None
 
 
-def open_folder(source: Path, name: str, facts: Facts) -> Collection:
+def open_folder(source: Path, name: str, metadata: FolderMetadata) -> Collection:
     """Every GLB and OBJ under a folder. With a table, its rows say more; models that it does not name are imported
     too."""
-    rows = _rows(facts.table, source) if facts.table else {}
+    rows = _rows(metadata.table, source) if metadata.table else {}
     paths = sorted(path for path in source.rglob("*") if path.suffix.lower() in SUFFIXES)
     paths = [path for path in paths if not any(mark in path.name for mark in _BESIDE)]
-    offers = [_offer(path, path.relative_to(source), rows.get(path.resolve(), {}), facts) for path in paths]
-    return Collection(name or source.resolve().name, offers)
+    models = [_model(path, path.relative_to(source), rows.get(path.resolve(), {}), metadata) for path in paths]
+    return Collection(name or source.resolve().name, models)
 
 
-def _offer(path: Path, inside: Path, row: Mapping[str, str], facts: Facts) -> Offer:
+def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMetadata) -> SourceModel:
     stem = inside.with_suffix("")
     parts = stem.parts[:-1] if len(stem.parts) > 1 and stem.parts[-1] == stem.parts[-2] else stem.parts
     rotation = tuple(float(value) for value in row.get("catalogue_rotation", "").split())
@@ -47,16 +47,16 @@ def _offer(path: Path, inside: Path, row: Mapping[str, str], facts: Facts) -> Of
         size = tuple(float(row[key]) for key in ("width_m", "height_m", "depth_m"))
     except (KeyError, ValueError):
         size = None
-    return Offer(
+    return SourceModel(
         id=slug("-".join(parts)),
         name=row.get("name") or parts[-1].split(".")[0],
         fetch=lambda _: path,
         group=row.get("category", "").replace("_", " "),
         size=size,  # type: ignore[arg-type]
         rotation=rotation if len(rotation) == 9 else None,
-        front=facts.front,
-        author=row.get("creator") or facts.author,
-        licence=row.get("licence") or facts.licence or "LicenseRef-unknown",
+        front=metadata.front,
+        author=row.get("creator") or metadata.author,
+        licence=row.get("licence") or metadata.licence or "LicenseRef-unknown",
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from humanclaw import HumanclawError
 from humanclaw_houses.importers import folder, sweethome
-from humanclaw_houses.importers.offers import Collection
+from humanclaw_houses.importers.source_models import Collection
 
 EXPECTED = (
     "Give a Sweet Home 3D library (NAME.sh3f, or a folder of them, or one unpacked with its "
@@ -14,7 +14,7 @@ EXPECTED = (
 )
 
 
-def open_collection(source: Path, name: str = "", facts: folder.Facts | None = None) -> list[Collection]:
+def open_collection(source: Path, name: str = "", metadata: folder.FolderMetadata | None = None) -> list[Collection]:
     """The collections at a path. Raises HumanclawError if there is nothing to import, and says what was expected."""
     if not source.exists():
         raise HumanclawError(f"there is nothing at {source}.", EXPECTED)
@@ -27,7 +27,7 @@ def open_collection(source: Path, name: str = "", facts: folder.Facts | None = N
         return [sweethome.open_zip(path, f"{name}-{path.stem}" if name else "") for path in libraries]
     if (source / sweethome.CATALOGUE).is_file():
         return [sweethome.open_folder(source, name)]
-    collection = folder.open_folder(source, name, facts or folder.Facts())
-    if not collection.offers:
+    collection = folder.open_folder(source, name, metadata or folder.FolderMetadata())
+    if not collection.models:
         raise HumanclawError(f"there is no model in {source}.", EXPECTED)
     return [collection]

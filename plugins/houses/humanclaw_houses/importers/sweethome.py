@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from humanclaw import HumanclawError
-from humanclaw_houses.importers.offers import Collection, Offer
+from humanclaw_houses.importers.source_models import Collection, SourceModel
 
 CATALOGUE: Final = "PluginFurnitureCatalog.properties"
 _LICENCES: Final = (
@@ -53,23 +53,23 @@ def _collection(text: bytes, terms: str, name: str, fetcher: Callable[[str], Cal
     values = properties(text)
     keys = sorted({int(key.partition("#")[2]) for key in values if re.fullmatch(r"id#\d+", key)})
     licence = licence_of(f"{values.get('license', '')}\n{terms}")
-    offers = []
+    models = []
     passed_over = 0
     for number in keys:
         row = {key.partition("#")[0]: value for key, value in values.items() if key.endswith(f"#{number}")}
         if row.get("doorOrWindow") == "true" or "staircaseCutOutShape" in row:
             passed_over += 1
         else:
-            offers.append(_offer(row, licence, values.get("name", name), fetcher))
-    return Collection(name, offers, passed_over)
+            models.append(_model(row, licence, values.get("name", name), fetcher))
+    return Collection(name, models, passed_over)
 
 
-def _offer(
+def _model(
     row: Mapping[str, str], licence: str, library: str, fetcher: Callable[[str], Callable[[Path], Path]]
-) -> Offer:
+) -> SourceModel:
     model = row.get("model", "").lstrip("/")
     rotation = tuple(float(value) for value in row.get("modelRotation", "").split())
-    return Offer(
+    return SourceModel(
         id=slug(row["id"].rpartition("#")[2]),
         name=row.get("name", row["id"]),
         fetch=fetcher(model),

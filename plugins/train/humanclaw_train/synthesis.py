@@ -1,4 +1,4 @@
-"""The step composer: continuous motion for any series of commands, from the profiles of real clips (edited training
+"""Motion synthesis: continuous motion for any series of commands, from the profiles of real clips (synthetic training
 data).
 
 Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of
@@ -163,7 +163,7 @@ class Style:
 
 # -- the plan of a chunk -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Plan:
+class StepPlan:
     """Where a chunk ends, all (N,) unless said otherwise.
 
     end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise:
@@ -209,7 +209,7 @@ def seat_depth(height: Array) -> Array:
     return np.asarray(np.interp(height, heights, [0.42, 0.43, 0.41, 0.36, 0.29, 0.2, 0.0]))
 
 
-def plan(state: State, c: Commands) -> Plan:
+def plan(state: State, c: Commands) -> StepPlan:
     """What the commands ask of the bodies in this state."""
     step, seat, height = _displacement(state, c)
     x, z = step.T
@@ -224,7 +224,7 @@ def plan(state: State, c: Commands) -> Plan:
     first = _first_foot(state, c, x, yaw, shuffle)
     speed = np.linalg.norm(step, axis=-1) / SECONDS
     stride = _goes_on(state, c, step, yaw, flow)
-    return Plan(
+    return StepPlan(
         end=end,
         velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
         yaw=state.yaw + yaw,
@@ -287,7 +287,7 @@ def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) 
     return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
 
 
-def hip_path(state: State, p: Plan) -> tuple[Array, Array]:
+def hip_path(state: State, p: StepPlan) -> tuple[Array, Array]:
     """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the
     height."""
     end_velocity = raised(p.velocity, p.rise)
@@ -327,7 +327,7 @@ class Swing:
     yaw1: Array
 
     @classmethod
-    def of(cls, state: State, p: Plan, m: Steps, foot: Ints, lag: Array | float) -> Swing:
+    def of(cls, state: State, p: StepPlan, m: Steps, foot: Ints, lag: Array | float) -> Swing:
         """Towards the hips' end, a little behind it the faster they go, and `lag` metres."""
         left = np.where(foot == 0, 1.0, -1.0)
         behind = -0.02 - 0.1 * np.abs(p.ahead) * p.flow - lag
@@ -367,14 +367,14 @@ class Swing:
         )
 
 
-def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple[Feet, Array]:
+def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> tuple[Feet, Array]:
     """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or
     stands.
 
     The second value, (N,), is by how much they clear the edge of a stair by less than 2 cm, metres.
     """
     p = _before_the_riser(state, p, c, style)
-    m = _timed(c, p, planted=~state.hanging | p.wrong)
+    m = _timed(c, p, in_stance=~state.hanging | p.wrong)
     tolerance = np.where(c.does("settle"), 0.08, np.where(state.seated, 0.1, 0.0))
     first = _first_swing(state, p, c, m, root, tolerance)
     second = _second_swing(state, p, c, m, tolerance)
@@ -388,27 +388,27 @@ def feet(state: State, p: Plan, c: Commands, style: Style, root: Array) -> tuple
     return both, np.where(c.stairs, lacking, 0.0)
 
 
-def _timed(c: Commands, p: Plan, planted: Mask) -> Steps:
+def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
     """A first foot that stands has half a swing more to do; striding feet pass closer than standing ones are apart."""
     m = Steps(*(c.gait[name] for name in Steps._fields))
-    land = np.select([c.stairs & planted, p.wrong, planted], [0.5, 0.54, 0.52], m.land)
-    lift = np.where(planted, np.where(c.rise > 0, 0.55, 0.61), m.lift)
+    land = np.select([c.stairs & in_stance, p.wrong, in_stance], [0.5, 0.54, 0.52], m.land)
+    lift = np.where(in_stance, np.where(c.rise > 0, 0.55, 0.61), m.lift)
     return m._replace(land=land, lift=lift, width=m.width - c.gait["narrowing"] * p.flow)
 
 
 def _first_swing(
-    state: State, p: Plan, c: Commands, m: Steps, root: Array, tolerance: Array
+    state: State, p: StepPlan, c: Commands, m: Steps, root: Array, tolerance: Array
 ) -> tuple[Array, Array, Array, Array]:
-    planted = ~state.hanging | p.wrong
+    in_stance = ~state.hanging | p.wrong
     swing = Swing.of(state, p, m, p.first, 0.0)
-    stays = swing.settled(tolerance, planted)
+    stays = swing.settled(tolerance, in_stance)
     moving = stays.distance > 0
     swing = replace(
         swing,
         target=np.where(moving[:, None], _within_reach(swing.target, root, m.land, p), swing.start),
         yaw1=stays.yaw1,
     )
-    begin = np.select([p.wrong, planted], [0.14, 0.02], 0.0)
+    begin = np.select([p.wrong, in_stance], [0.14, 0.02], 0.0)
     span = m.land - begin
     u = (GRID - begin[:, None]) / span[:, None]
     sole = cubic(
@@ -416,7 +416,7 @@ def _first_swing(
     )
     # What is left of the hanging foot's height goes last: it still has ground to cover.
     held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
-    arc = m.clearance * np.where(planted, swing.effort, 0.3 * c.stairs)
+    arc = m.clearance * np.where(in_stance, swing.effort, 0.3 * c.stairs)
     line = _stair(u, state.level, p.level) + held
     # Whoever hangs above the next tread already only sinks.
     above = np.maximum(swing.start[:, 1] - p.level, 0.0)[:, None] * (1 - smoother(u) ** 2)
@@ -424,10 +424,10 @@ def _first_swing(
     line = np.where(sinks[:, None], p.level[:, None] + above, line)
     sole[..., 1] = line + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
     yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
-    return sole, yaw, _landing_pitch(swing, p, m, u, planted, moving), np.zeros_like(yaw)
+    return sole, yaw, _landing_pitch(swing, p, m, u, in_stance, moving), np.zeros_like(yaw)
 
 
-def _within_reach(target: Array, root: Array, land: Array | float, p: Plan) -> Array:
+def _within_reach(target: Array, root: Array, land: Array | float, p: StepPlan) -> Array:
     """While the hips speed up they lag behind a steady stride's: the foot lands as far ahead as a leg goes."""
     frame = np.clip(np.round(np.asarray(land) * FUTURE).astype(int), 0, FUTURE)
     hips = floor(root[np.arange(len(frame)), frame])
@@ -445,7 +445,7 @@ def _stair(u: Array, level0: Array, level1: Array) -> Array:
     return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
 
 
-def nosing(p: Plan, c: Commands, style: Style) -> Array:
+def nosing(p: StepPlan, c: Commands, style: Style) -> Array:
     """(N,) where the edge between the two treads of this chunk lies, metres along the facing from the base of the feet.
 
     Upstairs the toes of who stands keep 5 to 15 cm from the next riser; on shallow treads the heels hang over the edge.
@@ -457,7 +457,7 @@ def nosing(p: Plan, c: Commands, style: Style) -> Array:
     return np.asarray(ankle - np.where(c.rise > 0, up, down))
 
 
-def _before_the_riser(state: State, p: Plan, c: Commands, style: Style) -> Plan:
+def _before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> StepPlan:
     """The plan with the feet going further where one of them is past the riser that the step would have."""
     toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
     past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
@@ -470,7 +470,7 @@ NOSE: Final = 0.025
 
 
 def _cleared(
-    state: State, p: Plan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
+    state: State, p: StepPlan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array, Array, Array]:
     """The track of a foot, lifted where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
@@ -488,7 +488,7 @@ def _cleared(
 
 
 def clearance_lack(
-    state: State, p: Plan, edge: Array, track: tuple[Array, Array, Array, Array], margin: float
+    state: State, p: StepPlan, edge: Array, track: tuple[Array, Array, Array, Array], margin: float
 ) -> Array:
     """(N, 16) metres by which heel or toes are lower than `margin` above the upper tread where they are over it."""
     sole, yaw, pitch, _ = track
@@ -508,18 +508,20 @@ def clearance_lack(
     return np.asarray(np.maximum(np.max(lacks, axis=0), 0.0))
 
 
-def _landing_pitch(swing: Swing, p: Plan, m: Steps, u: Array, planted: Mask, moving: Mask) -> Array:
+def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mask, moving: Mask) -> Array:
     """(N, 16) heel pitch: to what it is at the landing, then flat."""
-    along = np.where(planted, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
+    along = np.where(in_stance, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
     land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
     touch = np.asarray(m.land - 0.05)[:, None]
     swung = cubic(GRID / touch, swing.pitch0[:, None], swing.pitch_rate[:, None] * touch, land, 0.0)
-    kick = np.where(planted, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
+    kick = np.where(in_stance, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
     swung = swung + kick[:, None] * bump(1.15 * u)
     return np.where(touch < GRID, land * (1 - smoothstep((GRID - touch) / 0.2)), swung)
 
 
-def _second_swing(state: State, p: Plan, c: Commands, m: Steps, tolerance: Array) -> tuple[Array, Array, Array, Array]:
+def _second_swing(
+    state: State, p: StepPlan, c: Commands, m: Steps, tolerance: Array
+) -> tuple[Array, Array, Array, Array]:
     lag = 0.03 * (1 - p.flow) * ~p.sits
     swing = Swing.of(state, p, m, 1 - p.first, lag)
     came = swing
@@ -540,7 +542,7 @@ def _second_swing(state: State, p: Plan, c: Commands, m: Steps, tolerance: Array
     return sole, yaw, *_leaving_pitch(swing, p, m, down)
 
 
-def _lift(state: State, p: Plan, c: Commands, m: Steps, swing: Swing, u: Array) -> Array:
+def _lift(state: State, p: StepPlan, c: Commands, m: Steps, swing: Swing, u: Array) -> Array:
     """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
     # On stairs the foot that passes is on its way over an edge.
     drop = np.where(p.level > state.level, 0.45, 0.6) * np.abs(p.level - state.level)
@@ -549,7 +551,7 @@ def _lift(state: State, p: Plan, c: Commands, m: Steps, swing: Swing, u: Array) 
     return np.asarray(hang[:, None] * smoothstep(1.3 * u) + (m.clearance * swing.effort * arc)[:, None] * bump(u))
 
 
-def _leaving_pitch(swing: Swing, p: Plan, m: Steps, down: float) -> tuple[Array, Array]:
+def _leaving_pitch(swing: Swing, p: StepPlan, m: Steps, down: float) -> tuple[Array, Array]:
     """(N, 16) heel pitch and toe bend: the heel rises behind the hips, peaks as the toes leave, sinks in the swing."""
     backwards = np.sum(swing.travel * p.facing, -1) < -0.05
     peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
@@ -562,14 +564,14 @@ def _leaving_pitch(swing: Swing, p: Plan, m: Steps, down: float) -> tuple[Array,
     return before + np.where(top < GRID, fall, heel), bend
 
 
-def cycle(state: State, p: Plan, style: Style) -> gait.Cycle:
+def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
     """The step cycle of who strides; of everybody else what is left of it fades at its own rate."""
     end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
     rate = np.maximum(state.cadence, 0.5)
     return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
 
 
-def striding_feet(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
+def striding_feet(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
     """Both feet of who strides: each swings in its own time to where the hips will be when the other one passes it."""
     whose = np.stack([gait.foot_of(steps.first), gait.foot_of(steps.first + 1)], 1)
     feet = [_striding_foot(foot, state, p, style, steps, root, yaw, whose) for foot in (0, 1)]
@@ -577,7 +579,7 @@ def striding_feet(state: State, p: Plan, style: Style, steps: gait.Cycle, root: 
 
 
 def _striding_foot(
-    foot: int, state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
+    foot: int, state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
 ) -> tuple[Array, Array, Array, Array]:
     passing = steps.first + (whose[:, 1] == foot)
     path = np.concatenate([floor(root), yaw[..., None]], -1)
@@ -598,7 +600,7 @@ def _striding_foot(
     return raised(track[..., :2], state.level[:, None] + np.maximum(height, 0.0)), track[..., 2], pitch, bend
 
 
-def swaying(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
+def swaying(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
     """The path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
 
     Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing
@@ -612,7 +614,7 @@ def swaying(state: State, p: Plan, style: Style, steps: gait.Cycle, root: Array,
 
 
 # -- the upper body ----------------------------------------------------------------------------------------------------
-def pose_targets(state: State, p: Plan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
+def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
     """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
     # Who turns on the spot swings the arms as who walks slowly does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
@@ -646,7 +648,7 @@ def _to_and_fro(index: Ints, length: int) -> Ints:
     return np.where(index < length, index, 2 * length - 2 - index)
 
 
-def upper_body(state: State, p: Plan, c: Commands, target: Array) -> Array:
+def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
     """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips
     demand."""
     gap = (state.pose - target[:, 0])[:, None]
@@ -726,13 +728,13 @@ def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Arra
 
 
 def _feet(
-    state: State, p: Plan, c: Commands, style: Style, steps: gait.Cycle, path: Array, yaw: Array
+    state: State, p: StepPlan, c: Commands, style: Style, steps: gait.Cycle, path: Array, yaw: Array
 ) -> tuple[Feet, Array]:
     two_swings, lacking = feet(state, p, c, style, path)
     return striding_feet(state, p, style, steps, path, yaw).where(p.stride, two_swings), lacking
 
 
-def _may_lift(p: Plan, steps: gait.Cycle) -> Array:
+def _may_lift(p: StepPlan, steps: gait.Cycle) -> Array:
     """(N, 2, 16) by how much a heel may rise where its leg would not reach: that of the foot that is left behind."""
     second = np.arange(2) == (1 - p.first)[:, None]
     two_swings = np.where(second[..., None], bump(1.05 * GRID), 0.0)
@@ -749,7 +751,7 @@ def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
     return np.asarray(matrix[..., 0, :, :] @ matrix[..., 1, :, :] @ matrix[..., 2, :, :])
 
 
-def _bobbing(root: Array, p: Plan, c: Commands) -> Array:
+def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
     """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
     stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * (c.does("stride") & ~c.stairs & ~p.stride)
     sunk = root.copy()
@@ -770,7 +772,9 @@ def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
     return lowered
 
 
-def _ended(p: Plan, stand: Feet, values: Array, steps: gait.Cycle, sway: Array, height: Array, lacking: Array) -> State:
+def _ended(
+    p: StepPlan, stand: Feet, values: Array, steps: gait.Cycle, sway: Array, height: Array, lacking: Array
+) -> State:
     """The state that the next chunk starts from; only a foot in the air has a velocity."""
     phase = np.where(p.stride, steps.phase[:, -1] % 2, p.first)
     progress = steps.progress(np.ceil(phase - gait.LAND).astype(int))[:, -1]
@@ -848,7 +852,7 @@ def play(
     return np.concatenate(roots, 1), np.concatenate(turns, 1), np.stack(lacking, 1)
 
 
-def compose(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
+def synthesize(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
     """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
 
     clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their

@@ -1,4 +1,5 @@
-"""The edited part of the training data: chunks of composed motion for every skill (see humanclaw_train.composer)."""
+"""The synthetic part of the training data: chunks of synthetic motion for every skill (see
+humanclaw_train.synthesis)."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from humanclaw.recipes import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
-from humanclaw_train.composer import SECONDS, play
+from humanclaw_train.synthesis import SECONDS, play
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.rando
     return values
 
 
-def edited_chunks(
+def synthetic_chunks(
     clips: Sequence[RealClip] | Profiles,
     skills: Sequence[Trained],
     seconds_per_skill: float,

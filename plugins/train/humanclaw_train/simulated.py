@@ -1,9 +1,9 @@
 """Rollouts as half-physics realises them: on a flat floor, on flights of stairs and on seats that fit the command.
 
-The loop is that of an episode: the motion model continues its own poses, anchored where physics left the body. The body
-meets a flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the body
-is put in front of the stage, made to take up its last pose, and goes on from there. Half-physics commands velocities
-from pose to pose, so the pose is all that a body carries over.
+The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body. The
+body meets a flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the
+body is put in front of the stage, made to take up its last pose, and goes on from there. Half-physics commands
+velocities from pose to pose, so the pose is all that a body carries over.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
 from humanclaw.measures import Declaration
 from humanclaw.motion import DiTGenerator
-from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, anchored
+from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, re_rooted
 from humanclaw.scene import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
@@ -125,41 +125,41 @@ def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
 
 # -- a body in a simulator ---------------------------------------------------------------------------------------------
 class Actor:
-    """A body that a generator moves and a simulator carries. `realised`: what became of it since it was last put
+    """A body that a generator moves and a simulator carries. `simulated`: what became of it since it was last put
     down."""
 
     def __init__(self, generator: DiTGenerator, simulator: Simulator) -> None:
         self._generator, self._simulator = generator, simulator
-        self.realised = self._history = generator.start()
+        self.simulated = self._history = generator.start()
 
     def stand(self, scene: Scene) -> None:
         """Stand at the origin as an episode begins."""
         self._put(scene)
-        self._history = anchored(self._generator.start(), self.realised)
+        self._history = re_rooted(self._generator.start(), self.simulated)
 
     def move_to(self, scene: Scene) -> None:
         """Go on at the origin of another scene, in the pose of the history."""
         self._put(scene)
-        origin = Pose2D.of(self.realised, floor=0.0)
+        origin = Pose2D.of(self.simulated, floor=0.0)
         pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
         held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
-        self.realised = self._simulator.execute(held).realised
-        self._history = anchored(self._history, self.realised)
+        self.simulated = self._simulator.execute(held).simulated
+        self._history = re_rooted(self._history, self.simulated)
 
     def act(self, command: Command, values: Array, key: Sequence[int]) -> None:
         """One chunk of a skill."""
         commanded = self._generator.generate(self._history, command.adapter, command.named(values), key)
         execution = self._simulator.execute(commanded)
-        self.realised = self.realised.then(execution.realised)
-        self._history = anchored(self._history.then(commanded)[-HISTORY:], execution.realised)
+        self.simulated = self.simulated.then(execution.simulated)
+        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
 
     def _put(self, scene: Scene) -> None:
         body = self._simulator.reset(scene, scene.start).body
-        self.realised = Motion(np.repeat(body.root[-1:], HISTORY, 0), np.repeat(body.rotations[-1:], HISTORY, 0))
+        self.simulated = Motion(np.repeat(body.root[-1:], HISTORY, 0), np.repeat(body.rotations[-1:], HISTORY, 0))
 
 
 # -- rollouts ----------------------------------------------------------------------------------------------------------
-def roll_realised(
+def roll_simulated(
     actor: Actor,
     command: Command,
     before: Sequence[Command],
@@ -182,7 +182,7 @@ def roll_realised(
                 actor.move_to(stage(command.declaration, command.named(asked[0])))
         for turn, values in enumerate(asked):
             actor.act(command, values, (seed, index, turn + 1))
-            chunks.append(actor.realised[-CHUNK:])
+            chunks.append(actor.simulated[-CHUNK:])
             commands.append(values)
             strange.append(other is not None and turn == 0)
         tick()

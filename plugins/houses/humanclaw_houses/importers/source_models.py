@@ -11,7 +11,7 @@ Vec3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Offer:
+class SourceModel:
     """One model that can be imported."""
 
     id: str
@@ -48,7 +48,7 @@ class Collection:
     """A collection of models under one name."""
 
     name: str
-    offers: Sequence[Offer]
+    models: Sequence[SourceModel]
     passed_over: int = 0
     """Doors, windows and other objects that the collection says are no furniture."""
 

@@ -32,7 +32,7 @@ def proprioception(before: Motion, chunks: Sequence[tuple[Motion, Execution]]) -
         before: the pose (one frame) in which the call began.
         chunks: what was commanded (15 frames each, world frame) and what became of it.
     """
-    last = chunks[-1][1].realised
+    last = chunks[-1][1].simulated
     joints = last.joints()[-1]
     lean = joints[JOINT_INDEX["neck"]] - joints[JOINT_INDEX["pelvis"]]
     tilt = float(np.degrees(np.arccos(np.clip(lean[1] / np.linalg.norm(lean), -1, 1))))
@@ -40,8 +40,8 @@ def proprioception(before: Motion, chunks: Sequence[tuple[Motion, Execution]]) -
     for commanded, execution in chunks:
         here = Pose2D.of(start, floor=0.0)
         meant += _shift(here, start, commanded)
-        moved += _shift(here, start, execution.realised)
-        start = execution.realised[-1:]
+        moved += _shift(here, start, execution.simulated)
+        start = execution.simulated[-1:]
     height = float(last.root[-1, 1] - support_height(joints))
     return Proprioception(height, tilt, Displacement(*map(float, meant)), Displacement(*map(float, moved)))
 
@@ -58,11 +58,11 @@ def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
     frames: dict[str, set[tuple[int, int]]] = defaultdict(set)
     gives_way: dict[str, bool] = defaultdict(bool)
     for number, execution in enumerate(executions):
-        joints = execution.realised.joints()
+        joints = execution.simulated.joints()
         for contact in execution.contacts:
-            felt = {(number, frame) for frame in contact.frames if not _underfoot(contact, joints[frame])}
-            if felt:
-                frames[_part(contact)] |= felt
+            meeting = {(number, frame) for frame in contact.frames if not _underfoot(contact, joints[frame])}
+            if meeting:
+                frames[_part(contact)] |= meeting
                 gives_way[_part(contact)] |= contact.movable
     return tuple(Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames))
 

@@ -1,4 +1,4 @@
-"""The step composer: what was asked for happens, feet hold, nothing jumps, and nothing knows the future."""
+"""Motion synthesis: what was asked for happens, feet hold, nothing jumps, and nothing knows the future."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,11 +12,11 @@ from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
 from humanclaw.measures import Declaration
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, rest_pose
 from humanclaw.recipes import Draw, GaitParameters, Recipe
-from humanclaw_train import composer
+from humanclaw_train import synthesis
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
 from humanclaw_train.chunks import outcome
 from humanclaw_train.commands import Trained, named, trained
-from humanclaw_train.edited import edited_chunks, sample_calls
+from humanclaw_train.synthetic import sample_calls, synthetic_chunks
 
 DEGREE = np.pi / 180
 ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
@@ -39,7 +39,7 @@ SKILLS = named(trained(Plugins.discover()))
 
 
 def compose(profiles, commands, seed):
-    return composer.compose(profiles, [(SKILLS[name], given) for name, given in commands], seed)
+    return synthesis.synthesize(profiles, [(SKILLS[name], given) for name, given in commands], seed)
 
 
 def _outcome(skill, chunk):
@@ -86,9 +86,9 @@ def test_a_skill_that_nobody_here_knows_is_synthesised_from_what_it_declares(pro
         "stroll", gait=GaitParameters(exit=1.0), feet="stride", commands={"ahead": Draw(0.1, 0.5), "veer": Draw(0, 0)}
     )
     stroll = Trained(recipe, Declaration.of("stroll", STROLL))
-    last = _chunks(composer.compose(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
+    last = _chunks(synthesis.synthesize(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
     np.testing.assert_allclose(outcome(stroll.declaration.parameters, last), [0.2, 0.4], atol=1e-3)
-    found = edited_chunks(profiles, [stroll], 4.0, 0)["stroll"]
+    found = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
     assert found.names.tolist() == ["veer", "ahead"]
     assert found.params[:, 1].min() > 0.09
 
@@ -233,7 +233,7 @@ def test_an_unknown_parameter_and_a_skill_without_gait_are_named(profiles):
         compose(profiles, [("walk", {"z_cm": 40})], 0)
     silent = Trained(Recipe("stroll"), Declaration.of("stroll", STROLL))
     with pytest.raises(HumanclawError, match="recipe of stroll has no gait"):
-        composer.compose(profiles, [(silent, {})], 0)
+        synthesis.synthesize(profiles, [(silent, {})], 0)
 
 
 def test_every_change_of_skill_is_practised():
@@ -242,9 +242,9 @@ def test_every_change_of_skill_is_practised():
     assert len(pairs) == len(SKILLS) ** 2
 
 
-def test_edited_chunks_fill_every_skill_and_say_what_they_are(profiles):
+def test_synthetic_chunks_fill_every_skill_and_say_what_they_are(profiles):
     heard = []
-    chunks = edited_chunks(profiles, list(SKILLS.values()), 20.0, 3, heard.append, base_share=2.0)
+    chunks = synthetic_chunks(profiles, list(SKILLS.values()), 20.0, 3, heard.append, base_share=2.0)
     assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(SKILLS, 40) | {"base": 80}
     assert heard[-1] == 1.0
     for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
@@ -292,13 +292,13 @@ def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_t
     random = np.random.default_rng(0)
     heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
     calls = [(SKILLS[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
-    missing = composer.play(profiles, [composer.Commands.of(calls)] * 4, random)[2]  # of 2 cm
+    missing = synthesis.play(profiles, [synthesis.Commands.of(calls)] * 4, random)[2]  # of 2 cm
     assert (missing < 0.01).mean() >= share
     assert (missing < 0.0025).mean() >= share - 0.07
 
 
 def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt_from(profiles):
     climbs = [SKILLS["climb_upstairs"]]
-    asked = edited_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
+    asked = synthetic_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
     assert len(asked) == 80
     assert asked.params[:, 0].max() < 0.27

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from humanclaw import Body
-from humanclaw._backends import Backends, check_senses
+from humanclaw._backends import Backends, check_sensors
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Execution
 from humanclaw.pose import Motion, rest_pose
 from humanclaw.records import Call, Contact, Feedback, StepRecord, Touch
-from humanclaw.senses import proprioception, tactile
+from humanclaw.sensors import proprioception, tactile
 
 BEFORE = rest_pose(1)
 
@@ -44,8 +44,8 @@ def test_a_standing_body_feels_its_height_above_its_soles():
 
 def test_height_is_felt_from_the_soles_and_not_from_the_scene():
     upstairs = Motion(rest_pose(15).root + [0, 3.0, 0], rest_pose(15).rotations)
-    felt = proprioception(upstairs[-1:], [(upstairs, _did(upstairs))])
-    assert felt.hip_height == pytest.approx(STANDING_HEIGHT)
+    sensed = proprioception(upstairs[-1:], [(upstairs, _did(upstairs))])
+    assert sensed.hip_height == pytest.approx(STANDING_HEIGHT)
 
 
 def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
@@ -58,9 +58,9 @@ def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
 
 
 def test_a_blocked_walk_is_felt_as_less_than_was_meant():
-    felt = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
-    assert (felt.intended.forward, felt.moved.forward) == (pytest.approx(0.4), pytest.approx(0.12))
-    assert str(felt).endswith("Your limbs meant 40 cm forward; your body went 12 cm forward.")
+    sensed = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
+    assert (sensed.intended.forward, sensed.moved.forward) == (pytest.approx(0.4), pytest.approx(0.12))
+    assert str(sensed).endswith("Your limbs meant 40 cm forward; your body went 12 cm forward.")
 
 
 def test_displacements_are_in_the_frame_of_the_body():
@@ -74,31 +74,31 @@ def test_displacements_are_in_the_frame_of_the_body():
 
 
 def test_a_turn_is_told_in_degrees_and_standing_still_as_nowhere():
-    felt = str(proprioception(BEFORE, [(_after(turn=30), _did(_after()))]))
-    assert felt.endswith("Your limbs meant a turn of 30 degrees to the left; your body went nowhere.")
+    sensed = str(proprioception(BEFORE, [(_after(turn=30), _did(_after()))]))
+    assert sensed.endswith("Your limbs meant a turn of 30 degrees to the left; your body went nowhere.")
 
 
 def test_touch_tells_part_side_time_and_whether_it_gave_way():
     hand = Contact(tuple(range(6)), "right_hand", "arm_hand", 7, True, 0.001, 0.9)
-    felt = tactile([_did(rest_pose(15), hand, _contact("pelvis", "torso", 0.5, 14))])
-    assert felt == (Touch("hips", 1, False), Touch("right arm or hand", 6, True))
+    sensed = tactile([_did(rest_pose(15), hand, _contact("pelvis", "torso", 0.5, 14))])
+    assert sensed == (Touch("hips", 1, False), Touch("right arm or hand", 6, True))
     words = "Something touched your hips for 0.0 s, your right arm or hand for 0.2 s (it gives way)."
-    assert Feedback(Call("walk"), tactile=felt).felt == words
+    assert Feedback(Call("walk"), tactile=sensed).sensor_readings == words
 
 
 def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():
     floor = _contact("left_foot", "leg_foot", 0.0)
     riser = _contact("left_foot", "leg_foot", 0.05)
     assert tactile([_did(rest_pose(15), floor)]) == ()
-    assert Feedback(Call("walk"), tactile=()).felt == "You touch nothing but what you stand on."
+    assert Feedback(Call("walk"), tactile=()).sensor_readings == "You touch nothing but what you stand on."
     assert [touch.part for touch in tactile([_did(rest_pose(15), riser)])] == ["left leg or foot"]
 
 
 @pytest.mark.parametrize(
-    ("senses", "told"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
+    ("sensors", "told"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
 )
-def test_only_the_senses_asked_for_speak(plugins, house, senses, told):
-    with Body(house, plugins=plugins, backends=Backends(senses=senses)) as body:
+def test_only_the_senses_asked_for_speak(plugins, house, sensors, told):
+    with Body(house, plugins=plugins, backends=Backends(sensors=sensors)) as body:
         feedback = body.call("turn_in_place", yaw_deg=10).feedback
     assert (feedback.proprioception is not None, feedback.tactile is not None) == told
     assert str(feedback).startswith("Executed turn_in_place(yaw_deg=10).")
@@ -106,17 +106,17 @@ def test_only_the_senses_asked_for_speak(plugins, house, senses, told):
 
 
 def test_a_record_keeps_what_was_felt_as_values_and_says_the_same_again():
-    felt = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
+    sensed = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
     step = StepRecord(
-        step=0, status="executed", attempts=(), call=Call("walk"), proprioception=felt, tactile=(Touch("hips", 3,
+        step=0, status="executed", attempts=(), call=Call("walk"), proprioception=sensed, tactile=(Touch("hips", 3,
         False),)
     )  # fmt: skip
     again = StepRecord.model_validate_json(step.model_dump_json())
     assert again == step
-    assert str(again.feedback) == f"Executed walk(). {felt} Something touched your hips for 0.1 s."
+    assert str(again.feedback) == f"Executed walk(). {sensed} Something touched your hips for 0.1 s."
 
 
 def test_vision_is_always_on_and_an_unknown_sense_is_refused():
-    assert check_senses(["touch"]) == ("vision", "touch")
+    assert check_sensors(["touch"]) == ("vision", "touch")
     with pytest.raises(HumanclawError, match="smell"):
-        check_senses(["smell"])
+        check_sensors(["smell"])
