@@ -20,9 +20,17 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import physics, run, show
+    from humanclaw.cli import check, physics, run, show
 
-    commands = (run.run, show.skills, show.plugins_command, show.tools, physics.physics, physics.bench_world)
+    commands = (
+        run.run,
+        check.check,
+        show.skills,
+        show.plugins_command,
+        show.tools,
+        physics.physics,
+        physics.bench_world,
+    )
     for command in commands:
         cli.add_command(command)
 

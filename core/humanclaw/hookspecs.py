@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from humanclaw.scene import Scene
 
 PROJECT: Final = "humanclaw"
+API_VERSION: Final = "1.0"
+"""Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
+docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
+minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 F = TypeVar("F", contravariant=True)

@@ -184,7 +184,11 @@ class SkillInfo:
     """The plugin that brought it."""
     version: str = ""
     digest: str = ""
-    """SHA-256 of its schema, checks and adapter."""
+    """SHA-256 of its schema, checks and adapter, and of its Python file if it is a function."""
+    origin: str = ""
+    """The distribution or the plugin file that it came from."""
+    overrides: tuple[str, ...] = ()
+    """Plugins whose skills of this name gave way to it."""
     commands: dict[str, str] = field(default_factory=dict)
     """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
 
