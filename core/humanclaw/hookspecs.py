@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.contract import Skill
+    from humanclaw.embodiment import Chunk
     from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Reporter, Simulator, Verifier
     from humanclaw.measures import Measure
     from humanclaw.recipes import Recipe
@@ -131,6 +132,11 @@ def humanclaw_reports(register: Register[ReporterFactory]) -> None:
 @hookspec
 def humanclaw_commands(cli: click.Group) -> None:
     """Add commands to the command line."""
+
+
+@hookspec
+def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
+    """Called after each half-second of a call, before the next is generated; step counts the steps recorded so far."""
 
 
 @hookspec
