@@ -141,13 +141,18 @@ def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool =
         normal = loss.normaliser.forward(states)
         future = normal[:, HISTORY:]
         noisy = flow.noised(future, noise, tau)
-        with torch.autocast(states.device.type, torch.bfloat16):
+        with torch.autocast(states.device.type, torch.bfloat16, enabled=_has_bfloat16(states.device)):
             output = forward(normal[:, :HISTORY], noisy, tau, condition)
         output = output.float()
         wanted = future if prediction == "clean" else flow.target(future, noise)
         return loss(output, wanted, flow.clean(prediction, output, noisy, tau), states)
 
     return torch.compile(value) if fast else value
+
+
+def _has_bfloat16(device: torch.device) -> bool:
+    """Whether bfloat16 pays: a processor without AVX-512 emulates it, thirteen times slower than float32 (measured on AVX2)."""
+    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
 
 
 M = TypeVar("M", bound=nn.Module)
