@@ -64,3 +64,6 @@ def _trained() -> Any:
 data.add_command(
     _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
 )
+data.add_command(
+    _forward("chunks", "humanclaw_train.own", "Make the chunks of a skill of your own from a folder of motion.")
+)
