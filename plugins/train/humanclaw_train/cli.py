@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -38,11 +39,18 @@ def _simulator() -> Any:
     return plugins.make("simulators", default_simulator(plugins), profile="default")
 
 
+def _installed() -> dict[str, Path]:
+    """The adapters of the installed skills."""
+    skills = Plugins.discover().skills.values()
+    return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
+
+
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",
     "Measure achieved against commanded motion, per skill.",
     simulator=_simulator,
+    installed=_installed,
 )
 naturalness = _forward(
     "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."

@@ -66,7 +66,7 @@ def of_folder(folder: Path) -> Trained:
     return Trained(recipe, declaration)
 
 
-def clips_of(folder: Path, licence: str = "") -> list[Clip]:
+def clips_of(folder: Path) -> list[Clip]:
     """Every clip of a folder and of those in it, retargeted to our body. What cannot be read is told and left out.
 
     Raises MocapError if there is none that can be read.
@@ -77,7 +77,7 @@ def clips_of(folder: Path, licence: str = "") -> list[Clip]:
     found = []
     for file in tqdm(files, unit="clip", disable=None):
         try:
-            found.append(_clip(file, folder, licence))
+            found.append(_clip(file, folder))
         except MocapError as error:
             tqdm.write(f"left out: {error}", file=sys.stderr)
     if not found:
@@ -85,11 +85,11 @@ def clips_of(folder: Path, licence: str = "") -> list[Clip]:
     return found
 
 
-def _clip(file: Path, folder: Path, licence: str) -> Clip:
+def _clip(file: Path, folder: Path) -> Clip:
     recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
-    motion = retarget(mocap.load(file, licence)) if recorded is None else recorded
+    motion = retarget(mocap.load(file)) if recorded is None else recorded
     name = str(file.relative_to(folder).with_suffix(""))
-    return Clip(name, motion, {}, folder.resolve().name, licence, real=recorded is None)
+    return Clip(name, motion, {}, folder.resolve().name, "", real=recorded is None)
 
 
 def _recorded(file: Path) -> Motion | None:
@@ -171,7 +171,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         skill = of_folder(options.skill)
         standing = load_base(options.base or shipped_base())
         start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
-        clips = clips_of(options.clips, options.licence)
+        clips = clips_of(options.clips)
         chunks = chunks_of(skill, clips, options.seconds, options.seed, start[HISTORY - 1 :])
         chunks.save(options.out / f"{skill.name}.npz")
     except HumanclawError as error:
@@ -187,7 +187,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of motion")
     parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
     parser.add_argument("--seconds", type=float, default=4000.0, help="of clips at other paces, for a posture")
-    parser.add_argument("--licence", default="", help="of the clips")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--base", type=Path, help="base checkpoint, for how it stands (default: the shipped one)")
     return parser
