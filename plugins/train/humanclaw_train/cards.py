@@ -56,7 +56,8 @@ _BASE_LIMITS: Final = (
 
 
 def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
-    """The model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises CheckpointError."""
+    """Return the model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises
+    CheckpointError."""
     import jinja2  # not on the bare machine that trains
 
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
@@ -153,7 +154,7 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     try:
         base = options.base or shipped_base()

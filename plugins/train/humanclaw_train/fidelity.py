@@ -111,7 +111,7 @@ def fidelity(
 
 
 def live(generator: DiTGenerator, declaration: Declaration, rollouts: int = 24) -> Callable[[Path], str]:
-    """What training tells of an adapter as it grows: achieved over commanded of a few rollouts, in one line."""
+    """Make what tells, in one line, how an adapter does as it grows: achieved over commanded of a few rollouts."""
 
     def look(adapter: Path) -> str:
         command = Command.declared(declaration, adapter)
@@ -151,8 +151,8 @@ def simulated(
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
-    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this
-    skill.
+    """Return what the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of
+    this skill.
 
     The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
     there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
@@ -244,7 +244,7 @@ def _plain(value: Any) -> Any:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table, the paper's beside them."""
+    """Return the rows as a Markdown table, the paper's beside them."""
     heads = (
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
@@ -283,8 +283,11 @@ def main(
     simulator: Callable[[], Simulator] | None = None,
     installed: Installed | None = None,
 ) -> int:
-    """The command line. simulator: makes what `--simulated` runs in; installed: finds the skills that one of your own
-    may follow; this module itself knows of neither."""
+    """Run the command line.
+
+    simulator: makes what `--simulated` runs in. installed: finds the skills that one of your own may follow. This
+    module itself knows of neither.
+    """
     options = _parser().parse_args(arguments)
     try:
         report = _measure(options, simulator, installed)
@@ -325,7 +328,7 @@ def _measure(
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
-    """The generator that `generator_options` describe. Raises CheckpointError."""
+    """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
     return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
 

@@ -47,7 +47,7 @@ has seen, a model is least true."""
 
 # -- what is given -----------------------------------------------------------------------------------------------------
 def of_folder(folder: Path) -> Trained:
-    """A skill's declaration and recipe from its folder; where there is no recipe.py, every window may show it.
+    """Read a skill's declaration and recipe from its folder; where there is no recipe.py, every window may show it.
 
     Raises PluginError for a schema.json that cannot be read, HumanclawError for a recipe.py without RECIPE.
     """
@@ -67,7 +67,7 @@ def of_folder(folder: Path) -> Trained:
 
 
 def clips_of(folder: Path) -> list[Clip]:
-    """Every clip of a folder and of those in it, retargeted to our body. What cannot be read is told and left out.
+    """Load every clip of a folder and of those in it, retargeted to our body. What cannot be read is told and left out.
 
     Raises MocapError if there is none that can be read.
     """
@@ -93,7 +93,7 @@ def _clip(file: Path, folder: Path) -> Clip:
 
 
 def _recorded(file: Path) -> Motion | None:
-    """What the body did in a recorded episode, or None for another kind of file. Nobody was captured for it."""
+    """Return what the body did in a recorded episode, or None for another kind of file. Nobody was captured for it."""
     try:
         with np.load(file, allow_pickle=False) as arrays:
             if "simulated_root" not in arrays:
@@ -107,7 +107,7 @@ def _recorded(file: Path) -> Motion | None:
 def chunks_of(
     skill: Trained, clips: Sequence[Clip], seconds: float, seed: int, standing: Motion | None = None
 ) -> Chunks:
-    """The skill's chunks: windows of the clips and their mirror images, each with the parameters that it realises.
+    """Cut the skill's chunks: windows of the clips and their mirror images, with the parameters that they realise.
 
     seconds: of clips at other paces besides, where the recipe asks for them. standing: of the prior.
     Raises HumanclawError if no window shows the skill, PluginError for a measure that nothing here measures.
@@ -144,7 +144,7 @@ def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool
 
 
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
-    """(N,) whether what a chunk realises of each parameter is about within the schema's bounds."""
+    """Return (N,) whether what a chunk realises of each parameter is about within the schema's bounds."""
     parameters = skill.declaration.parameters
     found = outcomes(parameters, root, rotations)
     low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))
@@ -153,7 +153,7 @@ def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
 
 
 def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: float, seed: int) -> Iterator[Chunks]:
-    """Half of the chunks from one call to the next, half from anywhere in between."""
+    """Cut half of the chunks from one call to the next, half from anywhere in between."""
     random = np.random.default_rng(seed)
     wanted = seconds * 2 / 2  # two a second, and as many again by mirroring
     for index in tqdm(range(-(-int(wanted) // (2 * _ROW))), unit="row", disable=None):
@@ -165,7 +165,7 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
 
 # -- the command line --------------------------------------------------------------------------------------------------
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Run the command line."""
     options = _parser().parse_args(arguments)
     try:
         skill = of_folder(options.skill)

@@ -46,14 +46,14 @@ def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generato
 
 
 def _moving(clip: Motion) -> slice:
-    """Without the quiet beginning and end, in which time would be spent for nothing."""
+    """Leave out the quiet beginning and end, in which time would be spent for nothing."""
     away = [np.linalg.norm(clip.root - clip.root[end], axis=-1) > _QUIET for end in (0, -1)]
     first, last = (int(one.argmax()) if one.any() else 0 for one in (away[0], away[1][::-1]))
     return slice(max(first - 1, 0), len(clip) - max(last - 1, 0))
 
 
 def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
-    """(T,) frame of the clip that each frame shows: a walk with halts, turned back at either end, without a jerk."""
+    """Return (T,) frame of the clip that each frame shows: a walk with halts, turned back at either end, no jerk."""
     steps = rng.uniform(-PACE * FUTURE, PACE * FUTURE, chunks) * (rng.random(chunks) >= HALTS)
     last = length - 1.0
     marks = np.empty(chunks + 1)
@@ -67,7 +67,7 @@ def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
 
 
 def _sampled(clip: Motion, clock: Array) -> Motion:
-    """The clip between its frames."""
+    """Sample the clip between its frames."""
     frames = np.arange(len(clip))
     matrices = CubicSpline(frames, matrix_from_vector(clip.rotations))(clock)
     left, _, right = np.linalg.svd(matrices)  # the nearest rotation
@@ -75,7 +75,7 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
 
 
 def _upright(motion: Motion, standing: Motion, height: float) -> Array:
-    """(T, 24, 3) rotations: trunk, arms and head as in the clip where the body is down, as in standing where it is
+    """Return (T, 24, 3) rotations: trunk, arms and head as in the clip where the body is down, as in standing where it is
     up."""
     down = smoothstep((1 - motion.root[:, 1] / height).clip(0) / _DOWN)
     rotations = motion.rotations.copy()
@@ -86,7 +86,7 @@ def _upright(motion: Motion, standing: Motion, height: float) -> Array:
 
 
 def _replanted(motion: Motion, rotations: Array, standing: Motion, share: float) -> Motion:
-    """Both feet still on the floor: apart as in the clip or as in standing, and anything in between."""
+    """Put both feet still on the floor: apart as in the clip or as in standing, and anything in between."""
     pelvis, yaw = matrix_from_vector(rotations[:, 0]), heading(rotations[:, 0])
     feet = _stance(motion, standing, share)
     root = motion.root.copy()
@@ -100,7 +100,7 @@ def _replanted(motion: Motion, rotations: Array, standing: Motion, share: float)
 
 
 def _stance(motion: Motion, standing: Motion, share: float) -> Feet:
-    """Where the feet of the clip are on the whole, moved by a share towards where those of standing are."""
+    """Stand where the feet of the clip are on the whole, moved by a share towards where those of standing are."""
     ankles = [JOINT_INDEX[f"{side}_ankle"] for side in SIDES]
     shown = np.median(motion.joints()[:, ankles], axis=0)
     middle, facing = shown.mean(0), float(np.median(motion.yaw()))

@@ -156,7 +156,8 @@ skills."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
-    """The flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a whole."""
+    """Return the flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a
+    whole."""
 
     def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
@@ -374,7 +375,7 @@ def train_adapter(
 
 
 def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
-    """The encoder of a skill, centred and scaled to the range of its data."""
+    """Return the encoder of a skill, centred and scaled to the range of its data."""
     params, width = chunks.params, chunks.params.shape[1]
     # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
@@ -395,7 +396,7 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
     device = torch.device(
@@ -441,7 +442,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _named(options: argparse.Namespace) -> tuple[str, Path]:
-    """The skill and the folder that declares it, if there is one. Raises HumanclawError unless one of both is given."""
+    """Return the skill and the folder that declares it, if there is one.
+
+    Raises HumanclawError unless one of both is given.
+    """
     if (options.skill is None) == (options.folder is None):
         raise HumanclawError("Which skill is to be trained?", "Give its name or --skill FOLDER.")
     if options.folder is not None:
