@@ -75,8 +75,8 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
 
 
 def _upright(motion: Motion, standing: Motion, height: float) -> Array:
-    """Return (T, 24, 3) rotations: trunk, arms and head as in the clip where the body is down, as in standing where it is
-    up."""
+    """Return (T, 24, 3) rotations: trunk, arms and head as in the clip where the body is down, as in standing where
+    it is up."""
     down = smoothstep((1 - motion.root[:, 1] / height).clip(0) / _DOWN)
     rotations = motion.rotations.copy()
     # Of rotation vectors, which no joint but the root turns half round: an arm from overhead to hanging has no jump.
