@@ -1,0 +1,20 @@
+"""DESCRIPTION"""
+
+from pathlib import Path
+
+from humanclaw import hookimpl
+from humanclaw.hookspecs import RegisterRecipe, RegisterSkill
+
+__version__ = "0.1.0"
+
+
+@hookimpl
+def humanclaw_skills(register: RegisterSkill) -> None:
+    register(Path(__file__).parent / "example_call")
+
+
+@hookimpl
+def humanclaw_recipes(register: RegisterRecipe) -> None:
+    from humanclaw_example.example_call.recipe import RECIPE
+
+    register(RECIPE)
