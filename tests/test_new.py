@@ -66,6 +66,7 @@ def test_it_is_complete(made, kind):
     assert (made[kind] / ".gitignore").is_file()
     (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
     assert (package / "py.typed").is_file()
+    assert list(project["entry-points"]["humanclaw"].values()) == [package.name]
 
 
 OURS = [folder for folder in distributions() if folder.parent.name == "skills" and folder.name != "climb"]

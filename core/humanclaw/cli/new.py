@@ -97,7 +97,7 @@ class Distribution:
             "humanclaw-example": self.project,
             "humanclaw_example": f"humanclaw_{self.entry}",
             "test_example": f"test_{self.entry}",
-            'example = "humanclaw': f'{self.entry} = "humanclaw',
+            'example = "': f'{self.entry} = "',
             "Example": camel,
             "example": self.name,
         }
