@@ -49,6 +49,22 @@ def test_the_tests_of_every_kind_pass_once_it_is_installed(made):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_what_it_writes_is_tidy(made):
+    for check in ("check", "format --check"):
+        command = [sys.executable, "-m", "ruff", *check.split(), "--config", str(ROOT / "pyproject.toml")]
+        done = subprocess.run([*command, *map(str, made.values())], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@slow
+@pytest.mark.parametrize("kind", MADE)
+def test_what_it_writes_is_typed(made, kind):
+    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
+    command = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), str(package)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
 @pytest.mark.parametrize("kind", MADE)
 def test_nothing_of_the_template_is_left(made, kind):
     for file in made[kind].rglob("*"):

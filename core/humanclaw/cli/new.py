@@ -23,7 +23,9 @@ _RENAMED: Final = {
     "gitignore": ".gitignore",
     "test.yml": ".github/workflows/test.yml",
 }
-"""Files that would act on our own repository under the name that they get."""
+"""Files that would act on our own repository under the name that they get,"""
+_KEPT: Final = ".txt"
+"""and modules that are none of ours."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,8 @@ class Distribution:
 
 def _read(folder: Path) -> dict[str, str]:
     """Read the files of a template by their path in it."""
-    files = (file for file in sorted(folder.rglob("*")) if file.is_file() and "__pycache__" not in file.parts)
-    return {file.relative_to(folder).as_posix(): file.read_text("utf-8") for file in files}
+    files = (file for file in sorted(folder.rglob("*")) if file.is_file())
+    return {file.relative_to(folder).as_posix().removesuffix(_KEPT): file.read_text("utf-8") for file in files}
 
 
 def write(distribution: Distribution, folder: Path) -> int:
