@@ -442,7 +442,7 @@ class Episode:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
             return context
-        return replace(context, scene=self.body.scene, state=self.body.state)
+        return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
