@@ -397,8 +397,8 @@ class OracleAgent:
 
     def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """One step along a segment of the route."""
-        aim, rest = aim(part.grid, part.path, pose.point)
-        left, forward = pose.local(aim)
+        towards, rest = aim(part.grid, part.path, pose.point)
+        left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
             return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."

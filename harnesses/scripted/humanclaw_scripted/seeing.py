@@ -1,5 +1,6 @@
-"""An agent that sees and knows nothing else: no map, no pose. Its eyes are perfect: it has the depth of its own view, and
-the ids of the things in it. And one that does not even see.
+"""An agent that sees and knows nothing else: no map, no pose; and one that does not even see.
+
+The eyes of the first are perfect: it has the depth of its own view, and the ids of the things in it.
 
 It keeps a map of what it has seen, goes to the edge of it until a target comes into view (frontier exploration,
 Yamauchi 1997), then up to the target, and sits down if that is the task. It knows where it is by what it asked its
