@@ -23,7 +23,7 @@ from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, r
 from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
 from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
-from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
+from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
 MOVES: Final = 0.001
 """Metres in a frame from which on an object moves; less is the trembling of what rests."""
@@ -405,10 +405,11 @@ def extra_metric(name: str) -> Metric:
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
     """A metric over the finished episodes among these, with its interval."""
-    parts = [pair for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    known = [(pair, s.scene) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    parts, houses = [pair for pair, _ in known], [house for _, house in known]
     if metric.rate:
-        return wilson(int(sum(met for met, _ in parts)), len(parts))
-    return ratio([above for above, _ in parts], [below for _, below in parts], seed=seed)
+        return rate([bool(met) for met, _ in parts], houses)
+    return ratio([above for above, _ in parts], [below for _, below in parts], houses, seed=seed)
 
 
 def compare(
@@ -424,20 +425,21 @@ def compare(
     pairs = common(a, b)
     found: dict[str, Difference] = {}
     for metric in metrics:
-        both = paired(metric, pairs)
-        if metric.rate and both:
-            found[metric.name] = compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
-        elif both:
-            found[metric.name] = compare_ratios([x for x, _ in both], [y for _, y in both], seed=seed)
+        if difference := difference_of(metric, pairs, seed=seed):
+            found[metric.name] = difference
     headline = {metric.name: found[metric.name] for metric in (FIND, NAV, INTERACT) if metric.name in found}
     rest = {name: difference for name, difference in found.items() if name not in headline}
     raised = [zip(family, holm(tuple(family.values())), strict=True) for family in (headline, rest)]
     return dict(chain(*raised))
 
 
-def paired(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> list[tuple[tuple[float, float], ...]]:
-    """The parts of a metric in both runs, for the episodes that bear on it in both."""
-    return [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
+    """One metric of B against A over the episodes that bear on it in both; None if none does."""
+    known = [(one, two, x.scene) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+    a, b, houses = ([entry[k] for entry in known] for k in range(3))
+    if metric.rate and known:
+        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
+    return compare_ratios(a, b, houses, seed=seed) if known else None
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
