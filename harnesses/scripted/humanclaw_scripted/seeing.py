@@ -122,7 +122,7 @@ class SeeingAgent:
 
     # where it is
     def _locate(self, sight: Sight, last: Call | None) -> None:
-        """What was asked of the body, or half or nothing of it, whichever fits the view."""
+        """Take what was asked of the body, or half or nothing of it, whichever fits the view."""
         memory, (left, ahead, turn) = self._memory, self._asked(last)
         guesses = [moved(memory.pose, share * left, share * ahead, turn) for share in (1.0, 0.5, 0.0)]
         new = memory.map.locate(sight, guesses if np.hypot(left, ahead) > 0.05 else guesses[:1])
@@ -132,14 +132,14 @@ class SeeingAgent:
         memory.pose = new
 
     def _asked(self, call: Call | None) -> tuple[float, float, float]:
-        """Displacement to the left and ahead, metres, and turn, radians, that a call asks for."""
+        """Read the displacement to the left and ahead, metres, and turn, radians, that a call asks for."""
         asked = dict.fromkeys(("hips.left", "hips.forward", "hips.back", "heading.left"), 0.0)
         for one in self._skills[call.skill].parameters if call else ():
             asked[one.measure] = to_si(one.key, float(call.params.get(one.key, 0))) if call else 0.0
         return asked["hips.left"], asked["hips.forward"] - asked["hips.back"], asked["heading.left"]
 
     def _local(self, point: Array) -> tuple[float, float]:
-        """Bearing (left positive) and distance of a (2,) place."""
+        """Return bearing (left positive) and distance of a (2,) place."""
         pose = self._memory.pose
         x, z = point - [pose.x, pose.z]
         return float(wrap_angle(np.arctan2(x, z) - pose.yaw)), float(np.hypot(x, z))
@@ -170,7 +170,7 @@ class SeeingAgent:
         return self._go(grid, heights, memory.stand)
 
     def _choose(self, grid: OccupancyGrid, heights: Array) -> Stand | None:
-        """At a target if there is a way to one; else the edge of the known that is cheapest to reach."""
+        """Choose a place at a target if there is a way to one; else the edge of the known that is cheapest to reach."""
         routes = Routes.of(MultiFloorMap((grid,)), np.array([self._here[0], 0.0, self._here[1]]))
         costs = routes.costs[0]
         if (heights > 0).any():
@@ -186,7 +186,7 @@ class SeeingAgent:
         return Stand(grid.point(np.array(best))) if np.isfinite(price[best]) else None
 
     def _seat(self, grid: OccupancyGrid, heights: Array, costs: Array) -> Stand | None:
-        """Before a low part of the target that nothing high of it hides."""
+        """Find a place before a low part of the target that nothing high of it hides."""
         low = seats(heights)
         gap, any_gap = gap_to(low), gap_to(heights > 0)
         before = (gap > 0.2) & (gap < 0.7) & (gap < any_gap + 0.06) & grid.fits(0.2) & np.isfinite(costs)
@@ -202,7 +202,7 @@ class SeeingAgent:
         return Stand(point, edge, float(np.arctan2(x, z)), height)
 
     def _edge(self, grid: OccupancyGrid, heights: Array, costs: Array) -> Stand | None:
-        """The cheapest stretch of the edge, a long one a little cheaper; nearest to a target that has been seen."""
+        """Pick the cheapest stretch of the edge, a long one a little cheaper; nearest to a target that has been seen."""
         gap = gap_to(heights > 0)
         best, least = None, np.inf
         for stretch in edges(grid):
@@ -246,7 +246,7 @@ class SeeingAgent:
         return asking(self._skills, SIT, (low,)), f"The {self._noun} is right behind my legs: I sit down."
 
     def _follow(self, grid: OccupancyGrid, stand: Stand) -> tuple[Call, str]:
-        """One step of the way to a place."""
+        """Take a step of the way to a place."""
         here = np.array([self._here[0], 0.0, self._here[1]])
         goal = np.array([stand.point[0], 0.0, stand.point[1]])
         ways = Routes.of(MultiFloorMap((grid,)), here).route(goal)

@@ -61,38 +61,40 @@ class Sight:
         return cls(points, ids[drawn])
 
     def near(self, most: float = FAR) -> Mask:
-        """(N,) which points are near enough to be believed."""
+        """Return (N,) which points are near enough to be believed."""
         return np.asarray(np.hypot(self.points[:, 0], self.points[:, 2]) < most)
 
     def obstacles(self) -> Array:
-        """(M, 2) what stands in the way, a point for each 5 cm."""
+        """Return (M, 2) of what stands in the way, a point for each 5 cm."""
         high = (np.abs(self.points[:, 1]) > LEVEL) & (self.points[:, 1] < HEADROOM) & self.near()
         return _thinned(self.points[high][:, [0, 2]])
 
 
 def _thinned(points: Array) -> Array:
-    """One of the (N, 2) points of each 5 cm, on a raster."""
+    """Keep one of the (N, 2) points of each 5 cm, on a raster."""
     keys = np.unique(np.round(points / CELL).astype(int) @ [1 << 20, 1] + (1 << 19))
     return np.stack([keys >> 20, (keys & ((1 << 20) - 1)) - (1 << 19)], -1) * CELL
 
 
 # -- where one is ------------------------------------------------------------------------------------------------------
 def placed(pose: Pose2D, points: Array) -> Array:
-    """(..., 2) points of the body's frame in the map's."""
+    """Return (..., 2) points of the body's frame in the map's."""
     sine, cosine = np.sin(pose.yaw), np.cos(pose.yaw)
     left, ahead = points[..., 0], points[..., 1]
     return np.stack([pose.x + cosine * left + sine * ahead, pose.z - sine * left + cosine * ahead], -1)
 
 
 def moved(pose: Pose2D, left: float, ahead: float, turn: float) -> Pose2D:
-    """The pose after a displacement in the body's frame and a turn to the left."""
+    """Return the pose after a displacement in the body's frame and a turn to the left."""
     x, z = placed(pose, np.array([left, ahead]))
     return Pose2D(float(x), float(z), float(wrap_angle(pose.yaw + turn)))
 
 
 def aligned(points: Array, landmarks: Any, guess: Pose2D) -> tuple[Pose2D, float]:
-    """Iterated closest points (Besl and McKay 1992): the pose near a guess from which (N, 2) points fit the landmarks,
-    a k-d tree, and the mean distance that is left, at most 0.25 m each. The guess and infinity where too little fits.
+    """Find the pose near a guess from which (N, 2) points fit the landmarks, a k-d tree.
+
+    Iterated closest points (Besl and McKay 1992). Returns it with the mean distance that is left, at most 0.25 m each;
+    the guess and infinity where too little fits.
     """
     pose = guess
     for _ in range(12):
@@ -105,7 +107,7 @@ def aligned(points: Array, landmarks: Any, guess: Pose2D) -> tuple[Pose2D, float
 
 
 def _fitted(points: Array, goals: Array) -> Pose2D:
-    """The pose that takes (N, 2) points of the body's frame to (N, 2) places with the least squares left."""
+    """Return the pose that takes (N, 2) points of the body's frame to (N, 2) places with the least squares left."""
     p, q = points - points.mean(0), goals - goals.mean(0)
     sine = float((p[:, 1] * q[:, 0] - p[:, 0] * q[:, 1]).sum())
     yaw = float(np.arctan2(sine, float((p * q).sum())))
@@ -136,7 +138,7 @@ class SeenMap:
         return fresh
 
     def disk(self, point: Array, radius: float) -> Mask:
-        """Cells within a radius of a (2,) point."""
+        """Return the cells within a radius of a (2,) point."""
         mask = np.zeros(self.known.shape, bool)
         reach = round(radius / CELL)
         (i, j), span = self.cell(point), np.arange(-reach, reach + 1)
@@ -145,7 +147,7 @@ class SeenMap:
         return mask
 
     def cell(self, points: Array) -> NDArray[np.int64]:
-        """(..., 2) indices of (..., 2) points, held inside the map."""
+        """Return (..., 2) indices of (..., 2) points, held inside the map."""
         index = np.floor((points - np.array(self.origin)) / CELL).astype(np.int64)
         return np.clip(index, 40, len(self.known) - 41)
 
@@ -167,8 +169,10 @@ class SeenMap:
         self.bumped |= self.disk(point, 0.12)
 
     def locate(self, sight: Sight, guesses: list[Pose2D]) -> Pose2D:
-        """The pose from which a view fits the map best. guesses: the first is believed unless another fits clearly
-        better."""
+        """Find the pose from which a view fits the map best.
+
+        guesses: the first is believed unless another fits clearly better.
+        """
         cells, points = np.argwhere(self.evidence > 0), sight.obstacles()
         if len(cells) < 30 or len(points) < 30:
             return guesses[0]
@@ -179,7 +183,7 @@ class SeenMap:
         return first if residue < left + 0.004 else best
 
     def grid(self) -> OccupancyGrid:
-        """What is known as a floor to plan on, cut to where something is known."""
+        """Return what is known as a floor to plan on, cut to where something is known."""
         blocked = (self.evidence > 0) | self.bumped
         known = binary_closing(self.known, iterations=3) | self.known
         rows, columns = (np.flatnonzero((known | blocked).any(axis)) for axis in (1, 0))
@@ -192,14 +196,14 @@ class SeenMap:
         )  # fmt: skip
 
     def heights(self, grid: OccupancyGrid) -> Array:
-        """The target's heights in the cells of a grid that was cut from this map."""
+        """Return the target's heights in the cells of a grid that was cut from this map."""
         i, j = np.round((np.array(grid.origin) - self.origin) / CELL).astype(int)
         rows, columns = grid.blocked.shape
         return self.target[i : i + rows, j : j + columns]
 
 
 def edges(grid: OccupancyGrid) -> list[Array]:
-    """(N, 2) places where what is known and free ends, an array for each stretch (frontiers, Yamauchi 1997)."""
+    """Return (N, 2) places where what is known and free ends, an array for each stretch (frontiers, Yamauchi 1997)."""
     unknown = ~np.isfinite(grid.ground)
     border = np.pad(unknown, 1, constant_values=True)
     edge = grid.fits(RADIUS) & binary_dilation(border, iterations=2)[1:-1, 1:-1]
@@ -209,12 +213,12 @@ def edges(grid: OccupancyGrid) -> list[Array]:
 
 
 def seats(heights: Array) -> Mask:
-    """Cells of a target that one could sit on; none if there are too few."""
+    """Return the cells of a target that one could sit on; none if there are too few."""
     low, high = SEAT_HEIGHTS
     mask = (heights > low) & (heights < high)
     return np.asarray(mask if mask.sum() > FEW_CELLS else mask & False)
 
 
 def gap_to(mask: Mask) -> Array:
-    """Distance of every cell from a mask, metres; infinite for an empty one."""
+    """Return the distance of every cell from a mask, metres; infinite for an empty one."""
     return np.asarray(distance_transform_edt(~mask) * CELL if mask.any() else np.full(mask.shape, np.inf))

@@ -132,7 +132,7 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
-    """The generated motion of all steps as one: each chunk taken up where the one before it was left.
+    """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
 
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
     jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
@@ -154,7 +154,7 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 
 
 def _hips(motion: Motion) -> Pose2D:
-    """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    """Return the frame of the last pose's pelvis: the one in which the next chunk is put down."""
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
@@ -293,7 +293,7 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """A plugin's metric; NaN if it raises, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, which changes nothing else."""
     try:
         return float(measure(recorded))
     except Exception:
@@ -399,12 +399,12 @@ ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
 
 
 def extra_metric(name: str) -> Metric:
-    """A plugin's metric, averaged over episodes."""
+    """Return a plugin's metric, averaged over episodes."""
     return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
-    """A metric over the finished episodes among these, with its interval."""
+    """Return a metric over the finished episodes among these, with its interval."""
     known = [(pair, s.scene) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
     parts, houses = [pair for pair, _ in known], [house for _, house in known]
     if metric.rate:
@@ -434,7 +434,7 @@ def compare(
 
 
 def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
-    """One metric of B against A over the episodes that bear on it in both; None if none does."""
+    """Compare one metric of B against A over the episodes that bear on it in both; None if none does."""
     known = [(one, two, x.scene) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
     a, b, houses = ([entry[k] for entry in known] for k in range(3))
     if metric.rate and known:
@@ -443,7 +443,7 @@ def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, see
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
-    """The episodes that both runs finished, in pairs. Raises RecordError as compare does."""
+    """Return the episodes that both runs finished, in pairs. Raises RecordError as compare does."""
     first, second = _by_episode(a), _by_episode(b)
     pairs = [(first[key], second[key]) for key in first if key in second]
     if not pairs:

@@ -58,7 +58,7 @@ class Difference:
 
 # -- one run -----------------------------------------------------------------------------------------------------------
 def wilson(successes: int, trials: int) -> Estimate:
-    """A rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
+    """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
     interval = _score_interval(successes / trials, trials, float(stats.norm.ppf((1 + CONFIDENCE) / 2)))
@@ -66,7 +66,7 @@ def wilson(successes: int, trials: int) -> Estimate:
 
 
 def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
-    """A share of episodes, with Wilson's interval for as many episodes as these are worth.
+    """Estimate a share of episodes, with Wilson's interval for as many episodes as these are worth.
 
     What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), with
     Student's t for the number of houses. Wilson's plain interval without houses, or with fewer than FEW.
@@ -107,7 +107,7 @@ def ratio(
 
 
 def units(values: Array, houses: Sequence[str]) -> Array:
-    """(N, ...) values of episodes as (U, ...) sums of what is drawn at random: houses, or the episodes of too few.
+    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn at random: houses, or the episodes of too few.
 
     Raises ValueError unless each episode has a house, or none has.
     """
@@ -122,7 +122,7 @@ def units(values: Array, houses: Sequence[str]) -> Array:
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """Sums over the last axis, divided; NaN over nothing."""
+    """Divide sums over the last axis; NaN over nothing."""
     total = below.sum(-1)
     return np.asarray(np.where(total > 0, above.sum(-1) / np.where(total > 0, total, 1.0), np.nan))
 
@@ -150,7 +150,7 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
 def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), *, seed: int = 0) -> Difference:
-    """Paired successes: the exact test that swaps the runs house by house, McNemar's where a house is an episode.
+    """Compare paired successes by the exact test that swaps the runs house by house, McNemar's where a house is an episode.
 
     The interval is on each side the wider of Agresti and Min's (2005) and that of a bootstrap over houses; half an
     episode is added to each cell of the former, so that it keeps a width where none differs. Raises ValueError for
@@ -178,7 +178,7 @@ def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
 
 
 def _sign_flips(changes: NDArray[np.int64]) -> float:
-    """How likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin: exactly, all
+    """Return how likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin: exactly, all
     tosses taken together one change after the other."""
     chances = np.ones(1)
     for change in np.abs(changes[changes != 0]):
@@ -196,7 +196,7 @@ def _least(drawn: Array) -> float:
 def compare_ratios(
     a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], houses: Sequence[str] = (), *, seed: int = 0
 ) -> Difference:
-    """Paired (numerator, denominator) of each episode: bootstrap of the houses, and a test that swaps the runs house by
+    """Compare paired (numerator, denominator) of each episode: bootstrap of the houses, and a test that swaps the runs house by
     house at random.
 
     Raises ValueError for sequences of unequal length.
@@ -246,7 +246,7 @@ def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
 
 
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
-    """The same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
+    """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
 
     What p could have been at least is raised for all of them: less none of them could come to.
     """
