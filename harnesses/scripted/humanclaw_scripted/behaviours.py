@@ -69,7 +69,7 @@ class Perception:
         return float(np.arctan2(left, forward))
 
 
-# -- what it decides ----------------------------------------------------------------------------------------------------
+# -- what it decides ---------------------------------------------------------------------------------------------------
 @dataclass
 class Snapshot:
     """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the

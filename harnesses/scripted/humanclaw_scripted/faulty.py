@@ -36,7 +36,7 @@ from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.behaviours import LOOK_AROUND, Perception, Snapshot
+from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Perception, Snapshot
 from humanclaw_scripted.faults import FAULTS, Fault
 
 AT_HAND: Final = 1.5

@@ -202,7 +202,7 @@ class SeeingAgent:
         return Stand(point, edge, float(np.arctan2(x, z)), height)
 
     def _edge(self, grid: OccupancyGrid, heights: Array, costs: Array) -> Stand | None:
-        """Pick the cheapest stretch of the edge, a long one a little cheaper; nearest to a target that has been seen."""
+        """Pick the cheapest stretch of the edge: a long one is a little cheaper, and one near a seen target much."""
         gap = gap_to(heights > 0)
         best, least = None, np.inf
         for stretch in edges(grid):

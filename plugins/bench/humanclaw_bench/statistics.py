@@ -107,7 +107,7 @@ def ratio(
 
 
 def units(values: Array, houses: Sequence[str]) -> Array:
-    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn at random: houses, or the episodes of too few.
+    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn: houses, or the episodes of too few.
 
     Raises ValueError unless each episode has a house, or none has.
     """
@@ -150,7 +150,9 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
 def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), *, seed: int = 0) -> Difference:
-    """Compare paired successes by the exact test that swaps the runs house by house, McNemar's where a house is an episode.
+    """Compare paired successes by an exact test that swaps the runs house by house.
+
+    It is McNemar's where a house is an episode.
 
     The interval is on each side the wider of Agresti and Min's (2005) and that of a bootstrap over houses; half an
     episode is added to each cell of the former, so that it keeps a width where none differs. Raises ValueError for
@@ -178,8 +180,10 @@ def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
 
 
 def _sign_flips(changes: NDArray[np.int64]) -> float:
-    """Return how likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin: exactly, all
-    tosses taken together one change after the other."""
+    """Return how likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin.
+
+    Exactly: all tosses are taken together, one change after the other.
+    """
     chances = np.ones(1)
     for change in np.abs(changes[changes != 0]):
         chances = (np.pad(chances, (2 * change, 0)) + np.pad(chances, (0, 2 * change))) / 2
@@ -189,15 +193,14 @@ def _sign_flips(changes: NDArray[np.int64]) -> float:
 
 
 def _least(drawn: Array) -> float:
-    """The smallest p of a test that swaps so many units: all of them alike, one way or the other."""
+    """Return the smallest p of a test that swaps so many units: all of them alike, one way or the other."""
     return float(min(1.0, 2.0 ** (1 - len(drawn))))
 
 
 def compare_ratios(
     a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], houses: Sequence[str] = (), *, seed: int = 0
 ) -> Difference:
-    """Compare paired (numerator, denominator) of each episode: bootstrap of the houses, and a test that swaps the runs house by
-    house at random.
+    """Compare paired (numerator, denominator) of each episode by a bootstrap of the houses and random swaps of these.
 
     Raises ValueError for sequences of unequal length.
     """
