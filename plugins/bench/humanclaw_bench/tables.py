@@ -18,7 +18,7 @@ from rich.text import Text
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
-from humanclaw_bench.splits import CATEGORIES
+from humanclaw_bench.splits import CATEGORIES, repeat_of
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
 
 NONE: Final = Estimate(float("nan"))
@@ -269,6 +269,26 @@ def _broken_down(
     return ResultTable(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
 
 
+def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+    """Tell the rates of every repeat, and how much they vary between seeds; no row for a run without repeats."""
+    rows = tuple(row for result in results for row in _repeats(result, seed))
+    notes = ("The last row of an agent: standard deviation between its repeats, which differ in their seeds alone.",)
+    return ResultTable("Repeats", "agent", tuple(map(Column.of, MAIN[:4])), rows, notes)
+
+
+def _repeats(result: Result, seed: int) -> Iterator[Row]:
+    numbers = sorted({repeat_of(s.episode) for s in result.finished})
+    if len(numbers) < 2:
+        return
+    found = []
+    for number in numbers:
+        chosen = [s for s in result.finished if repeat_of(s.episode) == number]
+        found.append(tuple(estimate(m, chosen, seed=seed) for m in MAIN[:4]))
+        yield Row(f"{result.name}, repeat {number}", found[-1])
+    spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
+    yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)))
+
+
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return what plugins measure, averaged over episodes."""
     names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
@@ -279,6 +299,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     """Every table, by the name under which the command line offers it."""
     return {
         "main": main_table(results, paper=paper, seed=seed),
+        "repeats": repeats_table(results, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
         "difficulty": difficulty_table(results, seed=seed),

@@ -196,6 +196,21 @@ def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) ->
     assert words["InteractSR"].endswith("too few to tell")
 
 
+def test_repeats_tell_what_varies_between_seeds(base: Scores) -> None:
+    navs = ([True, True, True, False], [True, False, False, False])
+    scores = [
+        (replace(base, episode=f"e{k}" + f".r{n}" * (n > 0), nav=nav), None)
+        for n, run in enumerate(navs)
+        for k, nav in enumerate(run)
+    ]
+    table = all_tables(named({"a": scores}))["repeats"]
+    column = [c.title for c in table.columns].index("NavSR")
+    assert [row.name for row in table.rows] == ["model, repeat 0", "model, repeat 1", "model, deviation"]
+    # 0.75 and 0.25: their standard deviation is half their difference times the root of 2.
+    assert [row.cells[column].value for row in table.rows] == pytest.approx([0.75, 0.25, 0.5 / 2**0.5])
+    assert not all_tables(results_of(base, "model"))["repeats"].rows
+
+
 # -- the formats -------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def table(base: Scores) -> ResultTable:
