@@ -44,6 +44,14 @@ class Fault:
         """Of the agent, for it to have the fault."""
         return {"fault": self.name}
 
+    def goes_with(self, other: Fault) -> bool:
+        """Tell whether one agent can have both at once: of two capabilities, and one oracle behind them."""
+        return self.capability != other.capability and not (self.standing and other.standing)
+
+    def with_another(self, other: Fault) -> Mapping[str, Any]:
+        """Return the options of the agent, for it to have both."""
+        return {"fault": f"{self.name}+{other.name}"}
+
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it. One whose way was not measured is taken to."""
         if self.seated and not spec.interact:

@@ -160,7 +160,9 @@ def test_repeats_differ_in_name_and_seed_alone(found):
     assert again[:3] == specs
     assert len({spec.id for spec in again}) == len({spec.seed for spec in again}) == 9
     assert [repeat_of(spec.id) for spec in again] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
-    assert [spec.model_copy(update={"id": one.id, "seed": one.seed}) for spec, one in zip(again[6:], specs)] == [*specs]
+    assert [
+        spec.model_copy(update={"id": one.id, "seed": one.seed}) for spec, one in zip(again[6:], specs, strict=True)
+    ] == [*specs]
 
 
 def test_a_split_reads_back_as_it_was_written(found, tmp_path):

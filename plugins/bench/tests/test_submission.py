@@ -11,7 +11,6 @@ from click.testing import CliRunner, Result
 from rollouts import COUCH, rollout, step
 
 from humanclaw import RecordError
-from humanclaw.cli import Commands
 from humanclaw.records import EpisodeRecord, write_record
 from humanclaw_bench import submission
 from humanclaw_bench.cli import bench
@@ -37,8 +36,6 @@ def run(tmp_path: Path) -> Path:
 
 
 def invoke(*words: object) -> Result:
-    group = Commands("humanclaw")
-    group.add_command(bench)
     return CliRunner().invoke(click.Group("x", {"bench": bench}), ["bench", *map(str, words)])
 
 
