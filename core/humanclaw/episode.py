@@ -163,7 +163,8 @@ class Episode:
     @property
     def success(self) -> bool:
         """Whether it has been stopped within reach of a target, and sitting on it if that was asked."""
-        return succeeded(self.spec, self._steps)
+        sits = {name for name, skill in self.body.skills.items() if skill.role == "sit"}
+        return succeeded(self.spec, self._steps, sits)
 
     def target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
@@ -442,7 +443,7 @@ class Episode:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
             return context
-        return replace(context, scene=self.body.scene, state=self.body.state)
+        return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
