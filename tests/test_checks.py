@@ -2,8 +2,9 @@
 
 import json
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def names(target, **options) -> set[str]:
 
 
 # -- legal skills ------------------------------------------------------------------------------------------------------
-class Beat(TypedDict):
+@dataclass
+class Beat:
     degrees: Annotated[int, Field(ge=5, le=30)]
     joint: Literal["head", "neck"]
 

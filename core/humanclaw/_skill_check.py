@@ -167,7 +167,7 @@ def skill_faults(
 
 
 def read_draft(folder: Path) -> tuple[Draft | None, tuple[ContractError, ...]]:
-    """A skill's folder as it stands, and what in it cannot be read; None without a schema."""
+    """Return a skill's folder as it stands, and what in it cannot be read; None without a schema."""
     checks, faults = read_checks(folder / "checklist.toml")
     try:
         schema = read_schema(folder)
@@ -238,7 +238,7 @@ def _bad_checks(subject: Subject) -> Faults:
 
 
 def _open_ended(subject: Subject) -> Faults:
-    """What the schema says of calls beside its properties, and providers are not told."""
+    """Yield what the schema says of calls beside its properties, and providers are not told."""
     skill = subject.skill
     for word in skill.schema:
         if word not in _TOP_LEVEL and not word.startswith("x-"):
@@ -329,7 +329,7 @@ def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) ->
 
 
 def _misfits(subject: Subject) -> Faults:
-    """What the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
+    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
     skill = subject.skill
     if skill.adapter is None or not skill.adapter.is_file():
         return
@@ -355,7 +355,8 @@ def _misfits(subject: Subject) -> Faults:
 
 
 def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, Any], tuple[ContractError, ...]]:
-    """The header of an adapter, empty if there is nothing to read in it, and what is wrong with it and its weights."""
+    """Return the header of an adapter, empty if there is nothing to read in it, and what is wrong with it and its
+    weights."""
     try:
         header = check_checkpoint(path, "adapter", remedy)
         ranged = [name for name, edges in ranges(header).items() if not all(map(isfinite, edges)) or edges[1] <= 0]
@@ -371,7 +372,7 @@ def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, A
 
 
 def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Faults:
-    """An adapter of another prior, or of another width."""
+    """Yield an adapter of another prior, or of another width."""
     if not base:
         return
     if header.get("base") != base:
@@ -391,7 +392,7 @@ def ranges(header: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 
 
 def measures_in(header: Mapping[str, Any]) -> dict[str, str]:
-    """What each parameter of an adapter commands; empty for an adapter whose header does not say."""
+    """Return what each parameter of an adapter commands; empty for an adapter whose header does not say."""
     config = header["adapter"]
     told = config.get("measures") or ()
     return dict(zip(config["params"], told, strict=False)) if len(told) == len(config["params"]) else {}

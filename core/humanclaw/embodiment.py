@@ -28,6 +28,7 @@ from humanclaw.interfaces import (
     WorldState,
     ego_camera,
 )
+from humanclaw.motion import Course
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.records import Call, PlayedPart
@@ -108,6 +109,7 @@ class Body:
         self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
         self._history = re_rooted(self._generator.start(), self._state.body)
+        self._course = Course()
         return self.observe()
 
     @property
@@ -185,7 +187,7 @@ class Body:
         )
 
     def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
-        """The motion of a plan, 15 frames at a time, each placed where the chunk before it has ended.
+        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended.
 
         Yields the number of the part, the motion, and whether more follows.
         """
@@ -196,17 +198,25 @@ class Body:
                 index += 1
 
     def _pieces(self, skill: Skill, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
-        """The chunks of one part, the first of which is that of this index in the call."""
+        """Yield the chunks of one part, the first of which is that of this index in the call."""
         if isinstance(part, Control):
             if part.adapter == skill.adapter:
                 require_trained(skill)
-            key = (self.seed, self.step, index)
-            yield self._generator.generate(self._history, part.adapter, part.values, key), False
+            yield self._generated(skill, part, (self.seed, self.step, index)), False
             return
         motion = part.over(self._history)
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
             yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
+
+    def _generated(self, skill: Skill, part: Control, key: tuple[int, int, int]) -> Motion:
+        """Return a chunk of the motion model, which holds its course where the skill says what it commands."""
+        if part.adapter != skill.adapter:
+            return self._generator.generate(self._history, part.adapter, part.values, key)
+        values = self._course.steer(skill.declaration, part.values)
+        motion = self._generator.generate(self._history, part.adapter, values, key)
+        self._course = self._course.after(skill.declaration, part.values, self._history, motion)
+        return motion
 
     def close(self) -> None:
         self._simulator.close()
@@ -220,7 +230,7 @@ class Body:
 
 
 def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:
-    """What was played of each part, of whose chunks these are the numbers."""
+    """Return what was played of each part, of whose chunks these are the numbers."""
     return tuple(
         PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
         if isinstance(part, Control)

@@ -120,8 +120,8 @@ class Registry:
     notes: tuple[str, ...] = ()
 
     def register(self, kind: str) -> Callable[..., None]:
-        """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them
-        itself."""
+        """Return the argument `register` of a hook. It takes a name, a value and a description, or a value that has
+        them itself."""
 
         def register(named: Any, value: Any = None, description: str = "") -> None:
             if value is None:
@@ -138,7 +138,7 @@ class Registry:
         return register
 
     def _skill(self, given: Skill | Path) -> Skill | None:
-        """The skill, or None for a folder that holds none: its neighbours are not to blame."""
+        """Return the skill, or None for a folder that holds none: its neighbours are not to blame."""
         try:
             return _skill(given)
         except Exception as error:
@@ -226,7 +226,7 @@ class Plugins:
         return host
 
     def _free(self, name: str, part: str) -> str:
-        """The name of a plugin: its distribution's, with the entry point where that has several."""
+        """Return the name of a plugin: its distribution's, with the entry point where that has several."""
         return name if not self._manager.has_plugin(name) else f"{name}/{part}"
 
     def _add_file(self, path: Path) -> None:
@@ -290,7 +290,7 @@ class Plugins:
             self._found[kind][one.name] = min(same, key=self.choice.rank)
 
     def _check_choice(self) -> None:
-        """Raises PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
+        """Raise PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
         told = [(one.owner, one.name) for found in self._offered.values() for one in found]
         told += [(one.owner, one.name) for one in (*self._faulty, *self._left_out)] + [
             (info.name, "") for info in self._infos
@@ -357,24 +357,24 @@ class Plugins:
         return {self._find("skills", name).name: self.skill(name) for name in self.choice.skills}
 
     def owner(self, skill: str) -> str:
-        """The plugin that a skill is of."""
+        """Return the plugin that a skill is of."""
         return self._find("skills", skill).owner
 
     def overridden(self, skill: str) -> tuple[str, ...]:
-        """The other plugins that have a skill of this name."""
+        """Return the other plugins that have a skill of this name."""
         first = self._find("skills", skill)
         return tuple(one.owner for one in self._offered["skills"] if one.name == first.name and one is not first)
 
     def info(self, owner: str) -> PluginInfo:
-        """What is known of a plugin."""
+        """Return what is known of a plugin."""
         return next(info for info in self.infos if info.name == owner)
 
     def skill(self, name: str) -> Skill:
-        """The skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
+        """Return the skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
         return self._find("skills", name).value  # type: ignore[no-any-return]
 
     def offered(self, kind: str, name: str) -> Any:
-        """What a name means, be it disabled. Raises PluginError with the nearest names if there is none."""
+        """Return what a name means, be it disabled. Raises PluginError with the nearest names if there is none."""
         if kind == "skills" and name not in self._found[kind]:
             for one in self._faulty:
                 if name == one.name or _means(name, one):
@@ -401,7 +401,7 @@ class Plugins:
             raise PluginError(needed, f"Run `pip install {error.name}`.") from error
 
     def require(self, *wanted: tuple[str, str]) -> None:
-        """Raises PluginError for all (kind, name) that are not there, with the one line that installs them."""
+        """Raise PluginError for all (kind, name) that are not there, with the one line that installs them."""
         missing = [(kind, name) for kind, name in wanted if self._get(kind, name) is None]
         bringing = [distributions.bringing(kind, name) for kind, name in missing]
         if len(missing) > 1 and all(bringing):
@@ -412,7 +412,7 @@ class Plugins:
             self._find(kind, name)
 
     def scene(self, reference: str) -> Any:
-        """The scene that `source:argument` or `owner:source:argument` names."""
+        """Return the scene that `source:argument` or `owner:source:argument` names."""
         source, _, argument = reference.partition(":")
         longer, _, rest = argument.partition(":")
         if source not in self._found["scenes"] and self._get("scenes", f"{source}:{longer}"):
@@ -420,7 +420,7 @@ class Plugins:
         return self.make("scenes", source, argument)
 
     def _get(self, kind: str, name: str) -> Registration | None:
-        """What name or owner:name means, if it means anything."""
+        """Return what name or owner:name means, if it means anything."""
         if name in self._found.get(kind, {}):
             return self._found[kind][name]
         return next((one for one in self._offered.get(kind, ()) if ":" in name and _means(name, one)), None)
@@ -435,7 +435,7 @@ class Plugins:
         raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
 
     def _remedy(self, kind: str, name: str) -> str:
-        """The line that installs what a name may mean, or else what there is."""
+        """Return the line that installs what a name may mean, or else what there is."""
         known, elsewhere = self._found.get(kind, {}), distributions.table().get(kind, {})
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):
@@ -448,8 +448,8 @@ class Plugins:
         return f"Known: {', '.join([*known, *more]) or 'none'}."
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
-        """The plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or is for
-        another version."""
+        """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or
+        is for another version."""
         name, version, origin = _origin(point)
         if origin != hookspecs.PROJECT and any(_is_owner(text, name) for text in self.choice.without):
             self._infos.append(PluginInfo(name, version, origin, error="left out by --without"))
@@ -488,7 +488,7 @@ class Plugins:
         return registry
 
     def _only(self, plugin: object, hook: str) -> Any:
-        """A caller of one plugin's implementation of a hook."""
+        """Return a caller of one plugin's implementation of a hook."""
         others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
         return self._manager.subset_hook_caller(hook, others)
 
@@ -512,7 +512,7 @@ class Plugins:
 
 
 def _kinds(specs: ModuleType) -> Iterator[str]:
-    """The kinds of things that have a name, by the hooks that register them."""
+    """Yield the kinds of things that have a name, by the hooks that register them."""
     for name, spec in vars(specs).items():
         if name.startswith(PREFIX) and name != EXTENSION and list(inspect.signature(spec).parameters) == ["register"]:
             yield name.removeprefix(PREFIX)
@@ -560,7 +560,7 @@ def _checked(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPo
 
 
 def _check_requirement(dist: importlib.metadata.Distribution) -> None:
-    """A distribution says in its own metadata which humanclaw it was made for; hold it to that."""
+    """Hold a distribution to the humanclaw that its own metadata say it was made for."""
     for text in dist.requires or ():
         requirement = Requirement(text)
         if canonicalize_name(requirement.name) == "humanclaw" and humanclaw.__version__ not in requirement.specifier:
@@ -571,7 +571,8 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """The kind of an error and its words, on one line; an error of somebody else may fail even at saying them."""
+    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
+    them."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
     try:

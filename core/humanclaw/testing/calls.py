@@ -38,7 +38,7 @@ def _drawn(skill: Skill, share: Any) -> dict[str, Any]:
 
 
 def _value(part: Mapping[str, Any], share: Any) -> Any:
-    """A value of a flat schema; share() says where between its least and its most."""
+    """Return a value of a flat schema; share() says where between its least and its most."""
     if "enum" in part:
         return part["enum"][_index(share(), len(part["enum"]))]
     kind = part.get("type")
@@ -60,7 +60,7 @@ def _index(share: float, count: int) -> int:
 
 
 def _text(part: Mapping[str, Any], share: float) -> str:
-    """A text of a legal length. What a pattern asks for only a default can say."""
+    """Return a text of a legal length. What a pattern asks for only a default can say."""
     text = str(part.get("default", _WORDS[_index(share, len(_WORDS))]))
     return text.ljust(part.get("minLength", 0), "a")[: part.get("maxLength", len(text) + part.get("minLength", 0))]
 

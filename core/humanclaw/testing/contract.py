@@ -139,7 +139,8 @@ _ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publis
 
 
 def _once(faults: Sequence[ContractError]) -> tuple[ContractError, ...]:
-    """The first fault of each check and message: a skill that breaks at its minimum breaks at its maximum too."""
+    """Return the first fault of each check and message: a skill that breaks at its minimum breaks at its maximum
+    too."""
     return tuple({(fault.check, fault.message): fault for fault in reversed(faults)}.values())[::-1]
 
 
@@ -152,7 +153,7 @@ def _distinct(calls: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _untold(skill: Skill) -> Iterator[str]:
-    """What an adapter's header leaves open."""
+    """Yield what an adapter's header leaves open."""
     if skill.adapter and skill.adapter.is_file() and len(skill.parameters) > 1:
         header, _ = adapter_header(skill.adapter, "")
         if header and not header["adapter"].get("measures"):
@@ -183,7 +184,7 @@ def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: _Bench) -
 
 
 def _call_faults(skill: Skill, params: Mapping[str, Any], bench: _Bench) -> Faults:
-    """What is wrong with one legal call."""
+    """Yield what is wrong with one legal call."""
     call = f"{skill.name}({', '.join(f'{key}={value}' for key, value in params.items())})"
     try:
         checked = skill.check(params)
@@ -343,7 +344,7 @@ def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
 
 
 def _host(engine: str, skill: Skill, bench: _Bench) -> Plugins:
-    """A host with one engine and one skill, and fakes for the rest."""
+    """Return a host with one engine and one skill, and fakes for the rest."""
     host = Plugins()
     host.add(Fakes([skill], _own(bench.measures)), FAKE)
     for kind, name in (("simulators", engine), ("motion_generators", "dit")):
@@ -365,8 +366,8 @@ class _Borrowed:
 
 # -- what is to be checked ---------------------------------------------------------------------------------------------
 def found_at(target: str, plugins: Plugins) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
-    """The skills that a name, a folder or a Python file stands for, the measures that come with them, and why there are
-    none.
+    """Return the skills that a name, a folder or a Python file stands for, the measures that come with them, and why
+    there are none.
 
     target: the name of an installed skill (owner:skill where two have it), the folder of one or of several, or a file
     with a hook humanclaw_skills. Raises PluginError for a name that nobody knows.
@@ -406,7 +407,7 @@ def _in_file(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[C
 
 
 def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
-    """What the hooks of a plugin's module register."""
+    """Return what the hooks of a plugin's module register."""
     skills: list[Skill | Path] = []
     measures: list[Measure] = []
     for hook, found in (("humanclaw_skills", skills), ("humanclaw_measures", measures)):

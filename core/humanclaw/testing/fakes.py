@@ -144,14 +144,14 @@ class Fakes:
 
 
 def fake_scene() -> Scene:
-    """A floor of 20 by 20 metres and nothing on it."""
+    """Return a floor of 20 by 20 metres and nothing on it."""
     builder = SceneBuilder()
     builder.floor()
     return builder.scene()
 
 
 def fake_body(*skills: Skill | Path, measures: Sequence[Measure] = (), seed: int = 0) -> Body:
-    """A body with these skills alone in a world without dynamics. Raises PluginError for a skill that breaks the
+    """Return a body with these skills alone in a world without dynamics. Raises PluginError for a skill that breaks the
     contract."""
     plugins = Plugins()
     plugins.add(Fakes(skills, measures), FAKE)
