@@ -88,10 +88,13 @@ def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tm
     assert names(folder) == set()
 
 
-def test_every_installed_skill_plays_on_an_engine(plugins):
-    for made in plugins.skills.values():
-        report = examine(made, plugins.measures, engines=["mujoco"], samples=0, plugins=plugins)
-        assert (report.faults, report.engines) == ((), ("mujoco",))
+def test_a_skill_that_is_still_to_be_trained_is_no_skill_yet_and_keeps_the_contract(tmp_path):
+    folder = shutil.copytree(folder_of("walk"), tmp_path / "walk")
+    (folder / "adapter.safetensors").unlink()
+    assert names(folder) == {"adapter-there"}
+    assert check_skill(folder, engines=()).trained is False
+    with pytest.raises(AssertionError, match="humanclaw train adapter walk"):
+        check_skill(folder, engines=(), trained=True)
 
 
 # -- broken skills -----------------------------------------------------------------------------------------------------
@@ -432,3 +435,10 @@ def test_a_fake_generator_goes_where_it_is_told(plugins):
         body.execute(Call("walk", {"x_cm": 10, "z_cm": 0, "yaw_deg": 0}))
         x, _, z = body.state().body.root[-1]
     assert (x, z) == pytest.approx((0.0, 0.3), abs=1e-6)
+
+
+def test_the_page_of_checks_names_every_one():
+    told = (Path(__file__).parents[1] / "docs/check.md").read_text("utf-8")
+    assert [line for line in told.splitlines() if line.startswith("| `")] == [
+        f"| `{name}` | {says} |" for name, says in CHECKS.items()
+    ]
