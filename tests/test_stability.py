@@ -54,10 +54,10 @@ def test_the_kept_wheel_plays_and_observes_an_episode(plugins, info):
     if info.error:
         pytest.skip(info.error)
     plugins.add(Fakes(), FAKE)
-    with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE)) as body:
-        with Episode(body, free_episode("bow", body.scene, max_steps=2), "tester") as episode:
-            episode.submit(Decision((Call("bow", {"degrees": 20}),)))
-            episode.submit(Decision((Call("bow_and_wave"),)))
+    body = Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE))
+    with body, Episode(body, free_episode("bow", body.scene, max_steps=2), "tester") as episode:
+        episode.submit(Decision((Call("bow", {"degrees": 20}),)))
+        episode.submit(Decision((Call("bow_and_wave"),)))
     heard = importlib.import_module("humanclaw_skill_bow").heard
     assert heard == [
         *["chunk of step 0: 15 frames"] * 2, "step 0: executed",
