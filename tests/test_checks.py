@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -442,3 +442,13 @@ def test_the_page_of_checks_names_every_one():
     assert [line for line in told.splitlines() if line.startswith("| `")] == [
         f"| `{name}` | {says} |" for name, says in CHECKS.items()
     ]
+
+
+def test_a_body_calls_either_of_two_skills_of_one_name():
+    with fake_body(gradual) as body:
+        body.plugins.add(Fakes([replace(choosing, name="gradual")]), "other")
+        body.call("gradual", degrees=5.0)
+        body.call("other:gradual", side="right", twice=True)
+        assert len(body.last.chunks) == 2
+        with pytest.raises(CallError):
+            body.call("gradual", side="right")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +67,8 @@ def check(
 
 def _row(report: Report) -> dict[str, Any]:
     faults = [{"check": one.check, "problem": one.message, "remedy": one.remedy} for one in report.faults]
-    return {**asdict(report), "faults": faults, "passed": report.passed}
+    played = {"calls": report.calls, "engines": report.engines, "notes": report.notes}
+    return {"skill": report.skill, "passed": report.passed, "faults": faults, **played}
 
 
 def _print(reports: Sequence[Report]) -> None:
