@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -28,6 +29,7 @@ from humanclaw.interfaces import (
     WorldState,
     ego_camera,
 )
+from humanclaw.measures import Declaration
 from humanclaw.motion import Course
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
@@ -202,21 +204,26 @@ class Body:
         if isinstance(part, Control):
             if part.adapter == skill.adapter:
                 require_trained(skill)
-            yield self._generated(skill, part, (self.seed, self.step, index)), False
+            key = (self.seed, self.step, index)
+            yield self._generated(self._declared(skill, part.adapter), part, key), False
             return
         motion = part.over(self._history)
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
             yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
 
-    def _generated(self, skill: Skill, part: Control, key: tuple[int, int, int]) -> Motion:
-        """Return a chunk of the motion model, which holds its course where the skill says what it commands."""
-        if part.adapter != skill.adapter:
-            return self._generator.generate(self._history, part.adapter, part.values, key)
-        values = self._course.steer(skill.declaration, part.values)
+    def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
+        """Generate the motion of a control, on the course of the calls before it."""
+        values = part.values if declared is None else self._course.steer(declared, part.values)
         motion = self._generator.generate(self._history, part.adapter, values, key)
-        self._course = self._course.after(skill.declaration, part.values, self._history, motion)
+        if declared is not None:
+            self._course = self._course.after(declared, part.values, self._history, motion)
         return motion
+
+    def _declared(self, skill: Skill, adapter: Path) -> Declaration | None:
+        """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
+        owners = (skill, *self.plugins.skills.values())
+        return next((one.declaration for one in owners if one.adapter == adapter), None)
 
     def close(self) -> None:
         self._simulator.close()
