@@ -6,15 +6,18 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from humanclaw._skill_check import CHECKS
 from humanclaw.cli.options import plugin_options
 from humanclaw.plugins import Choice, Plugins
-from humanclaw.testing import Report, check_target
+
+if TYPE_CHECKING:
+    from humanclaw.testing import Report
 
 
 @click.command()
@@ -50,6 +53,8 @@ def check(
         width = max(map(len, CHECKS))
         click.echo("\n".join(f"{name:<{width}}  {says}" for name, says in CHECKS.items()))
         return
+    from humanclaw.testing import check_target  # Bodies and all, which other commands need not wait for.
+
     plugins = Plugins.discover(files, choice)
     named = targets or [*plugins.skills, *plugins.disabled]
     played = None if not engines else [name for name in engines if name != "none"]
@@ -84,8 +89,6 @@ def _print(reports: Sequence[Report]) -> None:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    from rich.markup import escape
-
     if report.passed:
         played = f"{report.calls} calls played on {', '.join(['a fake body', *report.engines])}"
         yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"
