@@ -154,7 +154,8 @@ def skill_faults(
         base: digest of the prior that its adapter has to fit; empty to leave that open.
         formats: also tell of tool formats in which it cannot be published; elsewhere it can be used.
     """
-    found, broken = [], []
+    found: list[ContractError] = []
+    broken: list[Exception] = []
     for find in _FINDERS:
         try:
             found += find(Subject(skill, measures, base))

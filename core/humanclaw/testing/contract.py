@@ -276,7 +276,9 @@ def _play(
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
     """Faults, the engines that played it, and notes of those that could not."""
     real = Skill(**{name: getattr(skill, name) for name in skill.__dataclass_fields__})
-    faults, engines, notes = [*_on_fake(real, calls, bench)], [], []
+    faults = [*_on_fake(real, calls, bench)]
+    engines: list[str] = []
+    notes: list[str] = []
     names = [one.name for one in bench.plugins.registered("simulators")] if bench.engines is None else bench.engines
     for name in names:
         try:
