@@ -162,8 +162,7 @@ def _check_names(skill: Skill, form: Format) -> None:
 
 
 def _check_shapes(properties: Mapping[str, Any], skill: Skill, form: Format) -> None:
-    """Refuse shapes that a provider refuses: an array without items OpenAI and Gemini refuse, an object without
-    properties Gemini."""
+    """Refuse an array without items for OpenAI and Gemini, an object without properties for Gemini."""
     for key, part in properties.items():
         where = f"parameter {key!r} of skill {skill.name!r}"
         if part.get("type") == "array" and "items" not in part and form in ("openai", "gemini"):
