@@ -254,7 +254,7 @@ def secret_houses(secret: int) -> tuple[str, ...]:
     They are of the endless kind that one trains in, so far out that nobody comes upon them by chance.
     """
     rng = np.random.default_rng([secret, 1])
-    numbers = rng.choice(2**31 - 1_000_000, len(HOUSES), replace=False) + 1_000_000
+    numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + 1_000_000
     return tuple(f"house:train-{number}" for number in sorted(numbers.tolist()))
 
 
