@@ -55,6 +55,11 @@ naturalness: install  ## Feet, joints, likeness to real motion, transitions, jer
 bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
 	$(BIN)/humanclaw speed
 
+SPLITS ?= plugins/bench/humanclaw_bench/data
+
+splits: install  ## The episodes of the benchmark from seeds, for the houses as they are now (minutes)
+	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
+
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
 
