@@ -65,13 +65,13 @@ def test_fewer_than_five_houses_say_nothing_of_houses() -> None:
 def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
     rng = np.random.default_rng(11)
     held = np.zeros(2)
-    for seed in range(150):
-        values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 2.5, (41, 30))).ravel()
-        houses = [f"house:{k}" for k in range(41) for _ in range(30)]
-        both = ratio(values, np.ones(1230), seed=seed), ratio(values, np.ones(1230), houses, seed=seed)
+    for seed in range(80):
+        values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 1, (41, 6))).ravel()
+        houses = [f"house:{k}" for k in range(41) for _ in range(6)]
+        both = ratio(values, np.ones(246), seed=seed), ratio(values, np.ones(246), houses, seed=seed)
         held += [one.low <= 5 <= one.high for one in both]
-    assert held[0] / 150 < 0.75
-    assert 0.9 <= held[1] / 150 <= 0.99
+    assert held[0] / 80 < 0.75
+    assert 0.88 <= held[1] / 80 <= 0.99
 
 
 # -- means and ratios --------------------------------------------------------------------------------------------------
@@ -146,13 +146,13 @@ def test_the_interval_of_a_paired_difference_holds_the_truth_as_promised() -> No
 def test_runs_that_differ_by_house_alone_seldom_pass_for_different() -> None:
     """One agent is better in some houses, the other in others: by McNemar's test they differ in one case of three."""
     rng, loud, plain = np.random.default_rng(12), 0, 0
-    for seed in range(150):
+    for seed in range(60):
         houses = [f"house:{k}" for k in range(20) for _ in range(15)]
         (a, _), (b, _) = (in_houses(rng, 0.5, (15,) * 20, 0.3) for _ in range(2))
         loud += not compare_rates(a, b, houses, seed=seed).noise
         plain += not compare_rates(a, b).noise
-    assert loud <= 14
-    assert plain >= 40
+    assert loud <= 7
+    assert plain >= 15
 
 
 def test_the_test_by_house_agrees_with_all_swaps_there_are() -> None:
