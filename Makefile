@@ -3,7 +3,7 @@ PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one 
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -54,6 +54,11 @@ naturalness: install  ## Feet, joints, likeness to real motion, transitions, jer
 
 bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
 	$(BIN)/humanclaw speed
+
+SPLITS ?= plugins/bench/humanclaw_bench/data
+
+splits: install  ## The episodes of the benchmark from seeds, for the houses as they are now (minutes)
+	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
 
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
