@@ -47,6 +47,8 @@ _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
 _TRIES: Final = 200
 """Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
+"""A text that begins and ends as a JSON object, perhaps in a fence."""
 _ABOUT: Final = frozenset({"title", "description", "default", "type"})
 """Words of which the nearer one goes before that of a referenced schema."""
 _GEMINI_WORDS: Final = frozenset(
@@ -303,13 +305,17 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
 
 
-def read_text(text: str) -> list[tuple[Reasoning, Call]]:
+def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     """Read every call in a text: JSON objects that name a skill, with anything around them.
 
-    Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too long.
+    prose=False: with nothing around them but thoughts and a fence; who was given tools and talks may only be thinking
+    of a call. Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too
+    long.
     """
     if len(text) > LONGEST:
         raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
+    if not prose and not _is_bare(_spoken(text)):
+        raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
     items = _objects(text, _once)
     found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
     if not found:
@@ -317,17 +323,30 @@ def read_text(text: str) -> list[tuple[Reasoning, Call]]:
     return [item for index, item in enumerate(found) if item not in found[:index]]
 
 
-def json_objects(text: str) -> Iterator[Json]:
+def json_objects(text: str, once: bool = False) -> Iterator[Json]:
     """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
 
     It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
-    not read.
+    not read. once: raise CallError if a key is there twice.
     """
-    return _objects(text[:LONGEST], dict)
+    return _objects(text[:LONGEST], _once if once else dict)
+
+
+def _spoken(text: str) -> str:
+    return re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+
+
+def _is_bare(text: str) -> bool:
+    """Whether a text is one JSON object and nothing else, perhaps in a fence."""
+    found = _BARE.fullmatch(text)
+    try:
+        return bool(found) and json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])  # type: ignore[index]
+    except (ValueError, RecursionError):
+        return False
 
 
 def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
-    text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+    text = _spoken(text)
     decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
     while place >= 0 and failed < _TRIES:
         try:

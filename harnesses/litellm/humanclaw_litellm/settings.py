@@ -24,6 +24,16 @@ VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
 
 
+_OURS: Final = frozenset(
+    {
+        "api_base", "api_key", "base_url", "client", "drop_params", "max_retries", "max_tokens", "messages", "model",
+        "num_retries", "parallel_tool_calls", "response_format", "stream", "stream_options", "temperature", "timeout",
+        "tool_choice", "tools",
+    }
+)  # fmt: skip
+"""What every request says already."""
+
+
 class ModelError(HumanclawError):
     """The model cannot be used as it was asked for, and what to do about it."""
 
@@ -38,9 +48,8 @@ def _without_credentials(url: str) -> str:
 
 
 def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
-    taken = sorted({"messages", "model", "tools", "stream"} & set(params))
-    if taken:
-        raise ValueError(f"{taken[0]} cannot be set here")
+    if taken := sorted(_OURS & set(params)):
+        raise ValueError(f"{taken[0]} cannot be set here; it is an option of its own, or decided by the harness")
     if place := next(secrets_in(params), ""):
         raise ValueError(f"{redact(place)} looks like a key, and options are recorded; use auth_env")
     return params
@@ -76,6 +85,12 @@ class Settings(BaseModel):
     num_retries: Annotated[int, Field(ge=0)] = 5
     backoff: Annotated[float, Field(ge=0)] = 1.0
     """Seconds before the first retry; each further wait doubles, up to a minute."""
+    stream: bool = False
+    """Whether answers are asked for in pieces; a server that gives no others is found out without it."""
+    requests_per_minute: Annotated[float, Field(gt=0)] | None = None
+    """At most, of all workers of this machine together."""
+    tokens_per_minute: Annotated[float, Field(gt=0)] | None = None
+    """The same for tokens, those of the answer included."""
     params: Params | Json[Params] = {}
     """Further parameters of litellm.completion, such as {"reasoning_effort": "low"}."""
 
