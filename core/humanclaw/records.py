@@ -335,7 +335,7 @@ class RecordedEpisode:
             with np.load(path) as data:
                 _check_sizes(data.zip)
                 return {name: data[name] for name in names or sorted(data.files)}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise RecordError(f"{path} cannot be read: {error}.", _AGAIN) from error
 
     @property

@@ -43,7 +43,11 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
 }
 """What a model must say before a skill's parameters; the fields of Reasoning."""
+THOUGHTS: Final = "thoughts"
+"""The reasoning fields as one text, a line each that begins with the field's name: with many tools it is much shorter
+to ask for."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
+_FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(REASONING_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
 _MAX_DEPTH: Final = 12
 _TRIES: Final = 200
 """Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
@@ -93,18 +97,22 @@ def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
 
 
-def tool_spec(skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True) -> Json:
+def tool_spec(
+    skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True, brief: bool = False
+) -> Json:
     """Describe a skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
-    Raises PluginError if a parameter has the name of a reasoning field or several types.
+    brief: ask for the reasoning as one text, THOUGHTS. Raises PluginError if a parameter has the name of a reasoning
+    field or several types.
     """
     properties = parameter_schema(skill)
-    clash = sorted(set(properties) & set(REASONING_FIELDS))
+    clash = sorted(set(properties) & {*REASONING_FIELDS, THOUGHTS})
     if clash:
         raise PluginError(
             f"skill {skill.name!r} has a parameter {clash[0]!r}, the name of a reasoning field.", "Rename it."
         )
-    said = reasoning_schema(mid_level, described) if reasoning else {}
+    fields = {THOUGHTS: {"type": "string"}} if brief else reasoning_schema(mid_level, described)
+    said = fields if reasoning else {}
     parameters: Json = {
         "type": "object",
         "properties": {**said, **properties},
@@ -120,18 +128,23 @@ def publish(
     mid_level: bool = True,
     reasoning: bool = True,
     described: bool = True,
+    brief: bool = False,
 ) -> list[Json]:
     """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
-    return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in skills], format)
+    return _wrap([tool_spec(skill, mid_level, reasoning, described, brief) for skill in skills], format)
 
 
 def openai_tools(
-    skills: Iterable[Skill], reasoning: bool = True, mid_level: bool = True, described: bool = True
+    skills: Iterable[Skill],
+    reasoning: bool = True,
+    mid_level: bool = True,
+    described: bool = True,
+    brief: bool = False,
 ) -> list[Json]:
     """Write the tool list of OpenAI's chat completions, which most other servers and clients take too."""
-    return publish(skills, "openai", mid_level, reasoning, described)
+    return publish(skills, "openai", mid_level, reasoning, described, brief)
 
 
 def _wrap(specs: list[Json], form: Format) -> list[Json]:
@@ -283,7 +296,8 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
     values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
     if fault := _fault(values):
         raise CallError(f"{name} was not executed: {fault}.")
-    said = {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
+    thoughts = _thoughts(_text(values.pop(THOUGHTS, "")))
+    said = thoughts | {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
     change = said.get("mid_level_change", "").strip().lower()
     said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
     return Reasoning(**said), Call(name, values)
@@ -397,6 +411,17 @@ def _inside(value: Any) -> Iterable[Any]:
     if isinstance(value, Mapping):
         return value.values()
     return value if isinstance(value, list | tuple) else ()
+
+
+def _thoughts(text: str) -> dict[str, str]:
+    """The reasoning fields of a text that holds one a line; what stands under no name is reasoning."""
+    found: dict[str, str] = {}
+    field = "reasoning"
+    for line in filter(None, map(str.strip, text.split("\n"))):
+        named = _FIELD.match(line)
+        field, words = (named[1].lower(), named[2]) if named else (field, line)
+        found[field] = f"{found.get(field, '')} {words}".strip()
+    return found
 
 
 def _text(value: Any) -> str:

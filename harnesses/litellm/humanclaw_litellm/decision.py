@@ -45,7 +45,8 @@ class ModelAgent:
         self._negotiator.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
-        tools = openai_tools(skills, mid_level=mid_level, described=False)  # The prompt tells what the fields are for.
+        # The prompt tells what the fields are for.
+        tools = openai_tools(skills, mid_level=mid_level, described=False, brief=self._settings.brief)
         form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
         self._episode, self._note = _Episode(context, skills, form), ""
 

@@ -16,9 +16,12 @@ Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words
 alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0},
+    "paper": {
+        "history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0, "guide": False,
+        "brief": False,
+    },
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
-}
+}  # fmt: skip
 """What the options are when they are not given. paper: the baseline of the paper's ablation, decided greedily."""
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
@@ -78,6 +81,14 @@ class Settings(BaseModel):
     """Pictures shown, the current view included; 0 for a model that takes none."""
     mid_level: bool = True
     """Whether the model keeps a mid-level goal (an ablation of the paper)."""
+    guide: bool = True
+    """Whether the prompt also tells how far the floor is in each row of the picture, when a target counts as reached,
+    how many turns make a circle, and one worked example."""
+    brief: bool = True
+    """Whether a tool asks for the reasoning as one text of named lines rather than as a field each."""
+    detail: Literal["", "low", "high", "auto"] = ""
+    """How closely the provider is to look at a picture, where it knows such a thing; empty leaves it to the
+    provider."""
     temperature: Annotated[float, Field(ge=0)] | None = None
     max_tokens: Annotated[int, Field(ge=1)] | None = None
     timeout: Annotated[float, Field(gt=0)] = 120.0

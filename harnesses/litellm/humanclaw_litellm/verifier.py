@@ -50,7 +50,7 @@ class ModelVerifier:
 
         def messages(mode: Mode) -> list[Json]:
             system = verifier_prompt(self._skills, form.schema if mode in ("schema", "prompt") else None)
-            content = verifier_content(observation, call, skill, goal, checks.items())
+            content = verifier_content(observation, call, skill, goal, checks.items(), self._settings.detail)
             return [{"role": "system", "content": system}, {"role": "user", "content": content}]
 
         try:

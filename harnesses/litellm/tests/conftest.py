@@ -63,7 +63,7 @@ def begin(context):
     host.add(humanclaw_litellm, "litellm")
 
     def make(server: OpenAIServer, kind: str = "agents", about: EpisodeContext = context, **options):
-        given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 10}
+        given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 60}
         part = host.make(kind, "litellm", given | options)
         part.begin(about)
         return part

@@ -11,7 +11,7 @@ import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
 from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
-from humanclaw.tools import REASONING_FIELDS
+from humanclaw.tools import REASONING_FIELDS, THOUGHTS
 
 SAID = {
     "visible_state": "a couch 3 m ahead",
@@ -54,12 +54,21 @@ def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
 
 
 def test_every_tool_asks_for_the_reasoning_first_and_for_its_own_parameters_last(begin, view, skills):
-    with OpenAIServer([call("stop")]) as server:
-        begin(server).decide(view(), ())
-    for tool in server.requests[0].tools:
-        own = list(skills[tool["name"]].schema["properties"])
-        assert list(tool["parameters"]["properties"]) == [*REASONING_FIELDS, *own]
-    assert server.requests[0].tool_names == list(skills)
+    for options, first in (({}, [THOUGHTS]), ({"profile": "paper"}, [*REASONING_FIELDS])):
+        with OpenAIServer([call("stop")]) as server:
+            begin(server, **options).decide(view(), ())
+        for tool in server.requests[0].tools:
+            own = list(skills[tool["name"]].schema["properties"])
+            assert list(tool["parameters"]["properties"]) == [*first, *own]
+        assert server.requests[0].tool_names == list(skills)
+
+
+def test_thoughts_in_one_text_are_the_fields_that_they_name(begin, view, skills):
+    thoughts = "\n".join(f"{key}: {words}" for key, words in SAID.items())
+    with OpenAIServer([call("walk", thoughts=thoughts, **WALK)]) as server:
+        decision = begin(server).decide(view(), ())
+    assert check(decision, skills) == Call("walk", WALK)
+    assert {key: getattr(decision, key) for key in SAID} == SAID
 
 
 def test_the_prompt_speaks_of_the_skills_that_there_are_and_of_no_others(begin, view, context):
