@@ -309,12 +309,13 @@ def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
 
 
 def _streamed(**request: Any) -> Any:
-    """An answer that comes in pieces, put together. A count of tokens that no piece held is none."""
+    """An answer that comes in pieces, put together. litellm fills a missing count in by itself, which is none."""
     pieces = list(load().completion(**request, stream=True, stream_options={"include_usage": True}))
     whole = load().stream_chunk_builder(pieces, messages=request["messages"])
     if whole is None:
         raise _NoAnswerError("the reply held no pieces")
-    if not any(getattr(piece, "usage", None) for piece in pieces):
+    counted = load().token_counter(model=pieces[0].model, messages=request["messages"])
+    if getattr(getattr(whole, "usage", None), "prompt_tokens", counted) == counted:
         whole.usage = None
     return whole
 
@@ -355,12 +356,13 @@ def _unreadable(error: BaseException) -> bool:
 
 def _redirect(error: BaseException | None) -> str:
     """Where a server sends requests on to, if that is its answer; of some providers' errors only the causes know."""
+    found = ""
     for _ in range(_CAUSES):
         response = getattr(error, "response", None)
         if getattr(response, "status_code", None) in _REDIRECTS:
-            return str(response.headers.get("location", "another address"))  # type: ignore[union-attr]
+            found = str(response.headers.get("location", "")) or found or "another address"  # type: ignore[union-attr]
         error = error and (error.__cause__ or error.__context__)
-    return ""
+    return found
 
 
 def _message_in(body: Json) -> str:
