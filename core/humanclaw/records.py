@@ -290,7 +290,8 @@ class EpisodeWriter:
 
 def write_record(folder: Path, record: EpisodeRecord) -> None:
     """Write episode.json with its seal."""
-    write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
+    with writing(folder):
+        write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
 
 
 def close_record(folder: Path, record: EpisodeRecord) -> None:
@@ -326,7 +327,7 @@ class RecordedEpisode:
         return {int(key[7:]): path.astype(float) for key, path in self._arrays().items() if key.startswith("object_")}
 
     def _arrays(self, *names: str) -> dict[str, Array]:
-        """The arrays of motion.npz, those of these names or all, by name. Raises RecordError if they are damaged.
+        """Return the arrays of motion.npz, those of these names or all, by name. Raises RecordError if they are damaged.
 
         What a file says of its size is checked before room is made for it.
         """
@@ -394,7 +395,7 @@ def _verify(folder: Path, record: EpisodeRecord) -> None:
 
 
 def _within(folder: Path, name: str) -> Path:
-    """A file of a record; what a record says must not lead out of its folder."""
+    """Return a file of a record; what a record says must not lead out of its folder."""
     try:
         path = within(folder, name)
     except ValueError:

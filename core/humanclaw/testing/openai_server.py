@@ -230,7 +230,7 @@ def _player(script: Script) -> Callable[[Request], Reply]:
 
 
 def _deltas(whole: Mapping[str, Any]) -> list[Json]:
-    """A message in pieces: its text in two, then each call's name, and its arguments in two."""
+    """Return a message in pieces: its text in two, then each call's name, and its arguments in two."""
     text_ = whole.get("content") or ""
     half = len(text_) // 2
     deltas: list[Json] = [{"role": "assistant", "content": text_[:half]}, {"content": text_[half:]}]
@@ -385,6 +385,6 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             self.connection.close()
 
         def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-            """Tests are quiet."""
+            """Log nothing: tests are quiet."""
 
     return Handler

@@ -42,7 +42,8 @@ def parse(line: str, skills: Mapping[str, Skill]) -> TypedCall:
 
 
 def _name(word: str, skills: Mapping[str, Skill]) -> str:
-    """The one skill meant: its name, its first letters, or those of a later word of it, as in back for step_back."""
+    """Return the one skill meant: its name, its first letters, or those of a later word of it, as in back for
+    step_back."""
     word = word.lower()
     if word in skills:
         return word
@@ -81,7 +82,7 @@ def _value(key: str, part: Mapping[str, Any], word: str) -> Any:
 
 
 def usage(skill: Skill) -> str:
-    """A skill and its parameters on one line."""
+    """Return a skill and its parameters on one line."""
     return " ".join([skill.name, *skill.schema.get("properties", {})])
 
 
@@ -96,7 +97,7 @@ def _entry(skill: Skill) -> str:
 
 
 def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
-    """What each key of the page stands for: the line that would be typed. Keys that no skill serves are left out."""
+    """Return what each key of the page stands for, the line that would be typed; keys without a skill are left out."""
     ready = {name: skill for name, skill in skills.items() if skill.trained}
     moves = {key: _move(ready, measures, sign) for key, (sign, measures) in _MOVES.items()}
     ends = {key: _line(skill) for key, role in _ENDS.items() for skill in ready.values() if skill.role == role}
@@ -112,7 +113,7 @@ def _move(skills: Mapping[str, Skill], measures: Sequence[str], sign: int) -> st
 
 
 def _line(skill: Skill, moved: str = "", sign: int = 1) -> str:
-    """A call as a line: half the bound of what is moved, nothing of the rest; what cannot be nothing in its middle."""
+    """Write a call: half the bound of what is moved, nothing of the rest; what cannot be nothing in its middle."""
     parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
     return " ".join([skill.name, *(str(_amount(part, sign if key == moved else 0)) for key, part in parts.items())])
 

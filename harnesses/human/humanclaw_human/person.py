@@ -34,7 +34,7 @@ class Settings(BaseModel):
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Settings:
-        """Raises HumanclawError for an option that a person does not have."""
+        """Read a person's options. Raises HumanclawError for an option that a person does not have."""
         try:
             return cls(**options)
         except ValidationError as error:
@@ -98,7 +98,7 @@ class Lines:
         self._reading = False
 
     def put(self, line: str) -> None:
-        """A key was pressed."""
+        """Take the line of a key that was pressed."""
         click.echo(line)
         self._queue.put(line)
 

@@ -123,7 +123,7 @@ class Window:
         self._asking.release()
 
     def settle(self) -> None:
-        """A call has come from elsewhere: no key is taken until the next picture."""
+        """Take no key until the next picture: a call has come from elsewhere."""
         self._asking.acquire(blocking=False)
 
     def close(self) -> None:
@@ -163,12 +163,12 @@ class Window:
                 self.wfile.write(content)
 
             def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-                """The terminal belongs to the person."""
+                """Log nothing: the terminal belongs to the person."""
 
         return Handler
 
     def _press(self, line: str) -> int:
-        """The status to answer with: whether this line was waited for, and is one of a key."""
+        """Return the status to answer with: whether this line was waited for, and is one of a key."""
         if line.partition("#")[0].strip() not in self._state["keys"].values():
             return 400
         if not self._asking.acquire(blocking=False):

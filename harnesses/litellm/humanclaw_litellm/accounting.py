@@ -63,7 +63,7 @@ def _counted_by_litellm(response: Any, model: str, messages: list[Json], sent: i
 
 
 def tokens_sent(messages: list[Json], request: Mapping[str, Any]) -> int:
-    """An estimate of what a request takes, without the answer."""
+    """Estimate what a request takes, without the answer."""
     pictures, letters = _measure(messages)
     return pictures * _TOKENS_A_PICTURE + (letters + len(json.dumps(dict(request)))) // _LETTERS_A_TOKEN
 

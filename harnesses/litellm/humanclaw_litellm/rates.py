@@ -34,13 +34,16 @@ class Gate:
         tokens: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """requests, tokens: a minute; None for no limit. clock: one for the whole machine, which nobody can set."""
+        """Keep to so many requests and tokens a minute; None for no limit.
+
+        clock: one for the whole machine, which nobody can set.
+        """
         self._path, self._clock = path, clock
         self._requests, self._tokens = requests, tokens
 
     @classmethod
     def of(cls, settings: Settings) -> Gate:
-        """The gate of a model; its file lies in the user's cache folder."""
+        """Return the gate of a model; its file lies in the user's cache folder."""
         who = "\n".join((settings.model, settings.api_base, settings.auth_env))
         path = Cache("rates").folder / hashlib.sha256(who.encode()).hexdigest()[:32]
         return cls(path, settings.requests_per_minute, settings.tokens_per_minute)
@@ -74,7 +77,7 @@ class Gate:
 
     @contextmanager
     def _next(self) -> Iterator[list[float]]:
-        """The next free moment, to be changed while nobody else does."""
+        """Hand out the next free moment, to be changed while nobody else does."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self._path.with_suffix(".lock"))
