@@ -327,7 +327,7 @@ class RecordedEpisode:
         return {int(key[7:]): path.astype(float) for key, path in self._arrays().items() if key.startswith("object_")}
 
     def _arrays(self, *names: str) -> dict[str, Array]:
-        """Return the arrays of motion.npz, those of these names or all, by name. Raises RecordError if they are damaged.
+        """Return the arrays of motion.npz by name, of these names or all. Raises RecordError if they are damaged.
 
         What a file says of its size is checked before room is made for it.
         """

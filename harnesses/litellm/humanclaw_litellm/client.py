@@ -188,8 +188,7 @@ class Client:
             drop_params=False,  # What was asked for is sent or refused, never left out in silence; hints may be.
             **{key: value for key, value in optional.items() if value},
             **{key: value for key, value in chosen.items() if value is not None},
-            **{key: value for key, value in request.items() if key not in _HINTS or key in known},
-            **settings.params,
+            **({key: value for key, value in request.items() if key not in _HINTS or key in known} | settings.params),
         )
         if not response.choices:
             raise _NoAnswerError("the reply held no choices")

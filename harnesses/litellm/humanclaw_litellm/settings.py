@@ -30,11 +30,11 @@ VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 _OURS: Final = frozenset(
     {
         "api_base", "api_key", "base_url", "client", "drop_params", "max_retries", "max_tokens", "messages", "model",
-        "num_retries", "parallel_tool_calls", "response_format", "stream", "stream_options", "temperature", "timeout",
+        "num_retries", "parallel_tool_calls", "stream", "stream_options", "temperature", "timeout",
         "tool_choice", "tools",
     }
 )  # fmt: skip
-"""What every request says already."""
+"""What every request says already. A response_format may be given, for a server that knows a better one."""
 
 
 class ModelError(HumanclawError):
