@@ -6,6 +6,7 @@ What the user can mend is told in one sentence with a remedy, and the exit code 
 from __future__ import annotations
 
 import errno
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,19 @@ from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
-    from humanclaw.cli.options import Deciders, check_options, decider_options, engine_options, plugin_files
+    from humanclaw.cli.options import (
+        Deciders,
+        check_options,
+        decider_options,
+        engine_options,
+        plugin_files,
+        plugin_options,
+    )
     from humanclaw.plugins import Plugins
 
 __all__ = [
     "Commands", "Deciders", "build", "check_options", "decider_options", "engine_options", "main", "plugin_files",
+    "plugin_options",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
@@ -31,10 +40,12 @@ __getattr__ = lazy(
         "decider_options": "options",
         "engine_options": "options",
         "plugin_files": "options",
+        "plugin_options": "options",
     },
 )
 
 
+_LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""
 
@@ -65,6 +76,15 @@ class Commands(click.Group):
             self._plugins().tell("humanclaw_commands", cli=self)
             self._complete = True
 
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """Add a command. One of the same name that is there already stays, the core's before all; the log says so."""
+        there = self.commands.get(name or cmd.name or "")
+        if there is not None and there is not cmd:
+            told = "command %r of %s is already that of %s, and is left out"
+            _LOG.warning(told, name or cmd.name, _home(cmd), _home(there))
+            return
+        super().add_command(cmd, name)
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
@@ -78,6 +98,11 @@ class Commands(click.Group):
                 raise
             click.secho(f"error: {error.filename or 'a file'} cannot be written: {error.strerror}.", fg="red", err=True)
             ctx.exit(2)
+
+
+def _home(command: click.Command) -> str:
+    """Return the package that a command comes from."""
+    return getattr(command.callback, "__module__", "").partition(".")[0] or "a group"
 
 
 def build(plugins: Callable[[], Plugins]) -> click.Group:
