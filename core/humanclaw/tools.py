@@ -405,8 +405,10 @@ def _spoken(text: str) -> str:
 def _is_bare(text: str) -> bool:
     """Whether a text is one JSON object and nothing else, perhaps in a fence."""
     found = _BARE.fullmatch(text)
+    if found is None:
+        return False
     try:
-        return bool(found) and json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])  # type: ignore[index]
+        return json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])
     except (ValueError, RecursionError):
         return False
 

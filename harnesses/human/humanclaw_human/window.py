@@ -141,7 +141,8 @@ class Window:
 
             def do_POST(self) -> None:
                 if self._is_ours():
-                    length = int(self.headers.get("Content-Length") or 0)
+                    told = self.headers.get("Content-Length", "")
+                    length = int(told) if told.isdecimal() else 0
                     known = hmac.compare_digest(self.headers.get("X-HumanCLAW", "").encode(), window._secret.encode())
                     line = self.rfile.read(length).decode("utf-8", "replace") if known and 0 < length < _LONGEST else ""
                     self._answer(window._press(line) if known and self.path == "/call" else 403)

@@ -361,7 +361,8 @@ def _redirect(error: BaseException | None) -> str:
     for _ in range(_CAUSES):
         response = getattr(error, "response", None)
         if getattr(response, "status_code", None) in _REDIRECTS:
-            found = str(response.headers.get("location", "")) or found or "another address"  # type: ignore[union-attr]
+            headers: Mapping[str, str] = getattr(response, "headers", None) or {}
+            found = headers.get("location", "") or found or "another address"
         error = error and (error.__cause__ or error.__context__)
     return found
 

@@ -55,11 +55,11 @@ def eyes() -> Eyes:
     camera = ego_camera(Motion(np.array([[0.0, STANDING_HEIGHT, 0.0]]), np.zeros((1, N_JOINTS, 3))))
     pitch, height = float(-np.arcsin(camera.forward[1])), float(camera.position[1])
     lowest = pitch + float(np.radians(camera.fov / 2))
-    reach = [round(height / float(np.tan(angle)), 1) for angle in (pitch, lowest)]
+    centre, bottom = (round(height / float(np.tan(angle)), 1) for angle in (pitch, lowest))
     tangent = float(np.tan(np.radians(camera.fov / 2)))
     horizon = round(50 * (1 - float(np.tan(pitch)) / tangent))
     rows = tuple((row, round(_floor_at(row, pitch, height, tangent), 1)) for row in _ROWS)
-    return Eyes(round(camera.fov), round(float(np.degrees(pitch))), round(height, 1), *reach, rows, horizon)
+    return Eyes(round(camera.fov), round(float(np.degrees(pitch))), round(height, 1), centre, bottom, rows, horizon)
 
 
 def _floor_at(row: float, pitch: float, height: float, tangent: float) -> float:

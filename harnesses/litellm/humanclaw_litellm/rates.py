@@ -73,7 +73,7 @@ class Gate:
     def _seconds(self, requests: int, tokens: int) -> float:
         """How long these keep the gate occupied: as long as the slower of the two rates asks for."""
         spans = [60.0 * count / rate for count, rate in ((requests, self._requests), (tokens, self._tokens)) if rate]
-        return (min if tokens < 0 else max)(spans, default=0.0)
+        return min(spans, default=0.0) if tokens < 0 else max(spans, default=0.0)
 
     @contextmanager
     def _next(self) -> Iterator[list[float]]:

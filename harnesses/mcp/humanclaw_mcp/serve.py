@@ -72,7 +72,7 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
         session_idle_timeout=handlers.bodies.settings.idle,
     )
     endpoint, token = StreamableHTTPASGIApp(manager), handlers.bodies.settings.token
-    guarded = RequireAuthMiddleware(endpoint, []) if token else endpoint
+    guarded: ASGIApp = RequireAuthMiddleware(endpoint, []) if token else endpoint
     app = Starlette(routes=[Route(PATH, endpoint=guarded)], lifespan=lambda _: manager.run())
     app.add_middleware(_ReleasesBodies, bodies=handlers.bodies)
     if token:

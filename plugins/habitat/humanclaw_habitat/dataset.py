@@ -189,7 +189,7 @@ class Dataset:
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
         scale = (attributes.uniform_scale,) * 3
         template = Template(render_asset=model, collision_asset=model, scale=scale, semantic_id=attributes.semantic_id)
-        return Kind(found, source.file, template, self.config.parent)
+        return Kind(found, source.file, template, self._home(source.file))
 
     def _kind(self, section: str, name: str) -> Kind:
         if is_primitive(name) and section == "objects":
@@ -200,7 +200,16 @@ class Dataset:
                 self.config.parent,
             )
         found, source, values = self._found(section, name)
-        return Kind(found, source.file, checked(Template, values, source.file), self.config.parent)
+        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file))
+
+    def _home(self, file: Path) -> Path:
+        """Return the folder that the models of a template stay in: its dataset, or that of a template from beside
+        it."""
+        try:
+            within(self.config.parent, file.absolute())
+        except ValueError:
+            return file.parent.parent
+        return self.config.parent
 
     def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
         """Return the template of a name; as in Habitat, a part of the name is enough if only one has it. Raises
