@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-
-from humanclaw.errors import RecordError
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -46,13 +42,3 @@ def within(folder: Path, name: str | Path) -> Path:
     if os.path.commonpath((home, path)) != home:
         raise ValueError(f"{str(name)!r} lies outside of {folder}")
     return Path(path)
-
-
-@contextmanager
-def writing(folder: Path) -> Iterator[None]:
-    """Tell of a full disk, a folder that cannot be written to and the like as RecordError, in a sentence."""
-    try:
-        yield
-    except OSError as error:
-        reason = f"cannot write the record to {folder}: {error.strerror or error}."
-        raise RecordError(reason, "Make room there, or name another folder with --out.") from error

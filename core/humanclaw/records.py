@@ -14,6 +14,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -23,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
-from humanclaw._files import within, write_atomically, writing
+from humanclaw._files import within, write_atomically
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
@@ -325,6 +326,16 @@ class EpisodeWriter:
         with writing(self.folder):
             write_atomically(self.folder / "motion.npz", motion.getvalue())
             close_record(self.folder, record)
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Tell of a full disk, a folder that cannot be written to and the like as RecordError, in a sentence."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot write the record to {folder}: {error.strerror or error}."
+        raise RecordError(reason, "Make room there, or name another folder with --out.") from error
 
 
 def write_record(folder: Path, record: EpisodeRecord) -> None:

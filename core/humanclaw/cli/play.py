@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.status import Status
 
 from humanclaw._backends import SIMULATORS, Backends
-from humanclaw._files import writing
 from humanclaw.cli.options import Deciders
 from humanclaw.cli.progress import StepProgress, summary
 from humanclaw.embodiment import Body
@@ -26,7 +25,7 @@ from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
 from humanclaw.navigation import geodesics
 from humanclaw.plugins import Choice, Plugins
-from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
+from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of, writing
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
 

@@ -24,8 +24,8 @@ from humanclaw import (
     StepRecord,
 )
 from humanclaw.navigation import geodesics
-from humanclaw.records import Outcome, Usage, close_record
-from humanclaw.storage import within, write_atomically, writing
+from humanclaw.records import Outcome, Usage, close_record, writing
+from humanclaw.storage import within, write_atomically
 
 FAILED: Final = "infra_error"
 
