@@ -33,7 +33,7 @@ __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
     "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode", "Refusal",
     "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of",
-    "write_record",
+    "write_record", "writing",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
