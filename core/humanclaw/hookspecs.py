@@ -7,7 +7,7 @@ import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, TypeVar
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
+    from humanclaw.tools import BodyTool
 
 PROJECT: Final = "humanclaw"
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     AgentFactory: TypeAlias = Callable[[Options], Agent]
     VerifierFactory: TypeAlias = Callable[[Options], Verifier]
     ReporterFactory: TypeAlias = Callable[..., Reporter]
+    FrameworkFactory: TypeAlias = Callable[[Sequence[BodyTool]], Any]
 
 
 def noun(kind: str) -> str:
@@ -122,6 +124,11 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
     """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
     Reporter."""
+
+
+@hookspec
+def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
+    """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
 
 
 @hookspec

@@ -8,7 +8,7 @@ from humanclaw._lazy import lazy
 
 if TYPE_CHECKING:
     from humanclaw.testing.contract import check_skill, corners
-    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, ResponsesServer, VLLMServer
     from humanclaw.testing.openai_server import (
         OpenAIServer,
         Reply,
@@ -43,6 +43,7 @@ _HOMES = {
     "OpenAIServer": "openai_server",
     "Reply": "openai_server",
     "Request": "openai_server",
+    "ResponsesServer": "dialects",
     "SceneBuilder": "scenes",
     "ScriptedAgent": "scripted",
     "SimulatorConformance": "simulators",
@@ -72,6 +73,7 @@ __all__ = [
     "OpenAIServer",
     "Reply",
     "Request",
+    "ResponsesServer",
     "SceneBuilder",
     "ScriptedAgent",
     "SimulatorConformance",
