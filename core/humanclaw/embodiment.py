@@ -173,7 +173,7 @@ class Body:
         )
 
     def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
-        """The motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
+        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
         if isinstance(plan, Control):
             require_trained(skill)
             yield self._generator.generate(self._history, plan.adapter, plan.values, (self.seed, self.step))

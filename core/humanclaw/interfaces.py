@@ -205,7 +205,8 @@ class Agent(Protocol):
     def begin(self, context: EpisodeContext) -> None: ...
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Raises ProviderError when no answer can be had; that is never turned into a decision.
+        """Decide on the next call. Raises ProviderError when no answer can be had; that is never turned into a
+        decision.
 
         Raises LimitError when the meter of the episode leaves no time to wait for one.
         """

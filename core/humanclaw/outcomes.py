@@ -85,8 +85,8 @@ def footing(contact: Contact, ground: Set[int]) -> bool:
 
 
 def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
-    """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper
-    floor."""
+    """Return the contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an
+    upper floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
 

@@ -100,23 +100,23 @@ class Snapshot:
         return self.decision.calls[0].skill == self.stop
 
     def but(self, call: Call, why: str) -> Decision:
-        """The same perception, another call."""
+        """Return the same perception, another call."""
         return replace(self.decision, calls=(call,), reasoning=why)
 
     def asks(self, measures: Sequence[str], *amounts: float) -> Call:
-        """A call of the skill that commands these measures, SI."""
+        """Return a call of the skill that commands these measures, SI."""
         return asking(self.perception.context.skills, measures, amounts)
 
     def stops(self, why: str) -> Decision:
-        """The same perception, and an active stop."""
+        """Return the same perception, and an active stop."""
         return self.but(Call(self.stop), why)
 
     def turns(self, degrees: float, why: str) -> Decision:
-        """The same perception, and a turn on the spot; left is positive."""
+        """Return the same perception, and a turn on the spot; left is positive."""
         return self.but(self.asks(TURN, np.radians(degrees)), why)
 
     def walks(self, cm: float, why: str, degrees: float = 0.0) -> Decision:
-        """The same perception, and a step ahead."""
+        """Return the same perception, and a step ahead."""
         return self.but(self.asks(WALK, 0.0, cm / 100, np.radians(degrees)), why)
 
     @property
@@ -130,7 +130,7 @@ class Snapshot:
         return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
 
     def to_and_fro(self, degrees: int, why: str) -> Decision:
-        """A turn to the right, the next time to the left, and so on."""
+        """Return a turn to the right, the next time to the left, and so on."""
         side = 1 if self.count("turned") % 2 else -1
         return self.turns(degrees * side, why)
 
@@ -180,7 +180,7 @@ class Fault:
 
 
 def _blind(at: Snapshot) -> Decision:
-    """Searches on, with the target in view."""
+    """Search on, with the target in view."""
     blind = replace(at.decision, visible_state="I am in a room.")
     if not at.has_seen:
         return blind
@@ -283,7 +283,7 @@ def _approaches_blindly(at: Snapshot) -> Decision:
 
 
 def _overlooks_jam(at: Snapshot) -> Decision:
-    """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
+    """Step aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
     if not (at.seen and at.perception.away() < 2.5):
         return at.decision
     angle = at.perception.bearing()
@@ -304,7 +304,7 @@ def _gives_up(at: Snapshot) -> Decision:
 
 
 def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
-    """The way one has come, a step; at its beginning one stops."""
+    """Return the way one has come, a step; at its beginning one stops."""
     while trail and np.hypot(*(trail[-1] - at.perception.here())[[0, 2]]) < 0.35:
         trail.pop()
     if not trail:

@@ -66,7 +66,7 @@ class Options(BaseModel):
 
 
 def options(given: Mapping[str, Any]) -> Options:
-    """Checked options. Raises HumanclawError that says which is wrong."""
+    """Check options. Raises HumanclawError that says which is wrong."""
     try:
         read = Options(**given)
     except ValidationError as error:
@@ -81,7 +81,7 @@ def options(given: Mapping[str, Any]) -> Options:
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
-    """An oracle that has begun an episode as if its task were this one."""
+    """Return an oracle that has begun an episode as if its task were this one."""
     agent = OracleAgent()
     agent.begin(replace(context, spec=spec))
     return agent
@@ -120,7 +120,7 @@ class FaultyAgent:
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
     def _chosen(self, spec: EpisodeSpec) -> Fault | None:
-        """The fault of this episode; none where it would not show or is put right."""
+        """Return the fault of this episode; none where it would not show or is put right."""
         fault = FAULTS.get(self.options.fault)
         return None if fault is None or not fault.fits(spec) or fault.capability == self.options.repair else fault
 
@@ -180,7 +180,7 @@ class BoundedRationality:
         return decision
 
     def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
-        """The call of an older view that was taken for the current one."""
+        """Return the call of an older view that was taken for the current one."""
         others = min(self.options.images - 1, len(history))
         competing = self.options.confusion * others
         if not others or draws[0] >= competing / (1 + competing):

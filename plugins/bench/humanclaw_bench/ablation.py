@@ -30,7 +30,7 @@ class Setting:
     falls: tuple[Metric, ...] = ()
 
     def job(self, backends: Backends) -> Job:
-        """What to run for this row."""
+        """Return what to run for this row."""
         return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, backends)
 
 
@@ -75,7 +75,7 @@ def _difference(a: Sequence[Scores], b: Sequence[Scores], metric: Metric) -> Dif
 
 
 def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
-    """The rates of every setting, and the paper's directions with their p."""
+    """Return the rates of every setting, and the paper's directions with their p."""
     lines = ["| setting | episodes | FindSR | NavSR | InteractSR |", "| --- | --- | --- | --- | --- |"]
     for setting in SETTINGS:
         rates = " | ".join(_rate(metric, scores[setting.name]) for metric in (FIND, NAV, INTERACT))

@@ -117,8 +117,8 @@ def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> f
 
 
 def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
-    """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a
-    jam."""
+    """Return a locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause
+    a jam."""
     asked = _asks(record, step, _MOVES)
     return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
@@ -147,7 +147,7 @@ def _confined(recorded: RecordedEpisode) -> bool:
 
 
 def _extent(steps: Sequence[StepRecord]) -> float:
-    """The longer side of the box over the floor that holds the pelvis, metres."""
+    """Return the longer side of the box over the floor that holds the pelvis, metres."""
     places: Array = np.array([point for step in steps for point in (step.start, step.end)])[:, [0, 2]]
     return float(np.ptp(places, axis=0).max())
 
@@ -213,8 +213,8 @@ CAUSES: Final = (
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's
-    failure."""
+    """Return the first stage that was not met; None for a success, a free instruction, an unfinished episode and a
+    plugin's failure."""
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:
@@ -223,7 +223,7 @@ def failed_stage(scores: Scores) -> Stage | None:
 
 
 def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause | None:
-    """The root cause of a failed episode; None where there is no failure. scores: those of the record, if known
+    """Return the root cause of a failed episode; None where there is no failure. scores: those of the record, if known
     already."""
     stage = failed_stage(scores or score(recorded))
     if stage is None:

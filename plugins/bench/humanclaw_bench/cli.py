@@ -208,7 +208,7 @@ def _asked(run: Path) -> int:
 
 
 def _require_whole(results: Sequence[Result], partial: bool) -> None:
-    """Raises RecordError for a run with missing episodes, unless they were asked for."""
+    """Raise RecordError for a run with missing episodes, unless they were asked for."""
     for result in results:
         if result.partial and not partial:
             raise RecordError(f"the run is not complete: {result.note}", "Go on with it, or say --partial.")
@@ -223,7 +223,7 @@ def _one(run: Path) -> Result:
 
 
 def console() -> Console:
-    """A pipe has no width: tables are as wide there as they need."""
+    """Return a pipe has no width: tables are as wide there as they need."""
     console = Console()
     return console if console.is_terminal else Console(width=240)
 

@@ -30,7 +30,8 @@ _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_def
 @_WORKERS
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/ablation"), show_default=True)
 def ablate(name: str, workers: int, out: Path) -> None:
-    """The paper's ablation with a scripted bounded agent: five settings, and whether the four directions come out."""
+    """Run the paper's ablation with a scripted bounded agent: five settings, and whether the four directions come
+    out."""
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name)

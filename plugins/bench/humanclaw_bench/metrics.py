@@ -132,7 +132,7 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
-    """The generated motion of all steps as one: each chunk taken up where the one before it was left.
+    """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
 
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
     jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
@@ -154,7 +154,7 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 
 
 def _hips(motion: Motion) -> Pose2D:
-    """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    """Return the frame of the last pose's pelvis: the one in which the next chunk is put down."""
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
@@ -293,7 +293,7 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """A plugin's metric; NaN if it raises, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, which changes nothing else."""
     try:
         return float(measure(recorded))
     except Exception:
@@ -399,12 +399,12 @@ ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
 
 
 def extra_metric(name: str) -> Metric:
-    """A plugin's metric, averaged over episodes."""
+    """Return a plugin's metric, averaged over episodes."""
     return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
-    """A metric over the finished episodes among these, with its interval."""
+    """Return a metric over the finished episodes among these, with its interval."""
     parts = [pair for s in scores if s.finished and (pair := metric.parts(s)) is not None]
     if metric.rate:
         return wilson(int(sum(met for met, _ in parts)), len(parts))
@@ -436,12 +436,12 @@ def compare(
 
 
 def paired(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> list[tuple[tuple[float, float], ...]]:
-    """The parts of a metric in both runs, for the episodes that bear on it in both."""
+    """Return the parts of a metric in both runs, for the episodes that bear on it in both."""
     return [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
-    """The episodes that both runs finished, in pairs. Raises RecordError as compare does."""
+    """Return the episodes that both runs finished, in pairs. Raises RecordError as compare does."""
     first, second = _by_episode(a), _by_episode(b)
     pairs = [(first[key], second[key]) for key in first if key in second]
     if not pairs:

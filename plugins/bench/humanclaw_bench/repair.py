@@ -28,7 +28,7 @@ Causes = Mapping[str, Cause | None]
 
 
 def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
-    """The faults that plugins brought. Raises HumanclawError if there are none."""
+    """Return the faults that plugins brought. Raises HumanclawError if there are none."""
     faults = tuple(one.value for one in plugins.registered("faults"))
     if not faults:
         raise HumanclawError("no plugin brings an agent with a known fault.", "Run `pip install humanclaw-scripted`.")
@@ -36,38 +36,38 @@ def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
 
 
 def capabilities(faults: Sequence[Fault]) -> tuple[str, ...]:
-    """What the faults take away, by name."""
+    """Return what the faults take away, by name."""
     return tuple(sorted({fault.capability for fault in faults}))
 
 
 def another(capability: str, faults: Sequence[Fault]) -> str:
-    """A capability that was not blamed: the next by name."""
+    """Return a capability that was not blamed: the next by name."""
     others = [name for name in capabilities(faults) if name != capability]
     later = [name for name in others if name > capability]
     return (later or others)[0]
 
 
 def drawn(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
-    """The fault with which an episode is played: by its seed, among those that it can show."""
+    """Return the fault with which an episode is played: by its seed, among those that it can show."""
     fitting = [fault for fault in faults if fault.fits(spec)]
     return fitting[int(np.random.default_rng([spec.seed, 77]).integers(len(fitting)))] if fitting else None
 
 
 def by_fault(specs: Sequence[EpisodeSpec], faults: Sequence[Fault]) -> Iterator[tuple[Fault, list[EpisodeSpec]]]:
-    """The episodes by the fault with which they are played."""
+    """Yield the episodes by the fault with which they are played."""
     for fault in faults:
         if mine := [spec for spec in specs if drawn(spec, faults) is fault]:
             yield fault, mine
 
 
 def job(fault: Fault, repair: str = "") -> Job:
-    """What to run for a fault. repair: a capability that is put right."""
+    """Return what to run for a fault. repair: a capability that is put right."""
     return Job(fault.agent, {**fault.options, **({"repair": repair} if repair else {})})
 
 
 def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Sequence[Fault]) -> list[EpisodeSpec]:
-    """What to play next: of every fault so many episodes as its root cause has come up too rarely, up to PATIENCE times
-    each.
+    """Return what to play next: of every fault so many episodes as its root cause has come up too rarely, up to
+    PATIENCE times each.
 
     causes: of those played.
     """
@@ -84,7 +84,7 @@ def _label(cause: Cause | None) -> str:
 
 
 def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str, most: int = 0) -> list[EpisodeSpec]:
-    """The episodes whose failure is put down to a capability; most: at most so many of each label, if given."""
+    """Return the episodes whose failure is put down to a capability; most: at most so many of each label, if given."""
     by_label: dict[str, list[EpisodeSpec]] = {}
     for spec in specs:
         if (cause := causes.get(spec.id)) and cause.capability == capability:
@@ -107,8 +107,8 @@ class Repaired:
 
 
 def repaired(causes: Causes, right: Mapping[str, Scores], other: Mapping[str, Scores]) -> tuple[Repaired, ...]:
-    """The check, label by label in the order of the rules. right, other: scores by episode id with that capability put
-    right."""
+    """Return the check, label by label in the order of the rules. right, other: scores by episode id with that
+    capability put right."""
     played = {cause for episode, cause in causes.items() if episode in right}
     return tuple(_repaired(cause, causes, right, other) for cause in CAUSES if cause in played)
 

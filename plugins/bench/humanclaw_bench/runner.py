@@ -127,7 +127,7 @@ def damage(run: Path) -> tuple[int, tuple[str, ...]]:
 
 
 def _damage(folder: Path) -> str:
-    """What is wrong with one record; empty if nothing is."""
+    """Return what is wrong with one record; empty if nothing is."""
     try:
         record = RecordedEpisode(folder).record
     except RecordError as error:
@@ -262,7 +262,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _stops(executor: Executor) -> Iterator[threading.Event]:
-    """The first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
+    """Return the first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
     stopped = threading.Event()
 
     def handle(number: int, frame: object) -> None:

@@ -51,7 +51,7 @@ NEAREST: Final = 1.0
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
+    """Return the episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
     malformed."""
     if name not in SPLITS and not Path(name).exists():
         raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
@@ -101,7 +101,7 @@ def _places(ways: DistanceField, usable: NDArray[np.bool_], count: int, rng: np.
 
 
 def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, yaw: float) -> EpisodeSpec:
-    """The episode from a place to the nearest target."""
+    """Return the episode from a place to the nearest target."""
     x, floor, z = place.tolist()
     return EpisodeSpec(
         id=category,
@@ -217,7 +217,7 @@ def named(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
 
 
 def summary(specs: Sequence[EpisodeSpec]) -> dict[str, str]:
-    """What a split is made of, as a person would check it."""
+    """Return what a split is made of, as a person would check it."""
     known = [spec.difficulty for spec in specs if spec.difficulty]
     metres = np.array([difficulty.distance for difficulty in known])
     houses = Counter(spec.scene for spec in specs).values()

@@ -55,7 +55,7 @@ class Difference:
 
 # -- one run -----------------------------------------------------------------------------------------------------------
 def wilson(successes: int, trials: int) -> Estimate:
-    """A rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
+    """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
     interval = stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
@@ -73,7 +73,7 @@ def ratio(numerators: Sequence[float], denominators: Sequence[float], *, seed: i
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """Sums over the last axis, divided; NaN over nothing."""
+    """Divide sums over the last axis; NaN over nothing."""
     total = below.sum(-1)
     return np.asarray(np.where(total > 0, above.sum(-1) / np.where(total > 0, total, 1.0), np.nan))
 
@@ -168,7 +168,7 @@ def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
 
 
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
-    """The same differences with p raised for their number (Holm): of twenty metrics one differs by chance."""
+    """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance."""
     order = sorted(range(len(differences)), key=lambda k: differences[k].p)
     raised, largest = list(differences), 0.0
     for rank, k in enumerate(order):

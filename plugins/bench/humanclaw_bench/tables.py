@@ -239,19 +239,19 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """The main columns by the tier of the episode (paper, section 4.1)."""
+    """Return the main columns by the tier of the episode (paper, section 4.1)."""
     return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
 
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """The main columns by the category of the target."""
+    """Return the main columns by the category of the target."""
     return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
 
 
 def _broken_down(
     title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
 ) -> ResultTable:
-    """A row for each agent and group that has episodes."""
+    """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
     rows = tuple(
         Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
@@ -262,7 +262,7 @@ def _broken_down(
 
 
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """What plugins measure, averaged over episodes."""
+    """Return what plugins measure, averaged over episodes."""
     names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
     return _result_table("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
 
@@ -365,7 +365,7 @@ _TEX: Final = str.maketrans(
 
 
 def latex(table: ResultTable) -> str:
-    """A tabular for booktabs; the notes follow as comments."""
+    """Return a tabular for booktabs; the notes follow as comments."""
     head, rows = table.columns, []
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
@@ -416,7 +416,8 @@ def _compared(column: Column, found: Difference) -> tuple[str, ...]:
 
 
 def verdict(better: str, found: Difference) -> str:
-    """The difference in words: noise, or which run is better; higher or lower where neither is good in itself."""
+    """Return the difference in words: noise, or which run is better; higher or lower where neither is good in
+    itself."""
     if found.noise:
         return "noise"
     higher = "B" if found.value > 0 else "A"

@@ -52,7 +52,8 @@ _BASE_LIMITS: Final = (
 
 
 def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
-    """The model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises CheckpointError."""
+    """Return the model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises
+    CheckpointError."""
     import jinja2  # not on the bare machine that trains
 
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
@@ -143,7 +144,7 @@ def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Pa
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     try:
         stale = write_all(options.base or shipped_base(), options.adapters, options.check)

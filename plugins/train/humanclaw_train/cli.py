@@ -18,8 +18,8 @@ _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_opti
 
 
 def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
-    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is
-    given."""
+    """Return a command that hands its arguments on, so that the options are told in one place; given: what else its
+    main is given."""
 
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)
@@ -33,7 +33,7 @@ train = _forward("train", "humanclaw_train.train", "Train the base prior or a sk
 
 
 def _simulator() -> Any:
-    """The half-physics that episodes run in: training imports no plugin host, so it is handed in."""
+    """Return the half-physics that episodes run in: training imports no plugin host, so it is handed in."""
     plugins = Plugins.discover()
     return plugins.make("simulators", default_simulator(plugins), profile="default")
 
@@ -57,7 +57,7 @@ def data() -> None:
 
 
 def _trained() -> Any:
-    """The skills with a recipe."""
+    """Return the skills with a recipe."""
     return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
 
 

@@ -121,8 +121,8 @@ def simulated(
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
-    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this
-    skill.
+    """Return what the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of
+    this skill.
 
     The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
     there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
@@ -214,7 +214,7 @@ def _plain(value: Any) -> Any:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table, the paper's beside them."""
+    """Return the rows as a Markdown table, the paper's beside them."""
     heads = (
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
@@ -245,7 +245,7 @@ def _number(value: float, digits: int) -> str:
 
 # -- the command line --------------------------------------------------------------------------------------------------
 def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulator] | None = None) -> int:
-    """The command line. simulator: makes what `--simulated` runs in; this module itself knows of none."""
+    """Return the command line. simulator: makes what `--simulated` runs in; this module itself knows of none."""
     options = _parser().parse_args(arguments)
     try:
         report = _measure(options, simulator)
@@ -282,7 +282,7 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
-    """The generator that `generator_options` describe. Raises CheckpointError."""
+    """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
     return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
 

@@ -175,7 +175,7 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
 
 
 def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """The real chunks of a skill, and synthetic ones where there is none."""
+    """Return the real chunks of a skill, and synthetic ones where there is none."""
     files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
     if not files:
         return None
@@ -280,12 +280,12 @@ def straight_walks(
 
 
 def _ahead(command: Command) -> str:
-    """The parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
+    """Return the parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
     return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
 
 
 def walker(commands: Sequence[Command]) -> Command | None:
-    """The skill that walks: it commands travel ahead and heading at once."""
+    """Return the skill that walks: it commands travel ahead and heading at once."""
     for command in commands:
         if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
             return command
@@ -509,8 +509,8 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 
 
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
-    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over
-    seeds."""
+    """Return a row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile
+    over seeds."""
     heads = (
         "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
         "slower toe cm/s"
@@ -581,7 +581,7 @@ def sequences_table(found: Mapping[str, float]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     try:
         generator = made_generator(options)

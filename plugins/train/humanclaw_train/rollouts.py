@@ -36,7 +36,7 @@ class Command:
 
     @classmethod
     def of(cls, skill: str, adapter: Path) -> Command:
-        """The range that the adapter was trained on, less a twentieth at either end.
+        """Return the range that the adapter was trained on, less a twentieth at either end.
 
         Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
         """
@@ -75,7 +75,8 @@ class Command:
 
 
 def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Path]:
-    """The adapters below some folders by skill, or of them the wanted ones in that order. Raises CheckpointError."""
+    """Return the adapters below some folders by skill, or of them the wanted ones in that order. Raises
+    CheckpointError."""
     found = {
         path.parent.name: path
         for path in sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
@@ -88,7 +89,7 @@ def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Pat
 
 
 def _declared(skill: str, adapter: Path) -> Path:
-    """The folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
+    """Return the folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
     repository."""
     if (adapter.parent / "schema.json").is_file():
         return adapter.parent
@@ -101,8 +102,8 @@ def file_digest(path: Path) -> str:
 
 
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
-    """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of
-    the two."""
+    """Return the skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would
+    be of the two."""
     seats = command.declaration.climbs
     return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
 

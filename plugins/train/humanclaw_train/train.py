@@ -135,7 +135,8 @@ skills."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
-    """The flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a whole."""
+    """Return the flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a
+    whole."""
 
     def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
@@ -343,7 +344,7 @@ def train_adapter(
 
 
 def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
-    """The encoder of a skill, centred and scaled to the range of its data."""
+    """Return the encoder of a skill, centred and scaled to the range of its data."""
     params, width = chunks.params, chunks.params.shape[1]
     # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
@@ -364,7 +365,7 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
     device = torch.device(
