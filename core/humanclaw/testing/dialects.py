@@ -54,6 +54,7 @@ class AnthropicServer(OpenAIServer):
             return {"type": "error", "error": {"type": kind, "message": _message_of(reply)}, "request_id": "req_test"}
         choice = _choice(reply)
         stop, blocks = self._STOPS[choice["finish_reason"]], []
+        turn = len(self.requests)  # Names are never given twice: Anthropic's own client tells messages apart by them.
         message = choice["message"]
         if message.get("reasoning_content"):
             blocks.append({"type": "thinking", "thinking": message["reasoning_content"], "signature": "c2lnbmVk"})
@@ -62,9 +63,9 @@ class AnthropicServer(OpenAIServer):
         for number, (name, arguments) in enumerate(_calls(message)):
             given = _object(arguments)
             stop = "max_tokens" if given is None else stop
-            blocks.append({"type": "tool_use", "id": f"toolu_{number}", "name": name, "input": given or {}})
+            blocks.append({"type": "tool_use", "id": f"toolu_{turn}_{number}", "name": name, "input": given or {}})
         body: Json = {
-            "id": "msg_test",
+            "id": f"msg_{turn}",
             "type": "message",
             "role": "assistant",
             "model": request.body["model"],
