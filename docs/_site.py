@@ -88,7 +88,7 @@ def commands() -> Iterator[str]:
 
 
 def _forwarded(command: click.Command) -> Iterator[str]:
-    """What a command says of itself whose options another module reads, and so do its subcommands."""
+    """Print what a command says of itself whose options another module reads, and its subcommands too."""
     told = _help(command)
     yield f"```text\n{told}\n```\n"
     subcommands = re.search(r"\{([a-z,]+)\} \.\.\.", told)

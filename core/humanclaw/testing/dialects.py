@@ -78,7 +78,7 @@ class AnthropicServer(OpenAIServer):
 
 
 def _anthropic_content(content: str | list[Json]) -> list[Json]:
-    """The parts of a message, those within the result of a tool too."""
+    """Return the parts of a message, those within the result of a tool too."""
     parts: list[Json] = [{"type": "text", "text": content}] if isinstance(content, str) else content
     found: list[Json] = []
     for part in parts:
@@ -226,7 +226,7 @@ class ResponsesServer(OpenAIServer):
 
 
 def _responses_message(item: Json) -> Json:
-    """An item as a message; what a function gave is a message of role `tool`."""
+    """Return an item as a message; what a function gave is a message of role `tool`."""
     content = item.get("content") or item.get("output") or ""
     parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
     kinds = {"input_text": "text", "output_text": "text", "input_image": "image_url"}

@@ -49,7 +49,7 @@ def script() -> Callable[[Request], Reply]:
 
 
 def _numbered(reply: Reply, number: int) -> Reply:
-    """The reply with a name of its own for its call, as providers give them."""
+    """Return the reply with a name of its own for its call, as providers give them."""
     reply.body["choices"][0]["message"]["tool_calls"][0]["id"] = f"call_{number}"
     return reply
 
@@ -64,14 +64,16 @@ def trial(name: str) -> tuple[str, ...]:
         env = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
         env |= {"TASK": TASK, "MODEL_URL": model.url}
         done = subprocess.run([python, path], env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False)
-        last = model.requests[-1] if model.requests else None
+        # All requests together: Anthropic's client sends what is new alone.
+        seen = tuple(model.requests)
     if done.returncode:
         print(done.stderr[-3000:], file=sys.stderr)
     fault = (done.stderr.strip().splitlines() or ["failed"])[-1][:120] if done.returncode else ""
     executed = "Done. 3 steps" in done.stdout
-    told = bool(last) and all(words in last.text for words in WORDS)
+    told = all(any(words in request.text for request in seen) for words in WORDS)
+    pictures = len({picture.tobytes() for request in seen for picture in request.images})
     version = re.sub(r"\[.*?\]", "", needs["dependencies"][0]).replace("==", " ")
-    return name, version, _mark(executed), _mark(told), str(len(last.images) if last else 0), fault
+    return name, version, _mark(executed), _mark(told), str(pictures), fault
 
 
 def _mark(true: bool) -> str:
@@ -79,14 +81,14 @@ def _mark(true: bool) -> str:
 
 
 def metadata(path: Path) -> dict[str, Any]:
-    """The inline metadata of a script."""
+    """Read the inline metadata of a script."""
     block = re.search(r"(?m)^# /// script\n((?:# .*\n)+)# ///$", path.read_text("utf-8"))
     assert block, f"{path} says no versions"
     return tomllib.loads(re.sub(r"(?m)^# ", "", block[1]))
 
 
 def environment(name: str, needs: Sequence[str]) -> str:
-    """The Python of an environment with these packages and, behind them, those of this one; kept for the next time."""
+    """Make an environment with these packages and, behind them, those of this one; return its Python."""
     folder = Path(platformdirs.user_cache_dir("humanclaw")) / "frameworks" / name
     python, mark = folder / "bin" / "python", folder / "packages.json"
     ours = sysconfig.get_path("purelib")

@@ -1,0 +1,63 @@
+"""The code in the documentation: every fenced block of README and docs, and how it is to be run.
+
+A comment right before a block says where it runs if not in every test session, and why:
+
+    <!-- snippet: slow. REASON -->        run with HUMANCLAW_SLOW=1
+    <!-- snippet: elsewhere. REASON -->   something else runs it; REASON names it
+    <!-- snippet: never. REASON -->       nobody here can; it is held to the commands and options that exist
+    <!-- snippet: text. REASON -->        no code
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+WAYS = ("always", "slow", "elsewhere", "never", "text")
+_FENCE = re.compile(
+    r"(?:^<!-- snippet: (?P<way>\w+)[. ](?P<reason>[^\n]*?)-->\n)?^```(?P<language>\w*)\n(?P<code>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """One block. reason: why it does not run always."""
+
+    page: str
+    line: int
+    language: str
+    code: str
+    way: str = "always"
+    reason: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+def pages() -> list[Path]:
+    """The pages that somebody reads who uses or extends the project; model cards hold none of our code."""
+    kinds = [path for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/README.md")]
+    indices = [
+        path for kind in ("plugins", "skills", "harnesses", "examples") for path in ROOT.glob(f"{kind}/README.md")
+    ]
+    return [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").rglob("*.md")),
+        *indices,
+        *sorted(kinds),
+    ]
+
+
+def snippets() -> Iterator[Snippet]:
+    """Every fenced block of the pages, in their order."""
+    for path in pages():
+        text = path.read_text("utf-8")
+        for found in _FENCE.finditer(text):
+            line = text[: found.start("code")].count("\n")
+            way, reason = found["way"] or "always", (found["reason"] or "").strip()
+            yield Snippet(path.relative_to(ROOT).as_posix(), line, found["language"], found["code"], way, reason)
