@@ -1,4 +1,4 @@
-"""The documentation is whole: every hook, command, option and field of a record is told of, and what it names is there."""
+"""The documentation is whole: it tells of every hook, command, option and field of a record."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""Every snippet of the documentation does what it says. The heavy ones: HUMANCLAW_SLOW=1 pytest tests/test_snippets.py"""
+"""Every snippet of the documentation does what it says; the heavy ones with HUMANCLAW_SLOW=1."""
 
 import json
 import os
