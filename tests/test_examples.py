@@ -42,14 +42,14 @@ def test_the_ten_line_skill_nods(house):
 
 
 def test_third_parties_bring_a_reused_adapter_an_observer_and_a_decision_maker(house, tmp_path, capsys):
-    files = [EXAMPLES / name for name in ("stroll.py", "bumps.py", "wanderer.py")]
+    files = [EXAMPLES / name for name in ("stroll.py", "bumps.py", "rover.py")]
     plugins = Plugins.discover(files)
     with Body(house, plugins=plugins) as body:
         brisk = body.call("stroll", pace="brisk")
         assert str(brisk.feedback) == "Executed stroll(pace=brisk)."
         assert 0.5 < np.linalg.norm(np.diff(body.last.chunks[0].commanded.root[[0, -1]][:, [0, 2]], axis=0)) < 0.8
         body.reset(house)
-        agent = plugins.make("agents", "wanderer", {})
+        agent = plugins.make("agents", "rover", {})
         run_episode(body, free_episode("wander", house, max_steps=3), agent, folder=tmp_path / "episode")
     (episode,) = load_run(tmp_path)
     assert [step.call.skill for step in episode.steps] == ["walk", "walk", "stop"]
@@ -57,13 +57,13 @@ def test_third_parties_bring_a_reused_adapter_an_observer_and_a_decision_maker(h
     assert set(episode.record.skills) >= {"stroll", "walk"}
 
 
-def test_the_wanderer_turns_where_the_view_stays_as_it_was(plugins, house):
-    wanderer = Plugins.discover([EXAMPLES / "wanderer.py"]).make("agents", "wanderer", {})
+def test_the_rover_turns_where_the_view_stays_as_it_was(plugins, house):
+    rover = Plugins.discover([EXAMPLES / "rover.py"]).make("agents", "rover", {})
     grey = np.full((512, 512, 3), 90, np.uint8)
-    wanderer.begin(EpisodeContext(free_episode("wander", house, max_steps=9), plugins.skills, 0))
+    rover.begin(EpisodeContext(free_episode("wander", house, max_steps=9), plugins.skills, 0))
     before = [HistoryEntry(0, Decision(), Feedback(), grey)]
-    assert wanderer.decide(Observation(1, "", grey), before).calls[0].skill == "turn_in_place"
-    assert wanderer.decide(Observation(1, "", grey + 60), before).calls[0].skill == "walk"
+    assert rover.decide(Observation(1, "", grey), before).calls[0].skill == "turn_in_place"
+    assert rover.decide(Observation(1, "", grey + 60), before).calls[0].skill == "walk"
 
 
 def test_a_metric_of_a_third_party_sums_the_turning():

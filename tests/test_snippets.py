@@ -29,8 +29,12 @@ def command_line(plugins):
 
 @pytest.fixture(scope="session")
 def folders(tmp_path_factory):
-    """A folder a page: what one block writes, the next one may read."""
-    return {page: tmp_path_factory.mktemp("page") for page in {one.page for one in ALL}}
+    """Make a folder a page, with what it says to save; what one block writes, the next one may read."""
+    made = {page: tmp_path_factory.mktemp("page") for page in {one.page for one in ALL}}
+    for one in ALL:
+        if one.file:
+            (made[one.page] / one.file).write_text(one.code)
+    return made
 
 
 def _words(snippet: Snippet) -> list[list[str]]:
@@ -55,7 +59,6 @@ def test_python_runs(snippet, folders, monkeypatch):
         return
     _skip_slow(snippet)
     monkeypatch.chdir(folders[snippet.page])
-    (folders[snippet.page] / "nod.py").write_text((ROOT / "examples" / "nod.py").read_text())
     names = {"__name__": f"snippet_{snippet.line}"}
     exec(code, names)
     if hooks := {name: value for name, value in names.items() if name.startswith("humanclaw_")}:
@@ -87,7 +90,6 @@ def test_commands_exist_and_run(snippet, folders, command_line, monkeypatch):
         return
     _skip_slow(snippet)
     monkeypatch.chdir(folders[snippet.page])
-    (folders[snippet.page] / "nod.py").write_text((ROOT / "examples" / "nod.py").read_text())
     for words in commands:
         if words[0] == "humanclaw":
             done = CliRunner().invoke(build(Plugins.discover), words[1:])

@@ -22,6 +22,8 @@ _FENCE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 
+_SAVED = re.compile(r"[Ss]ave (?:it )?as `(\w+\.py)`")
+
 
 @dataclass(frozen=True)
 class Snippet:
@@ -33,6 +35,8 @@ class Snippet:
     code: str
     way: str = "always"
     reason: str = ""
+    file: str = ""
+    """What the page says to save it as."""
 
     def __str__(self) -> str:
         return f"{self.page}:{self.line}"
@@ -40,17 +44,9 @@ class Snippet:
 
 def pages() -> list[Path]:
     """The pages that somebody reads who uses or extends the project; model cards hold none of our code."""
-    kinds = [path for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/README.md")]
-    indices = [
-        path for kind in ("plugins", "skills", "harnesses", "examples") for path in ROOT.glob(f"{kind}/README.md")
-    ]
-    return [
-        ROOT / "README.md",
-        ROOT / "CONTRIBUTING.md",
-        *sorted((ROOT / "docs").rglob("*.md")),
-        *indices,
-        *sorted(kinds),
-    ]
+    parts = ("plugins", "skills", "harnesses", "examples")
+    inside = [path for part in parts for depth in ("README.md", "*/README.md") for path in (ROOT / part).glob(depth)]
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(inside)]
 
 
 def snippets() -> Iterator[Snippet]:
@@ -60,4 +56,7 @@ def snippets() -> Iterator[Snippet]:
         for found in _FENCE.finditer(text):
             line = text[: found.start("code")].count("\n")
             way, reason = found["way"] or "always", (found["reason"] or "").strip()
-            yield Snippet(path.relative_to(ROOT).as_posix(), line, found["language"], found["code"], way, reason)
+            before = text[max(0, found.start() - 250) : found.start()].rpartition("```")[2]
+            file = _SAVED.search(before) if found["language"] == "python" else None
+            where = path.relative_to(ROOT).as_posix()
+            yield Snippet(where, line, found["language"], found["code"], way, reason, file[1] if file else "")

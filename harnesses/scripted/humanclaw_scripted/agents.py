@@ -398,8 +398,8 @@ class OracleAgent:
 
     def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """One step along a segment of the route."""
-        aim, rest = _aim(part.grid, part.path, pose.point)
-        left, forward = pose.local(aim)
+        towards, rest = aim(part.grid, part.path, pose.point)
+        left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
             return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
@@ -518,7 +518,7 @@ class OracleAgent:
         if isinstance(first, StairRun):
             here = max(0.0, float(first.edges[-1]) - _on_stairs(pose, first)[0])
         else:
-            here = _aim(first.grid, first.path, pose.point)[1]
+            here = aim(first.grid, first.path, pose.point)[1]
         return here + sum(float(p.edges[-1]) if isinstance(p, StairRun) else length(p.path) for p in rest)
 
     def _look(self, state: WorldState) -> str:
@@ -605,9 +605,8 @@ def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -
     return float(bearing), float(np.linalg.norm(centre[[0, 2]]))
 
 
-def _aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
-    """Return the farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the
-    route."""
+def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
+    """Return the farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left."""
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
     here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))

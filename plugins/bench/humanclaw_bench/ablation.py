@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from humanclaw import Backends
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, estimate, paired
-from humanclaw_bench.statistics import Difference, compare_rates, holm
+from humanclaw import Backends, RecordError
+from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, difference_of, estimate
+from humanclaw_bench.statistics import Difference, holm
 from humanclaw_bench.worker import Job
 
 AGENT: Final = "faulty"
@@ -70,8 +70,10 @@ def findings(scores: Mapping[str, Sequence[Scores]]) -> tuple[Finding, ...]:
 
 
 def _difference(a: Sequence[Scores], b: Sequence[Scores], metric: Metric) -> Difference:
-    both = paired(metric, common(a, b))
-    return compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
+    found = difference_of(metric, common(a, b))
+    if found is None:
+        raise RecordError(f"no episode of both settings bears on {metric.name}.", "Run a split that asks for it.")
+    return found
 
 
 def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:

@@ -235,21 +235,26 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
 # -- the funnel --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Funnel:
-    """How many episodes remain after each stage; one stage counts only for those that met the stages before it."""
+    """Which episodes remain after each stage; one stage counts only for those that met the stages before it."""
 
-    episodes: int
-    in_view: int
-    found: int
-    reached: int
-    reached_to_sit: int
+    asked: tuple[Scores, ...]
+    found: tuple[Scores, ...]
+    reached: tuple[Scores, ...]
+    to_sit: tuple[Scores, ...]
     """Those of reached whose task goes on to sitting."""
-    sat: int
 
     @classmethod
     def of(cls, scores: Sequence[Scores]) -> Funnel:
-        asked = [s for s in scores if s.finished and s.success is not None]
-        found = [s for s in asked if s.find]
-        reached = [s for s in found if s.nav]
-        to_sit = [s for s in reached if s.interact is not None]
-        sat = sum(bool(s.interact) for s in to_sit)
-        return cls(len(asked), sum(bool(s.geo_find) for s in asked), len(found), len(reached), len(to_sit), sat)
+        asked = tuple(s for s in scores if s.finished and s.success is not None)
+        found = tuple(s for s in asked if s.find)
+        reached = tuple(s for s in found if s.nav)
+        return cls(asked, found, reached, tuple(s for s in reached if s.interact is not None))
+
+    @property
+    def shares(self) -> tuple[tuple[list[bool], list[str]], ...]:
+        """In view, found, found and reached of all; sat of those to sit: whether each episode was, and its house."""
+        stages = (
+            (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
+            (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),
+        )  # fmt: skip
+        return tuple(([met(s) for s in episodes], [s.scene for s in episodes]) for episodes, met in stages)

@@ -121,7 +121,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
 
 
 def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
-    """'walk', ..., then 'walk.x_cm', ...: all that was called in any of the episodes."""
+    """Return the names of the skills, then skill.parameter for each: all that was called in any of the episodes."""
     calls = [step.call for episode in episodes for step in episode.steps if step.call]
     skills = sorted({skill for episode in episodes for skill in episode.record.skills} | {call.skill for call in calls})
     params = sorted({f"{call.skill}.{key}" for call in calls for key in call.params})

@@ -68,6 +68,8 @@ class RunStatus:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
+PILOT: Final = 3
+"""Episodes from which what a run will take is foreseen."""
 
 
 def run_split(
@@ -78,8 +80,11 @@ def run_split(
     *,
     plugins: Plugins,
     watch: Watcher = lambda status, report: None,
+    go_on: Callable[[RunStatus], bool] = lambda status: True,
 ) -> RunStatus:
     """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
+
+    go_on: asked once, as soon as PILOT episodes have shown what the others will take; False stops the run.
 
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
     stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
@@ -99,7 +104,8 @@ def run_split(
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                if report.limit == "run" or _spent(status, job.limits):
+                asked = ended(report.outcome, report.limit) and status.played == PILOT and status.left > 0
+                if report.limit == "run" or _spent(status, job.limits) or (asked and not go_on(status)):
                     executor.stop()
                     stopped.set()
     return _with(status, stopped=stopped.is_set())

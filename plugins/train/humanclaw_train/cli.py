@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -38,11 +39,18 @@ def _simulator() -> Any:
     return plugins.make("simulators", default_simulator(plugins), profile="default")
 
 
+def _installed() -> dict[str, Path]:
+    """Find the adapters of the installed skills."""
+    skills = Plugins.discover().skills.values()
+    return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
+
+
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",
     "Measure achieved against commanded motion, per skill.",
     simulator=_simulator,
+    installed=_installed,
 )
 naturalness = _forward(
     "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."
@@ -63,4 +71,7 @@ def _trained() -> Any:
 
 data.add_command(
     _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
+)
+data.add_command(
+    _forward("chunks", "humanclaw_train.own", "Make the chunks of a skill of your own from a folder of motion.")
 )

@@ -33,7 +33,7 @@ import numpy as np
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
 from humanclaw.measures import MEASURES, Declaration, suited
-from humanclaw.motion import DiTGenerator
+from humanclaw.motion import Course, DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
@@ -273,10 +273,28 @@ def straight_walks(
     """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else
     nought."""
     values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
-    motions = [generator.start() for _ in range(bodies)]
+    motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
     for call in range(calls):
-        extend(generator, command, motions, np.arange(bodies), values, (seed, 11, call))
+        _hold_course(generator, command, motions, courses, values, (seed, 11, call))
     return motions
+
+
+def _hold_course(
+    generator: DiTGenerator,
+    command: Command,
+    motions: list[Motion],
+    courses: list[Course],
+    values: Array,
+    key: tuple[int, ...],
+) -> None:
+    """Let all bodies go on by one chunk, in place, as `humanclaw.Body` does: what was turned too little is owed."""
+    asked = [command.named(row) for row in values]
+    steered = [course.steer(command.declaration, row) for course, row in zip(courses, asked, strict=True)]
+    histories = [motion[-HISTORY:] for motion in motions]
+    rows = np.array([[row[name] for name in command.names] for row in steered])
+    extend(generator, command, motions, np.arange(len(motions)), rows, key)
+    for index, (history, row) in enumerate(zip(histories, asked, strict=True)):
+        courses[index] = courses[index].after(command.declaration, row, history, motions[index][-FUTURE:])
 
 
 def _ahead(command: Command) -> str:

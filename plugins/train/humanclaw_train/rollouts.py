@@ -40,7 +40,12 @@ class Command:
 
         Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
         """
-        config, declaration = read_header(adapter)["adapter"], Declaration.read(_declared(skill, adapter))
+        return cls.declared(Declaration.read(declared(skill, adapter)), adapter)
+
+    @classmethod
+    def declared(cls, declaration: Declaration, adapter: Path) -> Command:
+        """Do the same for a skill whose declaration is at hand, wherever its adapter lies."""
+        config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
         return cls(declaration, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
@@ -88,7 +93,18 @@ def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Pat
     return {skill: found[skill] for skill in wanted or found}
 
 
-def _declared(skill: str, adapter: Path) -> Path:
+def own(folders: Sequence[Path]) -> dict[str, Path]:
+    """Find the adapters of skill folders by skill. Raises CheckpointError for a folder without one."""
+    paths = {folder.resolve().name: folder.resolve() / "adapter.safetensors" for folder in folders}
+    for skill, path in paths.items():
+        if not path.is_file():
+            raise CheckpointError(
+                f"{path} is missing.", f"Train it with: humanclaw train adapter --skill {path.parent} ({skill})"
+            )
+    return paths
+
+
+def declared(skill: str, adapter: Path) -> Path:
     """Return the folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
     repository."""
     if (adapter.parent / "schema.json").is_file():

@@ -1,4 +1,4 @@
-"""A decision maker in twenty lines: `humanclaw run --plugin examples/wanderer.py --agent wanderer`.
+"""A decision maker in twenty lines: `humanclaw run --plugin examples/rover.py --agent rover`.
 
 It walks on while the view changes, and turns where it does not: whoever stands before a wall sees the same as before.
 """
@@ -8,8 +8,8 @@ import numpy as np
 from humanclaw import Call, Decision, hookimpl
 
 
-class Wanderer:
-    name, privileged = "wanderer", False
+class Rover:
+    name, privileged = "rover", False
 
     def begin(self, context):
         self.last = context.spec.max_steps - 1
@@ -25,4 +25,4 @@ class Wanderer:
 
 @hookimpl
 def humanclaw_agents(register):
-    register("wanderer", lambda options: Wanderer(), "walks on, and turns where the view does not change")
+    register("rover", lambda options: Rover(), "walks on, and turns where the view does not change")
