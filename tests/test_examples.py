@@ -19,6 +19,7 @@ from humanclaw import (
     load_run,
     run_episode,
 )
+from humanclaw.pose import rest_pose
 from humanclaw.records import Feedback
 from humanclaw.tasks import free_episode
 
@@ -64,6 +65,16 @@ def test_the_rover_turns_where_the_view_stays_as_it_was(plugins, house):
     before = [HistoryEntry(0, Decision(), Feedback(), grey)]
     assert rover.decide(Observation(1, "", grey), before).calls[0].skill == "turn_in_place"
     assert rover.decide(Observation(1, "", grey + 60), before).calls[0].skill == "walk"
+
+
+def test_a_measure_of_a_third_party_is_what_its_skill_commands():
+    plugins = Plugins.discover([EXAMPLES / "curtsy.py"])
+    curtsy, standing = plugins.skill("curtsy"), rest_pose(5)
+    assert [one.measure for one in curtsy.parameters] == ["knees.bend"]
+    chunk = standing.then(curtsy.plan({"bend_deg": 30}).over(standing))
+    bend = plugins.measures["knees.bend"](chunk.root[None], chunk.rotations[None])
+    at_rest = np.linalg.norm(standing.rotations[-1, 4:6], axis=-1).mean()
+    assert abs(float(bend[0]) - np.radians(30)) <= at_rest + 1e-6
 
 
 def test_a_metric_of_a_third_party_sums_the_turning():
