@@ -77,7 +77,7 @@ def commands() -> Iterator[str]:
     for words, command in walk(root, ("humanclaw",)):
         context = click.Context(command, info_name=" ".join(words))
         yield f"\n## `{' '.join(words)}`\n\n{command.help or ''}\n"
-        if command.ignore_unknown_options:
+        if command.context_settings.get("ignore_unknown_options"):
             yield from _forwarded(command)
             continue
         usage = command.collect_usage_pieces(context)

@@ -78,7 +78,13 @@ def _registers(names, hooks):
     plugins.add(plugin, "snippet")
     (info,) = (one for one in plugins.infos if one.name == "snippet")
     assert (info.error, dict(info.disabled), info.duplicates) == ("", {}, ())
-    watching = {"humanclaw_step", "humanclaw_episode_end", "humanclaw_commands", "humanclaw_hookspecs"}
+    watching = {
+        "humanclaw_chunk",
+        "humanclaw_step",
+        "humanclaw_episode_end",
+        "humanclaw_commands",
+        "humanclaw_hookspecs",
+    }
     assert info.provides or set(vars(plugin)) & watching
 
 
@@ -118,7 +124,7 @@ def _parse(command, words):
     while isinstance(command, click.Group):
         name, found, words = command.resolve_command(context, list(words))
         context, command = click.Context(found, parent=context, info_name=name), found
-    if not command.ignore_unknown_options:
+    if not command.context_settings.get("ignore_unknown_options"):
         known = {option for one in command.get_params(context) for option in (*one.opts, *one.secondary_opts)}
         given = {word.partition("=")[0] for word in words if word.startswith("--")}
         assert given <= known, f"{command.name} has no {sorted(given - known)}"
