@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients frameworks docs local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -78,6 +79,13 @@ conformance: install  ## The MCP server against the official suite (needs npx)
 
 mcp-clients: install  ## Seven MCP clients drive the body, each in an environment of its own (minutes)
 	$(BIN)/python harnesses/mcp/clients/run.py
+
+frameworks: install  ## Seven agent frameworks drive the body by body.tools, each in an environment of its own (minutes)
+	$(BIN)/python harnesses/frameworks/clients/run.py
+
+docs: install  ## The site of docs/ into site/, strict: a broken link or an undocumented name ends it
+	$(BIN)/pip install --quiet --no-build-isolation -e ".[docs]"
+	$(BIN)/python -m mkdocs build --strict
 
 local-llm: install  ## A small language model on this machine drives the body (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation

@@ -7,7 +7,7 @@ import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, TypeVar
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
+    from humanclaw.tools import BodyTool
 
 PROJECT: Final = "humanclaw"
 API_VERSION: Final = "1.0"
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     AgentFactory: TypeAlias = Callable[[Options], Agent]
     VerifierFactory: TypeAlias = Callable[[Options], Verifier]
     ReporterFactory: TypeAlias = Callable[..., Reporter]
+    FrameworkFactory: TypeAlias = Callable[[Sequence[BodyTool]], Any]
 
 
 def noun(kind: str) -> str:
@@ -127,6 +129,11 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
     """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
     Reporter."""
+
+
+@hookspec
+def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
+    """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
 
 
 @hookspec
