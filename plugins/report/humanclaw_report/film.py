@@ -19,7 +19,7 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
 from humanclaw.pose import FPS, HISTORY, Array
-from humanclaw_report.report import HouseMap, PathMap, house_maps, path_maps, storeys_at
+from humanclaw_report.maps import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]
 
