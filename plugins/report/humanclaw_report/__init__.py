@@ -32,9 +32,11 @@ def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_report.command import report
+    from humanclaw_report.command import film, report, watch
 
     cli.add_command(report)
+    cli.add_command(film)
+    cli.add_command(watch)
 
 
 @hookimpl
