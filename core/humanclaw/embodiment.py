@@ -16,6 +16,8 @@ import numpy as np
 
 from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
+from humanclaw._notebook import card
+from humanclaw._pictures import jpeg
 from humanclaw.contract import Control, Plan, Skill
 from humanclaw.errors import CheckpointError, blaming
 from humanclaw.interfaces import (
@@ -174,6 +176,11 @@ class Body:
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
             yield _moved(piece, _offset(self._history[-1:], piece))
+
+    def _repr_html_(self) -> str:
+        """What the eyes see now, for a notebook."""
+        last = str(self.last.feedback) if self.last else "Nothing was called yet."
+        return card(f"Body in {self.scene.name}, step {self.step}", [last], [("view", jpeg(self.view().rgb))])
 
     def close(self) -> None:
         self._simulator.close()

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import write_atomically
+from humanclaw._notebook import card, spread
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import Array, Motion, Pose2D
@@ -312,6 +313,14 @@ class RecordedEpisode:
         """Movable object id to (T, 7) position and quaternion, a row a frame of motion()."""
         with np.load(self.folder / "motion.npz") as data:
             return {int(key[7:]): data[key].astype(float) for key in data.files if key.startswith("object_")}
+
+    def _repr_html_(self) -> str:
+        """What was asked and done, and a strip of what the eyes saw, for a notebook."""
+        spec, count = self.record.spec, len(self.steps)
+        kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
+        pictures = [(f"step {kept[k].step}", _read(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
+        ended = f"{self.record.outcome.replace('_', ' ')} after {count} step{'' if count == 1 else 's'}"
+        return card(f"Episode {spec.id}", [f"{self.record.agent}: {spec.instruction}", ended], pictures)
 
     @property
     def digest(self) -> str:

@@ -5,8 +5,10 @@ Slow, and for machines that have Chromium and playwright: HUMANCLAW_SLOW=1.
 
 from __future__ import annotations
 
+import copy
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,9 @@ from typing import Any
 import pytest
 from made import record_episode
 
+from humanclaw import RecordedEpisode
 from humanclaw_report.report import write_report
+from humanclaw_report.run_page import Collected, run_page
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
 SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -128,3 +132,24 @@ def test_a_page_fits_and_has_no_serious_barrier(
                if one["impact"] in ("serious", "critical")]  # fmt: skip
     assert not serious
     assert not errors
+
+
+def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp_path: Path) -> None:
+    record_episode(tmp_path / "one")
+    one = RecordedEpisode(tmp_path / "one")
+    episodes = [_renamed(one, f"house-{k // 30}-couch-{k}") for k in range(1218)]
+    html = run_page({tmp_path: episodes}, Collected(), tmp_path / "report.html", lambda e: e.folder / "page.html", {})
+    (tmp_path / "report.html").write_text(html, "utf-8")
+    began = time.monotonic()
+    tab, errors = opened(browser, tmp_path / "report.html")
+    assert time.monotonic() - began < 2
+    assert tab.locator("#list tbody tr").count() == 1218
+    assert not errors
+
+
+def _renamed(episode: RecordedEpisode, name: str) -> RecordedEpisode:
+    other = copy.copy(episode)
+    other.record = episode.record.model_copy(
+        update={"spec": episode.record.spec.model_copy(update={"id": name}), "outcome": "stopped"}
+    )
+    return other
