@@ -35,7 +35,7 @@ from humanclaw._recorder import (
     vec3,
     yaw,
 )
-from humanclaw.embodiment import Body, SkillExecution
+from humanclaw.embodiment import Body, Chunk, SkillExecution
 from humanclaw.errors import (
     CallError,
     HumanclawError,
@@ -91,12 +91,16 @@ class Episode:
             replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and
                 the episode goes on from there.
             meter: the limits of the run, one meter for all of its episodes.
-            attempts: so many refused decisions in a row cost a step.
+            attempts: so many refused decisions in a row cost a step; at least 1.
 
         Raises:
+            HumanclawError: no attempt is left for any decision.
             SceneError: the scene is not the one that the episode was made for.
-            ReplayError: the world does not do as it did.
+            ReplayError: the world does not do as it did, or steps follow the end of the episode.
         """
+        if attempts < 1:
+            raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
+        _check_replay(replay, spec)
         reset(body, spec)
         self.body, self.spec = body, spec
         self._agent = None if isinstance(agent, str) else agent
@@ -124,7 +128,7 @@ class Episode:
         self._steps: list[StepRecord] = []
         self._history: list[HistoryEntry] = []
         self._feedback = Feedback()
-        self._stopping = False
+        self._stopping = self._cancelling = False
         self._asked: float | None = None
         """When the open question was put; None if none is open."""
         self._begin_step()
@@ -164,7 +168,8 @@ class Episode:
     @property
     def success(self) -> bool:
         """Whether it has been stopped within reach of a target, and sitting on it if that was asked."""
-        return succeeded(self.spec, self._steps)
+        sits = {name for name, skill in self.body.skills.items() if skill.role == "sit"}
+        return succeeded(self.spec, self._steps, sits)
 
     def target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
@@ -204,7 +209,8 @@ class Episode:
         Raises HumanclawError if the episode has ended, LimitError if a limit was crossed, which ends it.
         """
         if self.done:
-            raise HumanclawError(f"the episode has ended ({self.outcome.replace('_', ' ')}).", "Begin another one.")
+            ended = "stopped from outside" if self.outcome == "running" else self.outcome.replace("_", " ")
+            raise HumanclawError(f"the episode has ended ({ended}).", "Begin another one.")
         self._look()
         decision = recordable(decision)
         with self._closing():
@@ -224,8 +230,14 @@ class Episode:
         return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb))])
 
     def stop(self) -> None:
-        """Take no further decision. May be called from another thread or a signal handler."""
+        """Take no further decision, and break off the call under way. May be called from another thread or a signal
+        handler."""
         self._stopping = True
+
+    def cancel(self) -> None:
+        """Break off the call under way after the chunk that is being played: a step, recorded as cancelled. May be
+        called from another thread or an observer; does nothing between two calls."""
+        self._cancelling = True
 
     def close(self) -> None:
         """Close the record; an episode that has not ended is recorded as interrupted."""
@@ -251,7 +263,7 @@ class Episode:
         self._asked = None
 
     def _look(self) -> View:
-        """The view of the step under way, which is drawn and kept once."""
+        """Return the view of the step under way, which is drawn and kept once."""
         if self._view is None:
             with self._timed("observe"):
                 self._view = self.body.view()
@@ -279,8 +291,8 @@ class Episode:
         return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
-        """The verdict and the call to execute. A replacement that is not legal lets the proposal through, and says
-        so."""
+        """Return the verdict and the call to execute. A replacement that is not legal lets the proposal through, and
+        says so."""
         if self._verifier is None:
             return None, call
         skills = self.body.skills
@@ -302,10 +314,16 @@ class Episode:
         before = self.body.state()
         if self._stops(call):
             return self._measure(before, call, verdict)
-        done = self.body.execute(call)
+        self._cancelling = False
+        done = self.body.execute(call, self._watch)
         self._trajectory.add(done.chunks)
         self._seconds |= done.seconds
         return self._measure(before, call, verdict, done)
+
+    def _watch(self, chunk: Chunk) -> bool:
+        """Tell the observers of a chunk; whether the call goes on."""
+        self.body.plugins.tell("humanclaw_chunk", episode=self._record, step=len(self._steps), chunk=chunk)
+        return not (self._cancelling or self._stopping)
 
     def _measure(
         self,
@@ -314,7 +332,7 @@ class Episode:
         verdict: Verdict | None = None,
         done: SkillExecution | None = None,
     ) -> StepRecord:
-        """The record of a step: of a call with the motion that it led to, or of none."""
+        """Return the record of a step: of a call with the motion that it led to, or of none."""
         after, chunks = self.body.state(), done.chunks if done else ()
         scene, targets, ids = self.body.scene, self.spec.target_ids, self._look().ids
         return StepRecord(
@@ -328,6 +346,9 @@ class Episode:
             target_pixels={key: int((ids == key).sum()) for key in targets},
             frame_file=self._frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
+            parts=done.parts if done else (),
+            cancelled=done.cancelled if done else False,
+            waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),
             yaw_start=yaw(before),
@@ -345,11 +366,11 @@ class Episode:
         return self.body.skills[call.skill].role == "stop"
 
     def _resting(self) -> tuple[int, ...]:
-        """What the pelvis touches while nothing moves: what it touched when the last motion ended."""
+        """Return what the pelvis touches while nothing moves: what it touched when the last motion ended."""
         return self._steps[-1].pelvis_contacts if self._steps else ()
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
-        """A step is over: record it, remember it, tell the observers."""
+        """Return a step is over: record it, remember it, tell the observers."""
         if self._writer and not replayed:
             self._writer.step(step)
         self._steps.append(step)
@@ -367,7 +388,8 @@ class Episode:
         self._look()
         self._replay_decisions(step)
         if step.call and step.status != "stopped":
-            self._trajectory.add(self.body.execute(step.call).chunks)
+            left = iter(range(step.chunks - 1, -1, -1))
+            self._trajectory.add(self.body.execute(step.call, lambda chunk: next(left) > 0).chunks)
         after = self.body.state()
         if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):
             raise ReplayError(
@@ -379,8 +401,8 @@ class Episode:
         self._keep(step, replayed=True)
 
     def _replay_decisions(self, step: StepRecord) -> None:
-        """A script that knows the world keeps a memory beside the history, so it has to live through its decisions
-        too."""
+        """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
+        through its decisions too."""
         if self._agent and self._agent.privileged:
             feedback = self._feedback
             for attempt in step.attempts:
@@ -449,7 +471,7 @@ class Episode:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
             return context
-        return replace(context, scene=self.body.scene, state=self.body.state)
+        return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
@@ -458,8 +480,16 @@ class Episode:
         self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - began
 
 
+def _check_replay(steps: Sequence[StepRecord], spec: EpisodeSpec) -> None:
+    """Nothing follows an active stop, nor the last step that an episode has. Raises ReplayError."""
+    ends = [index for index, step in enumerate(steps, 1) if step.status == "stopped" or index == spec.max_steps]
+    if ends and ends[0] < len(steps):
+        told = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
+        raise ReplayError(told, "Remove its folder, or give back the specification that it was begun with.")
+
+
 def _origin(decider: object) -> str:
-    """The package that an agent or a verifier comes from."""
+    """Return the package that an agent or a verifier comes from."""
     return type(decider).__module__.partition(".")[0]
 
 

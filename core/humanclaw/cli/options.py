@@ -34,12 +34,12 @@ class Deciders:
     limits: Mapping[str, float]
 
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
-        """An agent and a verifier, for one episode after another."""
+        """Return an agent and a verifier, for one episode after another."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
         return plugins.make("agents", self.agent, self.options), verifier
 
     def meter(self) -> Meter:
-        """The accounts of one run."""
+        """Return the accounts of one run."""
         return Meter(self.limits)
 
 
@@ -96,12 +96,13 @@ _DECIDERS: Final = (
 
 
 def engine_options(function: F) -> F:
-    """--simulator and --generator, for commands that take no decider."""
+    """Add --simulator and --generator, for commands that take no decider."""
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)
 
 
 def decider_options(function: F) -> F:
-    """The options that say who decides, and with what body; the command gets them as `deciders` and `backends`."""
+    """Return the options that say who decides, and with what body; the command gets them as `deciders` and
+    `backends`."""
 
     @functools.wraps(function)
     def command(
@@ -163,6 +164,39 @@ def plugin_files(function: F) -> F:
         help="Also load a plugin from one Python file, without packaging it. Repeatable.",
     )
     return option(function)
+
+
+def plugin_options(function: F) -> F:
+    """--plugin, --prefer, --without and --skills; the command gets `files` and a `choice` (humanclaw.Choice)."""
+
+    @functools.wraps(function)
+    def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
+        from humanclaw.plugins import Choice
+
+        named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
+        if skills is not None and not named:
+            raise HumanclawError("--skills names no skill.", "For example --skills walk,stop.")
+        return function(*args, choice=Choice(tuple(prefer), tuple(without), named), **rest)
+
+    wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)
+    return plugin_files(wrapped)  # type: ignore[return-value]
+
+
+_CHOICES: Final = (
+    click.option(
+        "--prefer",
+        multiple=True,
+        metavar="OWNER[:NAME]",
+        help="Of equal names take that of this distribution or plugin file. Repeatable.",
+    ),
+    click.option(
+        "--without",
+        multiple=True,
+        metavar="OWNER[:NAME]|SKILL",
+        help="Leave out a distribution, something of it, or a skill. Repeatable.",
+    ),
+    click.option("--skills", metavar="NAME,...", help="The skills that can be called, and no others; also owner:name."),
+)
 
 
 def parse_pairs(pairs: Sequence[str]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
+from humanclaw.plugins import Choice, Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
@@ -46,9 +46,10 @@ def play(
     seed: int,
     out: Path | None,
     film: str,
+    choice: Choice,
 ) -> None:
     """Play one episode; the arguments are the options of `humanclaw run`. Ends the process with 130 after Ctrl-C."""
-    plugins = Plugins.discover(files)
+    plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     agent, verifier = deciders.make(plugins)
     out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"
@@ -88,7 +89,7 @@ def play(
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """A request to end is Ctrl-C by another name: the record is closed and the report written."""
+    """Return a request to end is Ctrl-C by another name: the record is closed and the report written."""
 
     def handle(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -117,7 +118,7 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 
 def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
-    """What the reporters that are installed make of the record."""
+    """Print what the installed reporters make of the record."""
     console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)

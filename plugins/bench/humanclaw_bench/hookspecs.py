@@ -46,6 +46,12 @@ class Fault(Protocol):
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it."""
 
+    def goes_with(self, other: Any) -> bool:
+        """Whether one agent can have this fault and another one at once: two capabilities are missing then."""
+
+    def with_another(self, other: Any) -> Mapping[str, Any]:
+        """Options of the agent, for it to have both; the other is one that this goes with."""
+
 
 class RegisterFault(Protocol):
     def __call__(self, fault: Fault) -> None:
@@ -81,4 +87,4 @@ def humanclaw_faults(register: RegisterFault) -> None:
 
 @hookspec
 def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
-    """Called when `humanclaw bench run` has no more episodes to play. tell: prints a line."""
+    """Hear that `humanclaw bench run` has no more episodes to play. tell: prints a line."""

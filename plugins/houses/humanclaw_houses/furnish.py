@@ -168,7 +168,7 @@ def _hall(space: Space, kit: Kit) -> None:
 
 
 def _landing(space: Space, kit: Kit) -> None:
-    """The hall upstairs: the way from the stairs to the bedrooms."""
+    """Furnish the hall upstairs: the way from the stairs to the bedrooms."""
     if kit.chance(0.6):
         console = _stand(space, kit, tables.console)
         if console:
@@ -228,7 +228,7 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
 
 
 def _on_front_edge(stand: Placed, screen: Piece) -> Placed:
-    """A television as far to the front of its stand as it can be, so that one can step up to it."""
+    """Return a television as far to the front of its stand as it can be, so that one can step up to it."""
     out = stand.piece.size[2] / 2 - screen.size[2] / 2 - 0.03
     y = stand.piece.tops[0].y + 0.001
     return Placed(
@@ -251,13 +251,14 @@ def _around_couch(space: Space, kit: Kit, seat: Placed, gap: float) -> None:
 
 
 def _beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
-    """A piece at (x, z) in the frame of another."""
+    """Return a piece at (x, z) in the frame of another."""
     (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
     return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
 
 
 def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
-    """A table with chairs on its long sides, drawn up to it, with room to get behind them; at_wall: or at a wall."""
+    """Return a table with chairs on its long sides, drawn up to it, with room to get behind them; at_wall: or at a
+    wall."""
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
@@ -331,7 +332,7 @@ def _counters(space: Space, kit: Kit) -> None:
 
 
 def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
-    """The longest part of a wall along which units 0.65 m deep fit."""
+    """Return the longest part of a wall along which units 0.65 m deep fit."""
     best, start, step = (side, 0.0, 0.0), 0.02, 0.05
     for at in np.arange(0.02, space.length(side) - 0.02, step):
         if not space.is_free_unit(side, float(at), step):
@@ -370,8 +371,8 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
 
 
 def _bed(space: Space, kit: Kit, double: bool) -> bool:
-    """A bed with its head at a wall and free floor at both sides (one for a single bed) and its foot; nightstands and
-    lamps."""
+    """Return a bed with its head at a wall and free floor at both sides (one for a single bed) and its foot;
+    nightstands and lamps."""
     bed = kit.make(beds.bed, double)
     w, _, d = bed.size
     for spot in space.spots(bed, kit.rng, step=0.15):
@@ -402,7 +403,7 @@ def _beside_bed(space: Space, kit: Kit, bed: Placed) -> None:
 
 
 def _work_place(space: Space, kit: Kit) -> bool:
-    """A desk at a wall with a chair drawn up to it; lamp and laptop on it."""
+    """Return a desk at a wall with a chair drawn up to it; lamp and laptop on it."""
     desk = kit.make(tables.desk)
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
@@ -416,7 +417,7 @@ def _work_place(space: Space, kit: Kit) -> bool:
 
 
 def _toilet(space: Space, kit: Kit) -> bool:
-    """A toilet with elbow room at both sides and standing room in front."""
+    """Return a toilet with elbow room at both sides and standing room in front."""
     piece = kit.make(bath.toilet)
     w, _, d = piece.size
     for spot in space.spots(piece, kit.rng):
@@ -438,7 +439,7 @@ def _basin(space: Space, kit: Kit) -> None:
 
 
 def _wall_tv(space: Space, kit: Kit) -> Placed | None:
-    """A screen on the wall or on a mast, with floor to stand on before it."""
+    """Return a screen on the wall or on a mast, with floor to stand on before it."""
     if kit.chance(0.5):
         piece = kit.make(media.wall_tv, 1.0)
         return space.try_put(space.spots(piece, kit.rng, y=0.95), front=0.5, target=True)
@@ -463,12 +464,12 @@ def _corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, target: bo
 
 
 def _plant(space: Space, kit: Kit) -> Placed | None:
-    """A plant, in a corner if one is free."""
+    """Return a plant, in a corner if one is free."""
     return _corner(space, kit, plants.plant, target=True)
 
 
 def _armchair(space: Space, kit: Kit) -> Placed | None:
-    """An armchair in a corner or at a wall, turned a little towards the room."""
+    """Return an armchair in a corner or at a wall, turned a little towards the room."""
     piece = kit.make(seats.armchair)
     spots = []
     for spot in space.spots(piece, kit.rng, step=0.25):
@@ -507,7 +508,7 @@ def _above(space: Space, obj: Placed, piece: Piece, y: float) -> None:
 
 
 def _lay(space: Space, rug: Placed) -> None:
-    """A rug, where it stays inside the room."""
+    """Lay a rug where it stays inside the room."""
     if block_of(rug).rect.within(space.rect):
         space.put(rug)
 

@@ -126,7 +126,7 @@ them."""
 
 
 def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[FloorPlan, ...]:
-    """The storeys of a house from the lowest, with 4 to 12 rooms together. storeys: 1 or 2.
+    """Return the storeys of a house from the lowest, with 4 to 12 rooms together. storeys: 1 or 2.
 
     Raises SceneError if none was found, which no seed has yet done.
     """
@@ -184,7 +184,7 @@ def _upstairs(rng: np.random.Generator) -> list[str]:
 
 
 def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
-    """The upper storey with names that the lower one has not; its hall is the landing."""
+    """Return the upper storey with names that the lower one has not; its hall is the landing."""
     names = {"": "", "stairs": "stairs"}
     for area in plan.areas:
         number, stem = 1, "landing" if area.kind == "hall" else area.kind
@@ -283,7 +283,7 @@ def _side_of(rows: tuple[list[tuple[str, float]], ...], kind: str) -> int:
 def _lay_out(
     rows: tuple[list[tuple[str, float]], list[tuple[str, float]]], depths: tuple[float, float], hall: float
 ) -> list[Rect]:
-    """The hall along x between two rows of rooms."""
+    """Return the hall along x between two rows of rooms."""
     length = sum(width for _, width in rows[0])
     rects: list[Rect] = [("hall", 0.0, depths[0], length, depths[0] + hall)]
     for row, z0, z1 in ((rows[0], 0.0, depths[0]), (rows[1], depths[0] + hall, depths[0] + hall + depths[1])):
@@ -306,7 +306,7 @@ def _living_block(
 
 
 def _turned(storeys: list[list[Rect]], rng: np.random.Generator) -> list[list[Rect]]:
-    """Rounded to the centimetre, mirrored and turned at random, all storeys alike."""
+    """Round to the centimetre, mirror and turn at random, all storeys alike."""
     flip_x, flip_z, swap = (bool(v) for v in rng.integers(0, 2, 3))
     far_x = max(x1 for rects in storeys for _, _, _, x1, _ in rects)
     far_z = max(z1 for rects in storeys for _, _, _, _, z1 in rects)
@@ -335,12 +335,12 @@ def _named(rects: list[Rect]) -> tuple[Area, ...]:
 
 # -- walls -------------------------------------------------------------------------------------------------------------
 def room_at(areas: tuple[Area, ...], x: float, z: float) -> str:
-    """The name of the room around a point; empty outside."""
+    """Return the name of the room around a point; empty outside."""
     return next((a.name for a in areas if a.x0 < x < a.x1 and a.z0 < z < a.z1), "")
 
 
 def _walls(areas: tuple[Area, ...]) -> list[Wall]:
-    """A wall wherever the rooms on the two sides of a line differ, cut where they change."""
+    """Return a wall wherever the rooms on the two sides of a line differ, cut where they change."""
     walls = []
     axes: tuple[Axis, Axis] = ("x", "z")
     for axis in axes:
@@ -399,8 +399,8 @@ def _with_doors(
 
 
 def _door(wall: Wall, kind: dict[str, str], rng: np.random.Generator) -> Opening:
-    """A door near a corner of the room, its leaf standing open along the side wall; a wide one without to the living
-    room."""
+    """Return a door near a corner of the room, its leaf standing open along the side wall; a wide one without to the
+    living room."""
     into = wall.high if wall.low == "hall" else wall.low
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):

@@ -32,7 +32,7 @@ _MOVABLE: Final = 0.21
 
 
 def house(argument: str, library: Library | None = None) -> Scene:
-    """The house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
+    """Return the house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
 
     library: imported furniture that takes the place of parametric pieces where it has what is wanted.
     """
@@ -40,7 +40,8 @@ def house(argument: str, library: Library | None = None) -> Scene:
 
 
 def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
-    """A house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none is."""
+    """Return a house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none
+    is."""
     wrong: list[str] = []
     storeys = storeys_of(seed)
     for draft in range(_DRAFTS):

@@ -146,7 +146,7 @@ def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Sh
 
 
 def house_script(scene: Scene) -> str:
-    """A script that hands a house to the page; a page opened from disk may read a script and no data file."""
+    """Return a script that hands a house to the page; a page opened from disk may read a script and no data file."""
     return f"window.humanclawHouse = {json.dumps(house(scene))};"
 
 
@@ -218,7 +218,7 @@ def link(target: Path, page: Path) -> str:
 
 
 def _film(folder: Path, page: Path) -> FilmView | None:
-    """The film that `humanclaw run` left in the episode's folder, if it did."""
+    """Return the film that `humanclaw run` left in the episode's folder, if it did."""
     for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
         path = folder / f"film.{kind}"
         if path.is_file():
@@ -249,7 +249,7 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str
 
 # -- what the script is told -------------------------------------------------------------------------------------------
 def _moments(view: EpisodeView, scene: Scene | None) -> list[dict[str, Any]]:
-    """What the page shows of each step while it is played."""
+    """Return what the page shows of each step while it is played."""
     return [
         {
             "step": step.record.step,

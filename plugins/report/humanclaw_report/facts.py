@@ -60,7 +60,7 @@ def _sat(recorded: RecordedEpisode) -> Milestone:
 
 
 def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
-    """The outcome as a sentence."""
+    """Return the outcome as a sentence."""
     record = recorded.record
     endings = {
         "running": "has not ended",
@@ -98,7 +98,7 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
 
 
 def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
-    """What was touched other than by standing on it, the longest first."""
+    """Return what was touched other than by standing on it, the longest first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
         for contact in touched_above_ground(recorded, step):

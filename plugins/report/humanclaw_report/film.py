@@ -72,8 +72,8 @@ def film(
 def poster(
     episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
 ) -> Path:
-    """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path
-    (PNG)."""
+    """Return a strip of third-person moments over the ego views of the same moments, beside the map with the walked
+    path (PNG)."""
     replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
     # The map fills its column, a storey below another: as wide as its shape makes it at the height of both rows.
     shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
@@ -130,7 +130,7 @@ class Replay:
         return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
 
     def state(self, frame: int, without: frozenset[int] = frozenset()) -> WorldState:
-        """The world at a frame. without: ids of objects that are left out."""
+        """Return the world at a frame. without: ids of objects that are left out."""
         places = {key: path[frame] for key, path in self.objects.items()}
         return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
 
@@ -139,7 +139,7 @@ class Replay:
         return look_at(self.eyes[frame], centre, size)
 
     def step(self, frame: int) -> StepRecord | None:
-        """The step that a frame belongs to; None before the first."""
+        """Return the step that a frame belongs to; None before the first."""
         first = HISTORY
         for step in self.episode.steps:
             if first <= frame < first + step.motion_frames:
@@ -149,13 +149,13 @@ class Replay:
 
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:
-    """The same scene, open from above: without its ceilings and without what begins above a height, metres."""
+    """Return the same scene, open from above: without its ceilings and without what begins above a height, metres."""
     kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
     return replace(scene, objects=tuple(kept))
 
 
 def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
-    """The same scene with these objects movable, so that a renderer takes from each state where they are."""
+    """Return the same scene with these objects movable, so that a renderer takes from each state where they are."""
     return replace(scene, objects=tuple(replace(o, movable=True) if o.id in ids else o for o in scene.objects))
 
 
@@ -188,14 +188,15 @@ def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bo
 
 
 def sight(scene: Scene, floor: float) -> OccupancyGrid:
-    """The plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is below."""
+    """Return the plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is
+    below."""
     plan = OccupancyGrid.of(scene, floor)
     well = np.isnan(plan.ground) & (plan.tops == 0)
     return replace(plan, tops=np.where(well, -np.inf, plan.tops))
 
 
 def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
-    """A level camera at eye that looks at centre. size: width and height in pixels."""
+    """Return a level camera at eye that looks at centre. size: width and height in pixels."""
     forward = (centre - eye) / np.linalg.norm(centre - eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     up = np.cross(right / np.linalg.norm(right), forward)
@@ -266,7 +267,7 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
-    """The body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
+    """Yield the body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
     shown: Scene | None = None
     before = goal = frozenset[int]()
     left = 0
@@ -306,7 +307,7 @@ def _ego(path: Path, side: int) -> Image.Image | None:
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:
-    """The ego view in the corner; below, the call that is being executed, and why, in the agent's words."""
+    """Return the ego view in the corner; below, the call that is being executed, and why, in the agent's words."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     if ego:
@@ -324,7 +325,7 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
 
 
 def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -> None:
-    """A line of white text with a dark edge, cut off where the picture ends."""
+    """Draw a line of white text with a dark edge, cut off where the picture ends."""
     font = ImageFont.load_default(size=max(size, 9))
     if draw.textlength(text, font) > width:
         while text and draw.textlength(text + "\u2026", font) > width:
@@ -334,7 +335,7 @@ def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -
 
 
 def _draw(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:
-    """The maps of the report as a picture of this size, the highest storey on top."""
+    """Return the maps of the report as a picture of this size, the highest storey on top."""
     sheet = Image.new("RGB", size, "white")
     height = (size[1] - GAP * (len(maps) - 1)) // len(maps)
     for row, drawn in enumerate(reversed(maps)):

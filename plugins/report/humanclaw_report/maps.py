@@ -74,7 +74,7 @@ def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.in
 
 
 def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
-    """The storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
+    """Return the storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
     floors = floors_of(scene)
     maps = [
         _storey_map(scene, floor, f"{key}-{k}", title)
@@ -85,7 +85,7 @@ def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
 
 
 def _titles(floors: Sequence[float]) -> list[str]:
-    """What storeys are called by their heights, lowest first. One alone needs no name."""
+    """Return what storeys are called by their heights, lowest first. One alone needs no name."""
     if len(floors) == 1:
         return [""]
     below = next((k for k, floor in enumerate(floors) if floor > -1.0), 0)
@@ -166,7 +166,7 @@ def _around(points: Array, margin: float) -> Box:
 
 
 def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = "") -> tuple[PathMap, ...]:
-    """The walked path over the storeys of a house that it or a target is on, lowest first."""
+    """Return the walked path over the storeys of a house that it or a target is on, lowest first."""
     walked = _walked(recorded)
     floors = [storey.floor for storey in house]
     pieces = storeys_at(floors, np.array([piece[:, 1].mean() for piece in walked]))
@@ -191,7 +191,7 @@ def _path_map(
     targets: list[Corners],
     note: str,
 ) -> PathMap:
-    """here: (pieces,) whether each piece of the path is on this storey."""
+    """Draw the path of one storey. here: (pieces,) whether each piece of the path is on this storey."""
     record = recorded.record
     noun = record.spec.target_category.replace("_", " ")
     pieces = tuple(

@@ -45,7 +45,7 @@ def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 # -- the body ----------------------------------------------------------------------------------------------------------
 def skeleton() -> dict[str, Any]:
-    """The body's joints and the shape of each link."""
+    """Return the body's joints and the shape of each link."""
     links = [
         {"joint": JOINT_INDEX[link.joint], "name": link.joint.replace("_", " ")} | _shape(link.shape) for link in LINKS
     ]
@@ -71,7 +71,7 @@ def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
 
 
 def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | None:
-    """What moves in an episode; None if its motion was not kept."""
+    """Return what moves in an episode; None if its motion was not kept."""
     try:
         simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
     except (OSError, KeyError):
@@ -118,7 +118,7 @@ def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]
 
 # -- the house ---------------------------------------------------------------------------------------------------------
 def house(scene: Scene) -> dict[str, Any]:
-    """A scene as meshes with pictures on them, each asset and each picture once."""
+    """Return a scene as meshes with pictures on them, each asset and each picture once."""
     names = sorted({obj.asset for obj in scene.objects})
     meshes = [_mesh(scene.assets[name]) for name in names]
     pictures: dict[bytes, int] = {}
@@ -165,7 +165,7 @@ def _picture(mesh: Mesh) -> bytes:
 
 
 def _mesh(asset: Asset) -> Mesh:
-    """The asset's mesh, or its hulls in its mean colour where it has too many triangles to be sent along."""
+    """Return the asset's mesh, or its hulls in its mean colour where it has too many triangles to be sent along."""
     if len(asset.mesh.faces) <= MOST_FACES or not asset.hulls:
         return asset.mesh
     vertices, faces, count = [], [], 0
@@ -186,7 +186,7 @@ def _mesh(asset: Asset) -> Mesh:
 
 
 def _outward(points: Array | NDArray[np.float32], faces: NDArray[Any]) -> NDArray[Any]:
-    """The same triangles, counter-clockwise from outside."""
+    """Return the same triangles, counter-clockwise from outside."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     inside = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - points.mean(0)) < 0
     faces = faces.copy()

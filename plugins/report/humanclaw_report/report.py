@@ -91,7 +91,7 @@ def _asked(run: Path) -> int:
 
 
 def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
-    """The page of every episode, and once for a run what they share."""
+    """Write the page of every episode, and once for a run what they share."""
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
         for run, episodes in found.items():

@@ -131,7 +131,7 @@ def run_page(
 
 
 def _names(runs: Runs) -> list[str]:
-    """The agent of each run, with the run's own name where several are shown."""
+    """Return the agent of each run, with the run's own name where several are shown."""
     agents = [", ".join(dict.fromkeys(e.record.agent for e in episodes)) for episodes in runs.values()]
     return agents if len(runs) == 1 else [f"{run.resolve().name} ({a})" for run, a in zip(runs, agents, strict=True)]
 
@@ -173,7 +173,7 @@ def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path
 
 
 def _milestone_table(runs: Runs) -> Table:
-    """What the records alone say, where no benchmark scored them."""
+    """Return what the records alone say, where no benchmark scored them."""
     rows, names = [], ("in view", "reached", "sat", "stopped")
     for name, episodes in zip(_names(runs), runs.values(), strict=True):
         met = [{stage.name: stage.met for stage in milestones(episode)} for episode in episodes]

@@ -54,7 +54,7 @@ class Watcher:
         return sorted(found, key=lambda pair: -pair[0])
 
     def state(self) -> dict[str, Any]:
-        """What the page shows, as JSON."""
+        """Return what the page shows, as JSON."""
         rows = [self._row(episode) for _, episode in self.episodes()]
         ended = sum(row["outcome"] != "running" for row in rows)
         return {"ended": ended, "episodes": len(rows), "asked": self._asked(), "rows": rows, "live": LIVE}
@@ -83,7 +83,7 @@ class Watcher:
         return next((episode for _, episode in self.episodes() if episode.folder.name == name), None)
 
     def drawn(self, name: str) -> str:
-        """The maps of an episode so far, as HTML; empty if there is no such episode."""
+        """Return the maps of an episode so far, as HTML; empty if there is no such episode."""
         episode = self.named(name)
         if episode is None:
             return ""
@@ -93,7 +93,7 @@ class Watcher:
         return template.render(maps=maps, house=house.maps if house.scene else (), words=name, parts=())
 
     def frame(self, name: str, file: str) -> bytes:
-        """A view of an episode; empty if there is none of that name."""
+        """Return a view of an episode; empty if there is none of that name."""
         episode = self.named(name)
         path = episode.folder / "frames" / file if episode else None
         return path.read_bytes() if path and path.is_file() else b""
@@ -137,7 +137,7 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(body)
 
         def _events(self) -> None:
-            """The state whenever it differs from the one before, until the page is closed."""
+            """Send the state whenever it differs from the one before, until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Cache-Control", "no-store")
