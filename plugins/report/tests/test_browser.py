@@ -64,6 +64,7 @@ def opened(browser: Any, page: Path, size: dict[str, int] = DESK, scheme: str = 
     tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    tab.set_default_timeout(120_000)
     tab.goto(page.as_uri())
     tab.wait_for_function("document.documentElement.dataset.ready")
     return tab, errors
