@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit clean
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients frameworks docs local-llm clean
+.PHONY: help install demo test wheels lint lint-pages fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -43,6 +44,9 @@ lint: install  ## Style, types and import rules
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
 	$(BIN)/lint-imports
+
+lint-pages:  ## The types of the pages' scripts (needs npx)
+	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json
 
 CHUNKS ?= .data/chunks
 
