@@ -79,14 +79,14 @@ def _living(space: Space, kit: Kit) -> None:
     _plant(space, kit)
     if kit.chance(0.5):
         _stand(space, kit, tables.cushion_block, target=False)
-    _hang(space, kit, 4)
+    _hang(space, kit, 5)
 
 
 def _dining(space: Space, kit: Kit) -> None:
     _dining_set(space, kit, 6) or _dining_set(space, kit, 4) or _dining_set(space, kit, 2) or _bare_table(space, kit)
     _stand(space, kit, storage.sideboard, front=0.5)
     _plant(space, kit)
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
 
 
 def _kitchen(space: Space, kit: Kit) -> None:
@@ -95,7 +95,7 @@ def _kitchen(space: Space, kit: Kit) -> None:
     if kit.chance(0.5):
         _plant(space, kit)
     _stand(space, kit, small.bin_)
-    _hang(space, kit, 1)
+    _hang(space, kit, 2)
 
 
 def _bedroom(space: Space, kit: Kit) -> None:
@@ -112,7 +112,7 @@ def _bedroom(space: Space, kit: Kit) -> None:
         _plant(space, kit)
     if kit.chance(0.4):
         _stand(space, kit, storage.bookshelf, front=0.45)
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
 
 
 def _kids(space: Space, kit: Kit) -> None:
@@ -124,7 +124,7 @@ def _kids(space: Space, kit: Kit) -> None:
         _plant(space, kit)
     for maker in (small.teddy, small.toy_ball, small.toy_car, small.toy_block, small.basket):
         _stand(space, kit, maker)
-    _hang(space, kit, 2)
+    _hang(space, kit, 3)
 
 
 def _office(space: Space, kit: Kit) -> None:
@@ -139,7 +139,7 @@ def _office(space: Space, kit: Kit) -> None:
     if kit.chance(0.5):
         _stand(space, kit, small.carton)
     _stand(space, kit, small.bin_)
-    _hang(space, kit, 2)
+    _hang(space, kit, 3)
 
 
 def _bathroom(space: Space, kit: Kit) -> None:
@@ -178,7 +178,7 @@ def _hall(space: Space, kit: Kit) -> None:
     pair = kit.make(small.shoe)
     for _ in range(2):
         space.try_put(space.spots(pair, kit.rng))
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
     long_x = space.length("south") > space.length("west")
     if kit.chance(0.6):
         _mat(space, kit, *((2.2, 0.75) if long_x else (0.75, 2.2)))
@@ -197,7 +197,7 @@ def _landing(space: Space, kit: Kit) -> None:
         _couch(space, kit)
     if kit.chance(0.4):
         _chair(space, kit)
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
 
 
 def _stairs(space: Space, kit: Kit) -> None:

@@ -153,9 +153,8 @@ class FloorPlan:
 
 
 _SIZES: Final = {
-    "living": (19.0, 27.0), "sitting": (14.0, 18.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0), "bedroom": (11.5, 16.0), "kids": (10.0,
-    13.0),
-    "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
+    "living": (19.0, 27.0), "sitting": (14.0, 18.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0),
+    "bedroom": (11.5, 16.0), "kids": (10.0, 13.0), "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
 }  # fmt: skip
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
 
@@ -222,7 +221,12 @@ def _downstairs(rng: np.random.Generator, block: bool) -> list[str]:
 def _upstairs(rng: np.random.Generator, layout: Layout) -> list[str]:
     extra = ["bedroom", "kids", "kids", "office", "bathroom", "bedroom", "laundry"]
     sitting = ["living"] * (layout.livings - 1)
-    return [*sitting, "bedroom", "bathroom", *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))])]
+    return [
+        *sitting,
+        "bedroom",
+        "bathroom",
+        *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))]),
+    ]
 
 
 def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
@@ -285,7 +289,7 @@ def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
     rows = _rows(_without(kinds, column), depths, rng, beyond=beyond)
     width, across = float(rng.uniform(3.9, 4.9)), depths[0] + hall + depths[1]
     along = _fitted([(kind, _width(kind, width, rng)) for kind in column], across)
-    if rows is None or along is None or along[0][1] < depths[0] + 1.4 and beyond:
+    if rows is None or along is None or (along[0][1] < depths[0] + 1.4 and beyond):
         return None
     x = sum(w for _, w in rows[1])
     rects = _lay_out((rows[0], rows[1]), depths, hall, length=x)
@@ -580,8 +584,11 @@ def _joined(walls: list[Wall], areas: tuple[Area, ...], hubs: set[str]) -> bool:
 
 def _front_door(walls: list[Wall], hubs: set[str], rng: np.random.Generator) -> list[Wall] | None:
     """In one of the shortest walls that lead out; the long ones are for windows."""
-    outer = {k: round(wall.end - wall.start, 2) for k, wall in enumerate(walls)
-             if "" in (wall.low, wall.high) and {wall.low, wall.high} & hubs and wall.end - wall.start > 1.3}  # fmt: skip
+    outer = {
+        number: round(wall.end - wall.start, 2)
+        for number, wall in enumerate(walls)
+        if "" in (wall.low, wall.high) and {wall.low, wall.high} & hubs and wall.end - wall.start > 1.3
+    }
     if not outer:
         return None
     ends = [k for k, length in outer.items() if length < min(outer.values()) + 0.1]

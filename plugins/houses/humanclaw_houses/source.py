@@ -14,7 +14,7 @@ from humanclaw.scene import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
-from humanclaw_houses.names import seed_of
+from humanclaw_houses.names import GENERATOR, seed_of
 from humanclaw_houses.plan import Area, FloorPlan, Layout, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
@@ -99,7 +99,7 @@ def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng:
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
-    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
+    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": f"humanclaw-houses {GENERATOR}"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 
 

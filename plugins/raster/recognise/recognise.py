@@ -1,10 +1,11 @@
-"""How often a detector that was trained on photos knows a target for what it is: python recognise.py [HOUSES] [LIBRARY]
+"""How often a detector trained on photos knows a target: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
 
 Looks at every kind of target in HOUSES houses (or in those of a comma-separated list) from places where a body can
-stand, and counts, of the targets that fill more than 3 % of a picture, those over which the detector (CenterNet with
-MobileNet-v3, COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union of at
-least 0.3 with the target's visible pixels. With LIBRARY the houses are furnished from it. Needs node; `make recognise`
-installs the packages beside this file. Pictures with hits in green and misses in red go to build/recognise.
+stand. Of the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with
+MobileNet-v3, COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with
+the target's visible pixels of 0.3 or more. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from
+it. Needs node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red
+go to build/recognise.
 """
 
 from __future__ import annotations
@@ -123,9 +124,9 @@ def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image
     return image
 
 
-def main(houses: str = "12", library: str = "") -> None:
+def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> None:
     plugins = Plugins.discover()
-    renderer = plugins.make("renderers", "raster")
+    renderer = plugins.make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
     numbers = houses.split(",") if "," in houses else [str(k) for k in range(int(houses))]
     scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
