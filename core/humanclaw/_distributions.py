@@ -21,12 +21,12 @@ def table() -> Mapping[str, Mapping[str, str]]:
 
 
 def bringing(kind: str, name: str) -> str:
-    """The first-party distribution that brings something; empty if none does."""
+    """Return the first-party distribution that brings something; empty if none does."""
     return table().get(kind, {}).get(name, "")
 
 
 def install(distributions: Iterable[str]) -> str:
-    """The shortest line that installs some distributions: by the extra `demo` where it holds several of them."""
+    """Return the shortest line that installs some distributions: by the extra `demo` where it holds several of them."""
     wanted, demo = list(dict.fromkeys(distributions)), _extra(DEMO)
     if len(demo & set(wanted)) > 1:
         wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
@@ -34,6 +34,6 @@ def install(distributions: Iterable[str]) -> str:
 
 
 def _extra(extra: str) -> set[str]:
-    """The distributions that an extra of the core names, whatever the version of Python."""
+    """Return the distributions that an extra of the core names, whatever the version of Python."""
     requirements = map(Requirement, importlib.metadata.requires("humanclaw") or ())
     return {one.name for one in requirements if one.marker and f'extra == "{extra}"' in str(one.marker)}

@@ -25,7 +25,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """A name is on disk when its folder is. Windows has no such call: it opens no folder."""
+    """Sync a folder: a name is on disk when its folder is. Windows has no such call: it opens no folder."""
     if os.name == "nt":
         return
     descriptor = os.open(folder, os.O_RDONLY)

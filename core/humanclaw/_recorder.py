@@ -141,7 +141,7 @@ def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | 
 
 
 def target_boxes(scene: Scene, targets: Sequence[int], state: WorldState) -> dict[int, tuple[Vec3, Vec3]]:
-    """The bounding box of each target where it is now, metres: most chairs can be pushed."""
+    """Return the bounding box of each target where it is now, metres: most chairs can be pushed."""
     boxes = {key: scene.aabb(key, state.objects.get(key)) for key in targets}
     return {key: (vec3(low), vec3(high)) for key, (low, high) in boxes.items()}
 
@@ -197,7 +197,7 @@ def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
 
 
 def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
-    """What became of each chunk, with the frame of the step that it begins at."""
+    """Yield what became of each chunk, with the frame of the step that it begins at."""
     start = 0
     for chunk in chunks:
         yield start, chunk.execution

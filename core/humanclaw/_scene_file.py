@@ -19,7 +19,7 @@ _MESH = ("vertices", "faces", "uv", "texture")
 
 
 def pack_scene(scene: Scene) -> bytes:
-    """A safetensors file: the arrays of every asset, and one of JSON with all the rest and the digest."""
+    """Return a safetensors file: the arrays of every asset, and one of JSON with all the rest and the digest."""
     arrays: dict[str, NDArray[Any]] = {}
     heads = []
     for number, asset in enumerate(scene.assets.values()):
@@ -39,7 +39,7 @@ def pack_scene(scene: Scene) -> bytes:
 
 
 def unpack_scene(data: bytes) -> Scene:
-    """Raises SceneError if the bytes are not a scene, or not the one that was packed."""
+    """Read a packed scene. Raises SceneError if the bytes are not a scene, or not the one that was packed."""
     try:
         arrays = load(data)
         head = json.loads(arrays[_HEAD].tobytes())

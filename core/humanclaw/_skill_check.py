@@ -113,7 +113,7 @@ def _bad_checks(skill: Skill) -> Iterator[PluginError]:
 
 
 def _open_ended(skill: Skill) -> Iterator[PluginError]:
-    """What the schema says of calls beside its properties, and providers are not told."""
+    """Yield what the schema says of calls beside its properties, and providers are not told."""
     for word in skill.schema:
         if word not in _TOP_LEVEL and not word.startswith("x-"):
             message = f"the schema of skill {skill.name!r} has {word!r} beside its properties, which no model is told."
@@ -179,7 +179,7 @@ def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) ->
 
 
 def _misfits(skill: Skill, base: str) -> Iterator[PluginError]:
-    """What the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
+    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
     assert skill.adapter is not None
     try:
         header = check_checkpoint(skill.adapter, "adapter", _train(skill))

@@ -234,7 +234,7 @@ def _bad_checklist(path: Path, why: str) -> PluginError:
 
 
 def _foreign(schema: Any) -> Iterator[str]:
-    """References that lead out of a schema, or that change what others mean: what is checked must be what is
+    """Return references that lead out of a schema, or that change what others mean: what is checked must be what is
     published."""
     if isinstance(schema, list):
         for part in schema:
@@ -284,7 +284,7 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
 
 
 def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
-    """The JSON schema of a function's arguments, read off its annotations."""
+    """Return the JSON schema of a function's arguments, read off its annotations."""
     hints = inspect.get_annotations(function, eval_str=True)
     properties: dict[str, Any] = {}
     for key, argument in inspect.signature(function).parameters.items():

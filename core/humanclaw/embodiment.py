@@ -28,6 +28,7 @@ from humanclaw.interfaces import (
     WorldState,
     ego_camera,
 )
+from humanclaw.motion import Course
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.records import Call
@@ -100,6 +101,7 @@ class Body:
         self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
         self._history = re_rooted(self._generator.start(), self._state.body)
+        self._course = Course()
         return self.observe()
 
     @property
@@ -165,10 +167,13 @@ class Body:
         )
 
     def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
-        """The motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
+        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
         if isinstance(plan, Control):
             require_trained(skill)
-            yield self._generator.generate(self._history, plan.adapter, plan.values, (self.seed, self.step))
+            values = self._course.steer(skill.declaration, plan.values)
+            motion = self._generator.generate(self._history, plan.adapter, values, (self.seed, self.step))
+            self._course = self._course.after(skill.declaration, plan.values, self._history, motion)
+            yield motion
             return
         motion = plan.over(self._history)
         for first in range(0, len(motion), FUTURE):

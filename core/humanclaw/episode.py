@@ -163,7 +163,8 @@ class Episode:
     @property
     def success(self) -> bool:
         """Whether it has been stopped within reach of a target, and sitting on it if that was asked."""
-        return succeeded(self.spec, self._steps)
+        sits = {name for name, skill in self.body.skills.items() if skill.role == "sit"}
+        return succeeded(self.spec, self._steps, sits)
 
     def target_distance(self) -> float | None:
         """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
@@ -244,7 +245,7 @@ class Episode:
         self._asked = None
 
     def _look(self) -> View:
-        """The view of the step under way, which is drawn and kept once."""
+        """Return the view of the step under way, which is drawn and kept once."""
         if self._view is None:
             with self._timed("observe"):
                 self._view = self.body.view()
@@ -272,8 +273,8 @@ class Episode:
         return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
-        """The verdict and the call to execute. A replacement that is not legal lets the proposal through, and says
-        so."""
+        """Return the verdict and the call to execute. A replacement that is not legal lets the proposal through, and
+        says so."""
         if self._verifier is None:
             return None, call
         skills = self.body.skills
@@ -307,7 +308,7 @@ class Episode:
         verdict: Verdict | None = None,
         done: SkillExecution | None = None,
     ) -> StepRecord:
-        """The record of a step: of a call with the motion that it led to, or of none."""
+        """Return the record of a step: of a call with the motion that it led to, or of none."""
         after, chunks = self.body.state(), done.chunks if done else ()
         scene, targets, ids = self.body.scene, self.spec.target_ids, self._look().ids
         return StepRecord(
@@ -338,11 +339,11 @@ class Episode:
         return self.body.skills[call.skill].role == "stop"
 
     def _resting(self) -> tuple[int, ...]:
-        """What the pelvis touches while nothing moves: what it touched when the last motion ended."""
+        """Return what the pelvis touches while nothing moves: what it touched when the last motion ended."""
         return self._steps[-1].pelvis_contacts if self._steps else ()
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
-        """A step is over: record it, remember it, tell the observers."""
+        """Return a step is over: record it, remember it, tell the observers."""
         if self._writer and not replayed:
             self._writer.step(step)
         self._steps.append(step)
@@ -372,8 +373,8 @@ class Episode:
         self._keep(step, replayed=True)
 
     def _replay_decisions(self, step: StepRecord) -> None:
-        """A script that knows the world keeps a memory beside the history, so it has to live through its decisions
-        too."""
+        """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
+        through its decisions too."""
         if self._agent and self._agent.privileged:
             feedback = self._feedback
             for attempt in step.attempts:
@@ -442,7 +443,7 @@ class Episode:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
         if not getattr(decider, "privileged", False):
             return context
-        return replace(context, scene=self.body.scene, state=self.body.state)
+        return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
@@ -452,7 +453,7 @@ class Episode:
 
 
 def _origin(decider: object) -> str:
-    """The package that an agent or a verifier comes from."""
+    """Return the package that an agent or a verifier comes from."""
     return type(decider).__module__.partition(".")[0]
 
 

@@ -131,9 +131,9 @@ def humanclaw_commands(cli: click.Group) -> None:
 
 @hookspec
 def humanclaw_step(episode: EpisodeRecord, step: StepRecord) -> None:
-    """Called after each recorded step."""
+    """Hear of a step once it is recorded."""
 
 
 @hookspec
 def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
-    """Called when an episode's record is complete; folder is where it was written, if anywhere."""
+    """Hear that an episode's record is complete; folder is where it was written, if anywhere."""

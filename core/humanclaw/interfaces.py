@@ -187,6 +187,8 @@ class EpisodeContext:
     scene: Scene | None = None
     state: Callable[[], WorldState] | None = None
     """scene and state are given to privileged agents only: oracles, never models."""
+    view: Callable[[], View] | None = None
+    """Likewise: the view of the step under way with its depth and ids, for those who see perfectly and know no more."""
     meter: Meter | None = None
     """What may still be used; whoever waits for a model should wait no longer than meter.seconds_left()."""
 
@@ -205,7 +207,8 @@ class Agent(Protocol):
     def begin(self, context: EpisodeContext) -> None: ...
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Raises ProviderError when no answer can be had; that is never turned into a decision.
+        """Decide on the next call. Raises ProviderError when no answer can be had; that is never turned into a
+        decision.
 
         Raises LimitError when the meter of the episode leaves no time to wait for one.
         """

@@ -63,7 +63,7 @@ class Meter:
     """Keeps the accounts of a run, of the episode under way and of its present call. One thread uses it at a time."""
 
     def __init__(self, limits: Limits | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        """Raises HumanclawError for limits that cannot be meant."""
+        """Keep limits. Raises HumanclawError for limits that cannot be meant."""
         self.limits = dict(check_limits(limits or {}))
         self._clock = clock
         self._accounts: dict[Scope, _Account] = {scope: _Account(clock()) for scope in SCOPES}

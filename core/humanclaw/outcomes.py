@@ -4,7 +4,7 @@ acknowledged."""
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence, Set
+from collections.abc import Container, Sequence, Set
 from typing import Final
 
 from humanclaw.records import Contact, EpisodeSpec, RecordedEpisode, StepRecord
@@ -66,17 +66,32 @@ def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
     return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
 
 
-def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord]) -> bool:
-    """Decide whether an episode ended in success: an active stop within reach and, if it was asked for, after sitting.
+def stopped_within_reach(steps: Sequence[StepRecord]) -> bool:
+    """Tell whether an active stop ended the steps with the body within reach of a target (NavSR)."""
+    last = steps[-1] if steps else None
+    return last is not None and last.status == "stopped" and _distance(last) <= REACHED
 
-    What the pelvis touches at the stop is what it touched in the last physics frame before it.
+
+def stopped_seated(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
+    """Tell whether the body sat down, and an active stop ended the steps with the pelvis on a target (InteractSR).
+
+    sits: names of the skills of role sit. What the pelvis touches at the stop is what it touched in the last physics
+    frame before it.
     """
     if not steps or steps[-1].status != "stopped":
         return False
-    last = steps[-1]
-    if last.target_distance is None or last.target_distance > REACHED:
-        return False
-    return not spec.interact or bool(set(last.pelvis_contacts) & set(spec.target_ids))
+    sat = any(step.call and step.call.skill in sits for step in steps)
+    return sat and bool(set(steps[-1].pelvis_contacts) & set(spec.target_ids))
+
+
+def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
+    """Decide whether an episode ended in success: stopped on the seat if it was to be sat on, else within reach."""
+    return stopped_seated(spec, steps, sits) if spec.interact else stopped_within_reach(steps)
+
+
+def sits_of(recorded: RecordedEpisode) -> frozenset[str]:
+    """Return the names of the skills of role sit, as a record has them."""
+    return frozenset(name for name, info in recorded.record.skills.items() if info.role == "sit")
 
 
 def footing(contact: Contact, ground: Set[int]) -> bool:
@@ -85,8 +100,8 @@ def footing(contact: Contact, ground: Set[int]) -> bool:
 
 
 def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
-    """The contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an upper
-    floor."""
+    """Return the contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an
+    upper floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
 
@@ -97,8 +112,11 @@ def end_distance(recorded: RecordedEpisode) -> float:
 
     A stop moves nothing, so this is where the body was when it was called.
     """
-    last = recorded.steps[-1].target_distance if recorded.steps else None
-    return float("inf") if last is None else last
+    return _distance(recorded.steps[-1]) if recorded.steps else float("inf")
+
+
+def _distance(step: StepRecord) -> float:
+    return float("inf") if step.target_distance is None else step.target_distance
 
 
 def reached(recorded: RecordedEpisode) -> bool:

@@ -85,8 +85,8 @@ class Registry:
     """What else another plugin has, each told with both owners."""
 
     def register(self, kind: str) -> Callable[..., None]:
-        """The argument `register` of a hook. It takes a name, a value and a description, or a value that has them
-        itself."""
+        """Return the argument `register` of a hook. It takes a name, a value and a description, or a value that has
+        them itself."""
 
         def register(named: Any, value: Any = None, description: str = "") -> None:
             if value is None:
@@ -103,7 +103,7 @@ class Registry:
         return register
 
     def _skill(self, given: Skill | Path) -> Skill | None:
-        """The skill, or None for a folder that holds none: its neighbours are not to blame."""
+        """Return the skill, or None for a folder that holds none: its neighbours are not to blame."""
         try:
             return _skill(given)
         except Exception as error:
@@ -246,7 +246,7 @@ class Plugins:
         return self._found["skills"][skill].owner
 
     def skill(self, name: str) -> Skill:
-        """Raises PluginError with the nearest names if there is no such skill."""
+        """Return the skill of that name. Raises PluginError with the nearest names if there is no such skill."""
         return self._find("skills", name).value  # type: ignore[no-any-return]
 
     def registered(self, kind: str) -> tuple[Registration, ...]:
@@ -269,7 +269,7 @@ class Plugins:
             raise PluginError(needed, f"Run `pip install {error.name}`.") from error
 
     def require(self, *wanted: tuple[str, str]) -> None:
-        """Raises PluginError for all (kind, name) that are not there, with the one line that installs them."""
+        """Raise PluginError for all (kind, name) that are not there, with the one line that installs them."""
         missing = [(kind, name) for kind, name in wanted if name not in self._found.get(kind, {})]
         bringing = [distributions.bringing(kind, name) for kind, name in missing]
         if len(missing) > 1 and all(bringing):
@@ -280,7 +280,7 @@ class Plugins:
             self._find(kind, name)
 
     def scene(self, reference: str) -> Any:
-        """The scene that `source:argument` names."""
+        """Return the scene that `source:argument` names."""
         source, _, argument = reference.partition(":")
         return self.make("scenes", source, argument)
 
@@ -295,7 +295,7 @@ class Plugins:
         raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
 
     def _remedy(self, kind: str, name: str) -> str:
-        """The line that installs what a name may mean, or else what there is."""
+        """Return the line that installs what a name may mean, or else what there is."""
         known, elsewhere = self._found.get(kind, {}), distributions.table().get(kind, {})
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):
@@ -308,7 +308,7 @@ class Plugins:
         return f"Known: {', '.join([*known, *more]) or 'none'}."
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
-        """The plugin's module; None, and the reason among the infos, if it cannot be imported or is for another
+        """Return the plugin's module; None, and the reason among the infos, if it cannot be imported or is for another
         version."""
         return self._try(point, lambda: _checked(point).load())
 
@@ -343,7 +343,7 @@ class Plugins:
         return registry
 
     def _only(self, plugin: object, hook: str) -> Any:
-        """A caller of one plugin's implementation of a hook."""
+        """Return a caller of one plugin's implementation of a hook."""
         others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
         return self._manager.subset_hook_caller(hook, others)
 
@@ -381,7 +381,7 @@ def _checked(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPo
 
 
 def _check_requirement(dist: importlib.metadata.Distribution) -> None:
-    """A distribution says in its own metadata which humanclaw it was made for; hold it to that."""
+    """Hold a distribution to the humanclaw that its own metadata say it was made for."""
     for text in dist.requires or ():
         requirement = Requirement(text)
         if canonicalize_name(requirement.name) == "humanclaw" and humanclaw.__version__ not in requirement.specifier:
@@ -392,7 +392,8 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """The kind of an error and its words, on one line; an error of somebody else may fail even at saying them."""
+    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
+    them."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
     try:

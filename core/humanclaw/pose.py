@@ -149,7 +149,7 @@ class Motion:
         return heading(self.rotations[:, 0])
 
     def then(self, other: Motion) -> Motion:
-        """This motion followed by the other one."""
+        """Return this motion followed by the other one."""
         return Motion(np.concatenate([self.root, other.root]), np.concatenate([self.rotations, other.rotations]))
 
 
@@ -223,7 +223,7 @@ class Pose2D:
 
 
 def re_rooted(generated: Motion, simulated: Motion) -> Motion:
-    """Generated frames, moved as one piece so that the last of them stands where the body really is.
+    """Return generated frames, moved as one piece so that the last of them stands where the body really is.
 
     The motion model continues its own poses and not the simulated ones: what contact did to the body is physics'
     affair, and the model never meets a pose that no person would take. Position and heading, which contact changes for

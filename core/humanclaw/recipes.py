@@ -131,3 +131,5 @@ class Recipe:
     """and how often itself."""
     stays_seated: bool = False
     """Whether a body that sits stays seated; otherwise it rises."""
+    retimed: bool = False
+    """Whether its clips are also played at other paces, backwards and with halts, over planted feet: for a posture."""

@@ -370,7 +370,7 @@ def _verify(folder: Path, record: EpisodeRecord) -> None:
 
 
 def _within(folder: Path, name: str) -> Path:
-    """A file of a record; what a record says must not lead out of its folder."""
+    """Return a file of a record; what a record says must not lead out of its folder."""
     path = folder / name
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", _AGAIN)

@@ -175,7 +175,7 @@ def parameter_schema(skill: Skill) -> Json:
 
 
 def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: int = 0) -> Json:
-    """A schema with references resolved, null alternatives dropped and single alternatives merged."""
+    """Return a schema with references resolved, null alternatives dropped and single alternatives merged."""
     if not isinstance(part, Mapping):
         raise PluginError(f"{where} is {part!r} somewhere, not a type.", "Give it a type.")
     if depth > _MAX_DEPTH:
@@ -236,7 +236,7 @@ def _inclusive(part: Json) -> Json:
 
 
 def _widen(one: Json, other: Json) -> Json:
-    """A schema that allows what either allows, as far as type, bounds and enum go."""
+    """Return a schema that allows what either allows, as far as type, bounds and enum go."""
     if one.get("type") != other.get("type"):
         return {}
     wide = {"type": one["type"]} if "type" in one else {}
@@ -259,7 +259,8 @@ def _gemini_declaration(spec: Json) -> Json:
 
 
 def _for_gemini(part: Mapping[str, Any]) -> Json:
-    """The subset of JSON schema that Gemini documents; an enum of anything but strings is told in the description."""
+    """Return the subset of JSON schema that Gemini documents; an enum of anything but strings is told in the
+    description."""
     kept = {key: value for key, value in part.items() if key in _GEMINI_WORDS}
     if not all(isinstance(value, str) for value in kept.get("enum", ())):
         choices = ", ".join(map(str, kept.pop("enum")))
@@ -339,7 +340,7 @@ def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterat
 
 
 def _once(pairs: list[tuple[str, Any]]) -> Json:
-    """An object, each of whose keys is there once: of two values nobody knows which was meant."""
+    """Return an object, each of whose keys is there once: of two values nobody knows which was meant."""
     values = dict(pairs)
     if len(values) < len(pairs):
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]

@@ -27,7 +27,7 @@ from humanclaw import Plugins
 
 
 def part(rng: np.random.Generator, subdivisions: int) -> trimesh.Trimesh:
-    """A lump with a picture."""
+    """Return a lump with a picture."""
     lump = trimesh.creation.icosphere(subdivisions=subdivisions, radius=rng.uniform(0.15, 0.35))
     lump.apply_scale(rng.uniform(0.5, 1.5, 3))
     lump.apply_translation(rng.uniform(-0.3, 0.3, 3))

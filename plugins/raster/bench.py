@@ -175,7 +175,7 @@ def _soup(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def moments(scene: Scene) -> list[WorldState]:
-    """A body in the middle of each room, each turned another way."""
+    """Return a body in the middle of each room, each turned another way."""
     found = []
     for number, room in enumerate(scene.rooms):
         body, rotations = rest_pose(), rest_pose().rotations.copy()

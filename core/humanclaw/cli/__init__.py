@@ -70,13 +70,14 @@ class Commands(click.Group):
 
 
 def build(plugins: Callable[[], Plugins]) -> click.Group:
-    """The command group with `run` and, once they are asked for, the commands of the plugins, the core's among them."""
+    """Return the command group with `run` and, once they are asked for, the commands of the plugins, the core's among
+    them."""
     from humanclaw.cli.run import run
 
     @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
     @click.version_option(humanclaw.__version__, prog_name="humanclaw")
     def humanclaw_command() -> None:
-        """A human body for any tool-calling model: run episodes, look at them, and train the skills."""
+        """Give any tool-calling model a human body: run episodes, look at them, train skills."""
 
     humanclaw_command.add_command(run)
     return humanclaw_command

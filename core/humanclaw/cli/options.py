@@ -34,12 +34,12 @@ class Deciders:
     limits: Mapping[str, float]
 
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
-        """An agent and a verifier, for one episode after another."""
+        """Return an agent and a verifier, for one episode after another."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
         return plugins.make("agents", self.agent, self.options), verifier
 
     def meter(self) -> Meter:
-        """The accounts of one run."""
+        """Return the accounts of one run."""
         return Meter(self.limits)
 
 
@@ -96,12 +96,13 @@ _DECIDERS: Final = (
 
 
 def engine_options(function: F) -> F:
-    """--simulator and --generator, for commands that take no decider."""
+    """Add --simulator and --generator, for commands that take no decider."""
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)
 
 
 def decider_options(function: F) -> F:
-    """The options that say who decides, and with what body; the command gets them as `deciders` and `backends`."""
+    """Return the options that say who decides, and with what body; the command gets them as `deciders` and
+    `backends`."""
 
     @functools.wraps(function)
     def command(

@@ -88,7 +88,7 @@ def play(
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """A request to end is Ctrl-C by another name: the record is closed and the report written."""
+    """Return a request to end is Ctrl-C by another name: the record is closed and the report written."""
 
     def handle(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -117,7 +117,7 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 
 def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
-    """What the reporters that are installed make of the record."""
+    """Print what the installed reporters make of the record."""
     console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)

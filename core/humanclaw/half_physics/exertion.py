@@ -69,7 +69,7 @@ class Exertion:
         return self._mass[key] * float(gain) if faster else 0.0
 
     def _handed_on(self, pushed: set[int]) -> Sequence[int]:
-        """What is pushed, and what that pushes in its turn."""
+        """Return what is pushed, and what that pushes in its turn."""
         chain, links = set(pushed), [pair for pair in self._world.touching() if set(pair) <= set(self._before)]
         while more := {key for pair in links if chain & set(pair) for key in pair} - chain:
             chain |= more
@@ -104,7 +104,7 @@ def _speed(motion: ObjectMotion, radius: float) -> float:
 
 
 def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
-    """The motion with that share of what the step changed in it; a fall is nobody's push and stays whole."""
+    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole."""
     velocity = before.velocity + share * (after.velocity - before.velocity)
     velocity[1] = min(velocity[1], after.velocity[1])
     spin = before.spin + share * (after.spin - before.spin)

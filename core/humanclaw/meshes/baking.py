@@ -49,7 +49,7 @@ def bake(parts: Sequence[Part], cell: int = CELL) -> Mesh:
 
 
 def _unrolled(part: Part) -> tuple[Array, NDArray[np.int64], Array, int]:
-    """A part whose uv begin at 0 on every face, and how many repeats of the picture its widest face covers."""
+    """Return a part whose uv begin at 0 on every face, and how many repeats of the picture its widest face covers."""
     if part.picture is None or part.uv is None:
         return part.vertices, part.faces, np.zeros((len(part.vertices), 2)), 1
     corner = part.uv[part.faces]
@@ -71,7 +71,7 @@ def _tiled(picture: NDArray[np.uint8], repeats: int, cell: int) -> NDArray[np.ui
 
 
 def _palette(colours: Sequence[tuple[int, int, int]]) -> NDArray[np.uint8]:
-    """A square of blocks, one a colour."""
+    """Return a square of blocks, one a colour."""
     across = max(1, int(np.ceil(np.sqrt(len(colours)))))
     square = np.zeros((across * across, 3), np.uint8)
     square[: len(colours)] = np.array(colours, np.uint8).reshape(-1, 3)

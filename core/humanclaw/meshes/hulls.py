@@ -114,7 +114,7 @@ def _vhacd(points: Array, faces: NDArray[np.int64], count: int) -> list[Array]:
 
 
 def _around(points: Array, faces: NDArray[np.int64], keep_out: KeepOutBox) -> Iterator[tuple[Array, NDArray[np.int64]]]:
-    """The parts of a mesh below a keep-out box and at its four sides; what is inside it is left out."""
+    """Yield the parts of a mesh below a keep-out box and at its four sides; what is inside it is left out."""
     below, above = _cut(points, faces, 1, keep_out.y)
     yield below
     for axis, at, side in ((2, keep_out.z0, 0), (2, keep_out.z1, 1), (0, keep_out.x0, 0), (0, keep_out.x1, 1)):
@@ -127,7 +127,7 @@ Halves = tuple[tuple[Array, NDArray[np.int64]], tuple[Array, NDArray[np.int64]]]
 
 
 def _cut(points: Array, faces: NDArray[np.int64], axis: int, at: float) -> Halves:
-    """A mesh on either side of the plane where a coordinate has a value: first the lower, then the higher."""
+    """Return a mesh on either side of the plane where a coordinate has a value: first the lower, then the higher."""
     from trimesh import intersections
 
     if not len(faces):
@@ -190,7 +190,7 @@ def _solid(points: Array) -> bool:
 
 
 def _thinned(points: Array) -> Array:
-    """The corners of the convex hull, at most about 48 of them: those that reach farthest along directions all
+    """Return the corners of the convex hull, at most about 48 of them: those that reach farthest along directions all
     around."""
     from scipy.spatial import ConvexHull
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         shipped_base,
     )
     from humanclaw.motion.control import FOURIER_FREQUENCIES, OCTAVES, AdapterConfig, Encoder
+    from humanclaw.motion.course import Course
     from humanclaw.motion.dit import SIZES, ModelConfig, Prediction, Weights, time_frequencies
     from humanclaw.motion.flow import PROFILES, SIGMA_MIN, Solver, noise_of
     from humanclaw.motion.generator import DiTGenerator
@@ -33,6 +34,7 @@ _HOMES = {
     "AdapterConfig": "control",
     "Base": "checkpoint",
     "Card": "checkpoint",
+    "Course": "course",
     "DiTGenerator": "generator",
     "Encoder": "control",
     "FORMAT": "checkpoint",
@@ -79,6 +81,7 @@ __all__ = [
     "AdapterConfig",
     "Base",
     "Card",
+    "Course",
     "DiTGenerator",
     "Encoder",
     "Limb",

@@ -75,7 +75,7 @@ class Card:
 
     @classmethod
     def of(cls, header: Mapping[str, Any]) -> Card:
-        """The card in a checkpoint's header. Raises KeyError."""
+        """Return the card in a checkpoint's header. Raises KeyError."""
         card = header["card"]
         return cls(card["recipe"], card["data"], tuple(card["licences"]))
 
@@ -131,7 +131,7 @@ def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
 
 
 def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tuple[AdapterConfig, Tensors]:
-    """The configuration and the weights of an adapter for the base of that digest, as they are stored.
+    """Return the configuration and the weights of an adapter for the base of that digest, as they are stored.
 
     Raises CheckpointError as load_adapter does.
     """
@@ -150,14 +150,14 @@ def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tupl
 
 
 def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any], Tensors]:
-    """The header and the tensors of a checkpoint of one kind, `base` or `adapter`. Raises CheckpointError with that
-    remedy."""
+    """Return the header and the tensors of a checkpoint of one kind, `base` or `adapter`. Raises CheckpointError with
+    that remedy."""
     header = check_checkpoint(path, kind, remedy)
     return header, _open(path, remedy, weights=True)[1]
 
 
 def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
-    """The header of a checkpoint of one kind, once every weight is known to be finite: 3 ms for an adapter.
+    """Return the header of a checkpoint of one kind, once every weight is known to be finite: 3 ms for an adapter.
 
     Raises CheckpointError with that remedy.
     """
@@ -185,7 +185,7 @@ def _not_finite(path: Path) -> Iterator[str]:
 
 
 def read_header(path: Path, remedy: str = "Train it with: humanclaw train") -> dict[str, Any]:
-    """The header of a base or an adapter, without its weights. Raises CheckpointError."""
+    """Return the header of a base or an adapter, without its weights. Raises CheckpointError."""
     return _open(path, remedy)[0]
 
 
@@ -195,7 +195,7 @@ def own_tensors(tensors: Tensors) -> Tensors:
 
 
 def broken(path: Path, error: Exception, remedy: str) -> CheckpointError:
-    """The error of a file that is no usable checkpoint, told in one line."""
+    """Return the error of a file that is no usable checkpoint, told in one line."""
     return CheckpointError(f"{path} cannot be read as a checkpoint ({str(error).splitlines()[0]}).", remedy)
 
 

@@ -71,7 +71,7 @@ class Adapter:
         return modulate_blocks(self.blocks, silu(base.time(tau)))
 
     def residual(self, condition: Array, modulations: Array) -> Residual:
-        """What this branch adds to each layer of the base."""
+        """Return what this branch adds to each layer of the base."""
         return lambda layer, z: self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))
 
 

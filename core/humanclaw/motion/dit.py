@@ -74,7 +74,7 @@ class Weights:
         return tensor.astype(np.float32)
 
     def check_all_taken(self) -> None:
-        """Raises ValueError when a tensor is left over."""
+        """Raise ValueError when a tensor is left over."""
         if self._left:
             raise ValueError(f"no part of the model takes {', '.join(sorted(self._left))}")
 

@@ -72,7 +72,7 @@ step."""
 
 
 def velocity(prediction: Prediction, output: Array, noisy: Array, tau: float) -> Array:
-    """The velocity that a model's output means. tau: below 1."""
+    """Return the velocity that a model's output means. tau: below 1."""
     if prediction == "velocity":
         return output
     # In single precision: numpy's stubs promote by a Python float, numpy does not.

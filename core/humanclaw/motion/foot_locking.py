@@ -50,8 +50,8 @@ class _Stance:
 
 
 def lock_feet(history: Motion, future: Motion) -> Motion:
-    """The future with its standing feet held still. Both in the canonical frame of the chunk (floor of the history at
-    0)."""
+    """Return the future with its standing feet held still. Both in the canonical frame of the chunk (floor of the
+    history at 0)."""
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     rotations = whole.rotations.copy()

@@ -52,7 +52,7 @@ class DiTGenerator:
 
     @classmethod
     def shipped(cls, profile: str = "default") -> DiTGenerator:
-        """The base that comes with the package.
+        """Return the base that comes with the package.
 
         profile: `default` for few solver steps and foot locking, `paper` for the paper's 30 steps and nothing after
         them.
@@ -69,7 +69,7 @@ class DiTGenerator:
         return self.base.digest
 
     def start(self) -> Motion:
-        """The five frames of standing that every episode begins from, at the origin facing +Z."""
+        """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
         return Motion(self.base.start_root.astype(float), self.base.start_rotations.astype(float))
 
     def generate(

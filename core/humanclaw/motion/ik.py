@@ -41,13 +41,13 @@ class Limb:
 
     @classmethod
     def leg(cls, side: str) -> Limb:
-        """The knee bends about +X, which carries the shin backwards."""
+        """Return the knee bends about +X, which carries the shin backwards."""
         knee, ankle = (OFFSETS[JOINT_INDEX[f"{side}_{joint}"]] for joint in ("knee", "ankle"))
         return cls(knee, ankle, np.array([1.0, 0.0, 0.0]))
 
     @classmethod
     def arm(cls, side: str) -> Limb:
-        """The elbow bends about the vertical of the T-pose, which carries the hand forwards."""
+        """Return the elbow bends about the vertical of the T-pose, which carries the hand forwards."""
         elbow, wrist = (OFFSETS[JOINT_INDEX[f"{side}_{joint}"]] for joint in ("elbow", "wrist"))
         return cls(elbow, wrist, np.array([0.0, -1.0 if side == "left" else 1.0, 0.0]))
 

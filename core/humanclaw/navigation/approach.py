@@ -163,7 +163,7 @@ def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Calla
 
 
 def _extended(field: Array) -> Array:
-    """A cell where no body fits takes the way of the nearest cell with one, and the straight line to it."""
+    """Return a cell where no body fits takes the way of the nearest cell with one, and the straight line to it."""
     known = np.isfinite(field)
     if not known.any():
         return field

@@ -226,7 +226,7 @@ def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
 
 
 def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> Iterator[Array]:
-    """The convex pieces of an object that stand on this floor, (K, 3) world points each; ceilings left out."""
+    """Yield the convex pieces of an object that stand on this floor, (K, 3) world points each; ceilings left out."""
     if obj.category != "ceiling":
         for points in placed_hulls(scene, obj, pose):
             if points[:, 1].max() > floor + OBSTACLE_HEIGHTS[0] and points[:, 1].min() < floor + STOREY:

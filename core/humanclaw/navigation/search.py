@@ -38,7 +38,8 @@ class MultiFloorMap:
 
     @classmethod
     def of(cls, scene: Scene, moved: Mapping[int, Array] | None = None) -> MultiFloorMap:
-        """moved: object id to (7,) pose, for movable objects that are not where the scene says."""
+        """Build the grids of a scene. moved: object id to (7,) pose, for movable objects that are not where the scene
+        says."""
         floors = [OccupancyGrid.of(scene, floor, moved) for floor in floors_of(scene)]
         grids = floors[:1]
         for lower, upper in pairwise(floors):
@@ -116,7 +117,7 @@ class MultiFloorMap:
         return np.asarray(found[::2]), search
 
     def _entries(self, weights: Sequence[Array], starts: Array) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        """The open cell nearest to each start, on the start's own grid."""
+        """Yield the open cell nearest to each start, on the start's own grid."""
         for start, k in zip(starts, self.level(starts), strict=True):
             yield k, _nearest(self.grids[k], weights[k] > 0, start[[0, 2]])
 
@@ -257,7 +258,8 @@ class Routes:
 
 
 def _pull(grid: OccupancyGrid, path: Array) -> list[int]:
-    """Indices of the points of a path that remain when every segment that loses nothing is pulled straight."""
+    """Return the indices of the points of a path that remain when every segment that loses nothing is pulled
+    straight."""
     kept = list(_split(grid, path, 0, len(path) - 1)) + [len(path) - 1]
     index = 0
     while index + 2 < len(kept):
@@ -297,7 +299,7 @@ def _price(grid: OccupancyGrid, path: Array) -> float:
 
 
 def _nearest(grid: OccupancyGrid, free: Mask, point: Array) -> NDArray[np.int64]:
-    """The free cell nearest to a point."""
+    """Return the free cell nearest to a point."""
     if grid.at(free, point):
         return grid.cell(point)
     cells = np.argwhere(free)

@@ -59,7 +59,8 @@ def _static(scene: Scene, low: float, high: float) -> Iterator[Array]:
 
 
 def _climb(tops: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
-    """The tops that are reached from the lower floor step by step and lead to the upper one; not finite elsewhere."""
+    """Return the tops that are reached from the lower floor step by step and lead to the upper one; not finite
+    elsewhere."""
     reached = np.full(tops.shape, np.nan)
     reached[~np.isfinite(tops) & ~lower.blocked] = lower.floor
     frontier = np.isfinite(reached)
@@ -78,7 +79,7 @@ def _climb(tops: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
 
 
 def _with_aprons(steps: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
-    """Steps with the floor around their lower and their upper end. Where both reach, the nearer end has it."""
+    """Return steps with the floor around their lower and their upper end. Where both reach, the nearer end has it."""
     ends = [(grid, np.isfinite(steps) & (np.abs(steps - grid.floor) <= STEP)) for grid in (lower, upper)]
     gaps = [
         np.where(grid.blocked | np.isfinite(steps), np.inf, _gap(end)) if end.any() else np.full(steps.shape, np.inf)
@@ -150,8 +151,8 @@ def stair_runs(grid: OccupancyGrid, points: Array) -> tuple[StairRun, ...]:
 
 
 def _stair_run(grid: OccupancyGrid, ends: Array, sign: float) -> StairRun | None:
-    """The flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1 for
-    down.
+    """Return the flight that a path enters at the first of (2, 2) points and leaves at the second; sign: 1 for up, -1
+    for down.
 
     None if there is no step on its middle line: the path crossed the corner of one at the edge of the stairs.
     """

@@ -249,13 +249,14 @@ def _picture(kind: str, data: str) -> Json:
 
 
 def _either(values: Json, snake: str) -> Any:
-    """A field by its name in snake case or in camel case; Gemini takes both."""
+    """Return a field by its name in snake case or in camel case; Gemini takes both."""
     first, *rest = snake.split("_")
     return values.get(snake, values.get(first + "".join(word.title() for word in rest), {}))
 
 
 def _choice(reply: Reply) -> Json:
-    """The only choice; a reply without one is a message of nothing, for dialects that know no list of choices."""
+    """Return the only choice; a reply without one is a message of nothing, for dialects that know no list of
+    choices."""
     nothing = {"message": {"content": None}, "finish_reason": "stop"}
     return dict(next(iter(reply.body["choices"]), nothing))
 

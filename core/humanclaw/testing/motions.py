@@ -75,7 +75,7 @@ def glide(x: float, z: float, frames: int = FUTURE) -> Motion:
 
 
 def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Motion:
-    """Steps forward from standing, each rise metres higher; a step is 0.6 s and run metres, the first `first`
+    """Step forward from standing, each rise metres higher; a step is 0.6 s and run metres, the first `first`
     metres."""
     feet, pelvis = [np.zeros(3), np.zeros(3)], np.array([0.0, 0.93, 0.0])
     roots: list[Array] = []

@@ -341,6 +341,6 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             self.connection.close()
 
         def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-            """Tests are quiet."""
+            """Log nothing: tests are quiet."""
 
     return Handler

@@ -430,6 +430,7 @@ def _waving(frames: int) -> Motion:
 
 
 def _table() -> tuple[NDArray[np.float32], ...]:
-    """A top 0.7 m over the floor on two legs, one thicker than the other: its centre of mass is not over its origin."""
+    """Return a top 0.7 m over the floor on two legs, one thicker than the other: its centre of mass is not over its
+    origin."""
     top = block((-0.5, 0.7, -0.3), (0.5, 0.75, 0.3))
     return top, block((-0.5, 0, -0.3), (-0.3, 0.7, 0.3)), block((0.45, 0, -0.3), (0.5, 0.7, 0.3))

@@ -39,8 +39,8 @@ class Quartiles:
 
 
 def crowded(scene: Scene, fixed: int = FIXED, movable: int = MOVABLE) -> Scene:
-    """A house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them next
-    door."""
+    """Return a house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them
+    next door."""
     counts, objects = {False: fixed, True: movable}, list[SceneObject]()
     for copy in range(100):
         for obj in scene.objects:

@@ -45,7 +45,7 @@ class Actions:
         self.space = MultiDiscrete([len(self.skills), *(len(parameter.values) for parameter in self.parameters)])
 
     def decode(self, action: Action) -> Call:
-        """The call that an action stands for. Raises ValueError for what is not in the space."""
+        """Return the call that an action stands for. Raises ValueError for what is not in the space."""
         numbers = np.asarray(action)
         if not self.space.contains(numbers.astype(self.space.dtype)):
             raise ValueError(
@@ -56,7 +56,8 @@ class Actions:
         return Call(skill, {p.name: p.values[int(index)] for p, index in chosen if p.skill == skill})
 
     def encode(self, skill: str, **params: Any) -> Action:
-        """The action for a call; a parameter that is not given takes the value nearest to 0. Raises ValueError."""
+        """Return the action for a call; a parameter that is not given takes the value nearest to 0. Raises
+        ValueError."""
         if skill not in self.skills:
             raise ValueError(f"there is no skill {skill!r} among {', '.join(self.skills)}")
         own = {parameter.name for parameter in self.parameters if parameter.skill == skill}

@@ -140,7 +140,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         return np.asarray(Image.fromarray(self._picture).resize((size, size), Image.Resampling.BOX))
 
     def render(self) -> Picture | None:
-        """The ego view in full size, if render_mode is rgb_array."""
+        """Return the ego view in full size, if render_mode is rgb_array."""
         return self._picture if self.render_mode and self._body else None
 
     def close(self) -> None:

@@ -29,7 +29,8 @@ def parse(line: str, skills: Mapping[str, Skill]) -> TypedCall:
 
 
 def _name(word: str, skills: Mapping[str, Skill]) -> str:
-    """The one skill meant: its name, its first letters, or those of a later word of it, as in back for step_back."""
+    """Return the one skill meant: its name, its first letters, or those of a later word of it, as in back for
+    step_back."""
     word = word.lower()
     if word in skills:
         return word
@@ -68,7 +69,7 @@ def _value(key: str, part: Mapping[str, Any], word: str) -> Any:
 
 
 def usage(skill: Skill) -> str:
-    """A skill and its parameters on one line."""
+    """Return a skill and its parameters on one line."""
     return " ".join([skill.name, *skill.schema.get("properties", {})])
 
 

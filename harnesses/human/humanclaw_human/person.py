@@ -28,7 +28,7 @@ class Settings(BaseModel):
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Settings:
-        """Raises HumanclawError for an option that a person does not have."""
+        """Read a person's options. Raises HumanclawError for an option that a person does not have."""
         try:
             return cls(**options)
         except ValidationError as error:

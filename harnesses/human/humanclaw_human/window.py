@@ -89,7 +89,7 @@ class Window:
                 self.wfile.write(content)
 
             def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-                """The terminal belongs to the person."""
+                """Log nothing: the terminal belongs to the person."""
 
         return Handler
 

@@ -26,7 +26,7 @@ class Form:
     schema: Json
 
     def request(self, mode: Mode) -> Json:
-        """The parameters of a request that asks for it."""
+        """Return the parameters of a request that asks for it."""
         if mode == "prompt":
             return {}
         if mode == "schema":
@@ -81,7 +81,7 @@ class ModeNegotiator:
         return self._left[0]
 
     def begin(self, meter: Meter | None) -> None:
-        """An episode begins, within these limits. Raises ModelError if the model cannot be reached."""
+        """Begin an episode within these limits. Raises ModelError if the model cannot be reached."""
         self._client.begin(meter or Meter())
 
     def ask(self, form: Form, messages: Callable[[Mode], list[Json]]) -> Reply:

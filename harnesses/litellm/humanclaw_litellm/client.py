@@ -180,8 +180,8 @@ class Client:
         _LOG.warning("%s: %s; next try in %.1f s", self._settings.model, self._tell(error or Exception()), pause)
 
     def _key(self) -> str:
-        """The key to send if litellm does not find one by itself; a server of one's own often wants none, its client
-        does."""
+        """Return the key to send if litellm does not find one by itself; a server of one's own often wants none, its
+        client does."""
         name = self._settings.auth_env
         if name and not os.environ.get(name, "").strip():
             raise ModelError(f"auth_env names {name}, which is not set.", f"Set {name}.")
@@ -206,7 +206,7 @@ class Client:
 
     # -- what went wrong -------------------------------------------------------------------------------------------
     def _sorted(self, error: Exception) -> Exception:
-        """What an error means to the caller."""
+        """Return what an error means to the caller."""
         if isinstance(error, ModelError):
             return error
         status, told = getattr(error, "status_code", None), self._tell(error)
@@ -216,7 +216,8 @@ class Client:
         return mendable or ProviderError(f"{self._where()} gave no answer: {told}")
 
     def _tell(self, error: BaseException) -> str:
-        """What the provider said, or the first line of the error, without class names, tracebacks and secrets."""
+        """Return what the provider said, or the first line of the error, without class names, tracebacks and
+        secrets."""
         text = re.sub(_PREFIXES, "", str(error).strip()) or type(error).__name__
         plain = next(map(_message_in, json_objects(text)), "") or text.splitlines()[0]
         return self._redact(plain)[:300].rstrip(". ")
@@ -240,7 +241,8 @@ class Client:
 
 
 def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
-    """What a call gives, by the clock on the wall: a client's own timeout begins anew with every byte that comes.
+    """Return what a call gives, by the clock on the wall: a client's own timeout begins anew with every byte that
+    comes.
 
     A request that is too slow is left to a thread that nobody waits for. Raises _TooSlowError.
     """
@@ -295,7 +297,8 @@ def _unreadable(error: BaseException) -> bool:
 
 
 def _message_in(body: Json) -> str:
-    """The words of an error in any provider's form: {"error": {"message": ...}}, {"error": ...} or {"message": ...}."""
+    """Return the words of an error in any provider's form: {"error": {"message": ...}}, {"error": ...} or {"message":
+    ...}."""
     inner = body.get("error", body)
     found = inner.get("message", "") if isinstance(inner, dict) else inner
     return found if isinstance(found, str) else ""

@@ -41,7 +41,7 @@ class ModelAgent:
         return self._negotiator.mode
 
     def begin(self, context: EpisodeContext) -> None:
-        """Raises ModelError if the model cannot be reached or if there is no skill to call."""
+        """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
         self._negotiator.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
@@ -50,8 +50,8 @@ class ModelAgent:
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Raises ProviderError if the provider gives no answer, and ModelError if it does not take the model or the
-        key."""
+        """Ask the model for a decision. Raises ProviderError if the provider gives no answer, and ModelError if it does
+        not take the model or the key."""
         if self._episode is None:
             raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         episode = self._episode
@@ -69,7 +69,7 @@ class ModelAgent:
 
 
 def usable(context: EpisodeContext) -> tuple[Skill, ...]:
-    """The skills that can run: an untrained one is not offered."""
+    """Return the skills that can run: an untrained one is not offered."""
     skills = tuple(skill for skill in context.skills.values() if skill.trained)
     if not skills:
         raise ModelError("no installed skill has a trained adapter.", "Install skills or train their adapters.")

@@ -67,8 +67,8 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
 
 
 def system_message(words: str, settings: Settings) -> Json:
-    """The message of role system; with a mark behind it where a provider's cache wants one, which covers the tools
-    too."""
+    """Return the message of role system; with a mark behind it where a provider's cache wants one, which covers the
+    tools too."""
     mark = {"cache_control": {"type": "ephemeral"}}
     return {"role": "system", "content": [_text(words) | mark] if settings.marks_cache else words}
 
@@ -76,7 +76,7 @@ def system_message(words: str, settings: Settings) -> Json:
 def step_content(
     context: EpisodeContext, observation: Observation, history: Sequence[HistoryEntry], note: str, settings: Settings
 ) -> list[Json]:
-    """The user message of a step: a part for each past step, earlier views if asked for, then the current view.
+    """Return the user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
     The parts of past steps never change, so the message of the next step begins as this one does until old steps are
     left out.
@@ -100,7 +100,7 @@ def step_content(
 
 
 def first_told(steps: int, settings: Settings) -> int:
-    """The first of so many past steps that is still told. It moves by history_slack + 1 steps at a time."""
+    """Return the first of so many past steps that is still told. It moves by history_slack + 1 steps at a time."""
     if not settings.history:
         return steps
     stride = settings.history_slack + 1
@@ -126,21 +126,21 @@ def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
 
 
 def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
-    """The verifier's part: the same for every call of a skill."""
+    """Return the verifier's part: the same for every call of a skill."""
     return _fill("verifier_system.jinja", skills=[_gist(skill) for skill in skills], eyes=eyes(), schema=_dump(schema))
 
 
 def verifier_content(
     observation: Observation, call: Call, skill: Skill, goal: str, checks: Iterable[tuple[str, Check]]
 ) -> list[Json]:
-    """The user message of a verification: the proposed call, its checklist and the current view, and nothing of the
-    past."""
+    """Return the user message of a verification: the proposed call, its checklist and the current view, and nothing of
+    the past."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
     return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb)]
 
 
 def picture(rgb: NDArray[np.uint8]) -> Json:
-    """An image as a part of a user message: a JPEG in a data URL, of the size that it has."""
+    """Return an image as a part of a user message: a JPEG in a data URL, of the size that it has."""
     url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
     return {"type": "image_url", "image_url": {"url": url}}
 
@@ -150,14 +150,14 @@ def _text(words: str) -> Json:
 
 
 def _sheet(skill: Skill) -> Json:
-    """What there is to know of a skill before calling it."""
+    """Return what there is to know of a skill before calling it."""
     params = [f"{key} ({_range(part)}): {part.get('description', '')}" for key, part in parameter_schema(skill).items()]
     return {"name": skill.name, "description": skill.description, "params": params}
 
 
 def _gist(skill: Skill) -> Json:
-    """The least there is to know of a skill to name it: parameters with their bounds, and the first sentence about
-    it."""
+    """Return the least there is to know of a skill to name it: parameters with their bounds, and the first sentence
+    about it."""
     params = ", ".join(f"{key} {_range(part, kind=False)}" for key, part in parameter_schema(skill).items())
     return {"signature": f"{skill.name}({params})", "gist": skill.description.split(". ")[0].rstrip(".") + "."}
 
@@ -170,7 +170,7 @@ def data(value: object, longest: int = 600) -> str:
 
 
 def _range(part: Mapping[str, Any], kind: bool = True) -> str:
-    """What a parameter may be, in words; kind: whether to say integer or number where there are bounds."""
+    """Return what a parameter may be, in words; kind: whether to say integer or number where there are bounds."""
     if "enum" in part:
         return "one of " + ", ".join(map(str, part["enum"]))
     name = str(part.get("type", "any value"))

@@ -20,8 +20,8 @@ _RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{2
 
 
 def redact(text: str, *secrets: str) -> str:
-    """The text without these secrets, without the values of secret environment variables and without what looks like a
-    key."""
+    """Return the text without these secrets, without the values of secret environment variables and without what looks
+    like a key."""
     for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
         text = text.replace(value, "[redacted]")
     return _SECRET_FORM.sub("[redacted]", text)
@@ -33,7 +33,7 @@ def holds_key(path: str) -> bool:
 
 
 def secrets_in(value: Any, where: str = "") -> Iterator[str]:
-    """The places in nested options that hold a key, by their names or by what is there."""
+    """Yield the places in nested options that hold a key, by their names or by what is there."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             place = f"{where}.{key}" if where else str(key)

@@ -95,8 +95,8 @@ class Settings(BaseModel):
 
     @classmethod
     def of_verifier(cls, options: Mapping[str, Any]) -> Self:
-        """The same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and so
-        on."""
+        """Return the same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and
+        so on."""
         own = {key.removeprefix("verifier_"): value for key, value in options.items() if key.startswith("verifier_")}
         shared = {key: value for key, value in options.items() if not key.startswith("verifier_")}
         if own.get("model") and "api_base" not in own:
@@ -138,7 +138,7 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of the profile. A history of so many steps, asked for by number, is one of just so many."""
+    """Return the values of the profile. A history of so many steps, asked for by number, is one of just so many."""
     values = dict(PROFILES.get(str(given.get("profile", "default")), {}))
     return values | ({"history_slack": 0} if "history" in given else {})
 

@@ -34,13 +34,13 @@ class ModelVerifier:
         self._skills: tuple[Skill, ...] = ()
 
     def begin(self, context: EpisodeContext) -> None:
-        """Raises ModelError if the model cannot be reached."""
+        """Begin an episode. Raises ModelError if the model cannot be reached."""
         self._negotiator.begin(context.meter)
         self._skills = usable(context)
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
-        """Raises ModelError if the provider does not take the model or the key: that is to be mended, not passed
-        over."""
+        """Ask the model about a call. Raises ModelError if the provider does not take the model or the key: that is to
+        be mended, not passed over."""
         if not self._skills:
             raise HumanclawError("a verifier must begin an episode before it verifies.", "Call begin first.")
         if not skill.checks:
@@ -63,7 +63,7 @@ class ModelVerifier:
 
 
 def _numbered(skill: Skill) -> dict[str, Check]:
-    """Checks under names that every provider takes as a property's."""
+    """Put checks under names that every provider takes as a property's."""
     return {f"check_{number}": check for number, check in enumerate(skill.checks, start=1)}
 
 
@@ -87,7 +87,7 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
 
 
 def _object(completion: Completion) -> Json | None:
-    """The verdict's object, wherever the model put it; None if there is none that is whole."""
+    """Return the verdict's object, wherever the model put it; None if there is none that is whole."""
     if completion.cut_off:
         return None
     for _, arguments in completion.calls:
@@ -118,7 +118,8 @@ def _passed(found: Mapping[str, Any], key: str) -> bool | None:
 
 
 def _replacement(found: Mapping[str, Any]) -> Call | None:
-    """The call named in place of the proposal. It is not checked here: the loop holds every call to its schema."""
+    """Return the call named in place of the proposal. It is not checked here: the loop holds every call to its
+    schema."""
     if not found.get("skill"):
         return None
     try:

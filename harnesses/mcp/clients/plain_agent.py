@@ -26,8 +26,8 @@ async def drive(tools, call):
 
 
 def shown(number, content):
-    """A tool message of text, then a user message with the pictures, which more models read than pictures in a tool
-    message."""
+    """Yield a tool message of text, then a user message with the pictures, which more models read than pictures in a
+    tool message."""
     words = "\n".join(part.text for part in content if part.type == "text")
     pictures = [part for part in content if part.type == "image"]
     wire = [part.model_dump(by_alias=True) for part in pictures]  # In Python the libraries' names differ.

@@ -83,7 +83,7 @@ def script() -> Callable[[Request], Reply]:
 
 
 def numbered(reply: Reply, number: int) -> Reply:
-    """The reply with a name of its own for its call, as providers give them and some clients demand."""
+    """Return the reply with a name of its own for its call, as providers give them and some clients demand."""
     body = copy.deepcopy(reply.body)
     for wanted in body["choices"][0]["message"].get("tool_calls", ()):
         wanted["id"] = f"call_{number}"
@@ -144,14 +144,15 @@ def executed(folder: Path, agentless: bool) -> bool:
 
 # -- environments ------------------------------------------------------------------------------------------------------
 def requirements(path: Path) -> dict[str, Any]:
-    """The inline metadata of a script."""
+    """Return the inline metadata of a script."""
     block = re.search(r"(?m)^# /// script\n((?:# .*\n)+)# ///$", path.read_text())
     assert block, f"{path} says no versions"
     return tomllib.loads(re.sub(r"(?m)^# ", "", block[1]))
 
 
 def environment(name: str, needs: Sequence[str]) -> str:
-    """The Python of an environment that holds exactly these packages and what they need; kept for the next time."""
+    """Return the Python of an environment that holds exactly these packages and what they need; kept for the next
+    time."""
     folder = Path(platformdirs.user_cache_dir("humanclaw")) / "mcp-clients" / name
     python, mark = folder / "bin" / "python", folder / "packages.json"
     if not mark.exists() or json.loads(mark.read_text()) != list(needs):

@@ -62,7 +62,7 @@ def started(arguments: tuple[str, ...]) -> Iterator[str]:
 
 
 def url_of(server: subprocess.Popen[str]) -> str:
-    """The address that the server tells once it listens."""
+    """Return the address that the server tells once it listens."""
     assert server.stderr
     for line in server.stderr:
         if found := re.search(r"http://\S+", line):

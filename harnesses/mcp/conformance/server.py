@@ -98,7 +98,7 @@ def png() -> str:
 
 
 def wav() -> str:
-    """A hundredth of a second of silence."""
+    """Return a hundredth of a second of silence."""
     buffer = io.BytesIO()
     with wave.open(buffer, "wb") as sound:
         sound.setparams((1, 2, 8000, 0, "NONE", "not compressed"))

@@ -31,7 +31,7 @@ class Bodies:
         return self._sessions.get(key)
 
     def of(self, key: str, client: str) -> Session:
-        """The body of a session, which is made if there is none.
+        """Return the body of a session, which is made if there is none.
 
         Raises HumanclawError at the limit, and once if the body was put away: a new one must not pass for it.
         """

@@ -149,7 +149,7 @@ def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
 
 
 def failure(text: str) -> CallToolResult:
-    """A result for a call that reached no body."""
+    """Return a result for a call that reached no body."""
     return CallToolResult(content=[TextContent(text=text)], is_error=True)
 
 
@@ -163,7 +163,7 @@ def _words(snapshot: Snapshot) -> str:
 
 
 def note(snapshot: Snapshot) -> tuple[LoggingLevel, str]:
-    """What a log says of a snapshot, and how severe it is."""
+    """Return what a log says of a snapshot, and how severe it is."""
     where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
     if snapshot.refused:
         return "warning", f"{snapshot.feedback} {where}"
@@ -186,13 +186,13 @@ def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:
 
 
 def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
-    """A picture as base64 of a JPEG."""
+    """Return a picture as base64 of a JPEG."""
     return base64.b64encode(jpeg(rgb)).decode()
 
 
 # -- resources ---------------------------------------------------------------------------------------------------------
 def resources() -> list[Resource]:
-    """What there is to read besides the skills' sheets."""
+    """Return what there is to read besides the skills' sheets."""
     state = Resource(
         uri=STATE,
         name="body-state",
@@ -245,7 +245,7 @@ def state(snapshot: Snapshot) -> TextResourceContents:
 
 
 def log(steps: Sequence[StepRecord]) -> TextResourceContents:
-    """The episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene
+    """Return the episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene
     knows."""
     text = "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
     return TextResourceContents(uri=LOG, mime_type="application/jsonl", text=text)

@@ -63,4 +63,4 @@ class SessionManager(StreamableHTTPSessionManager):
 
     @event_store.setter
     def event_store(self, store: EventStore | None) -> None:
-        """The library sets its own; it is not used."""
+        """Take what the library sets; it is not used."""

@@ -71,7 +71,8 @@ class Handlers:
             return content.failure(text)
 
     async def call(self, ctx: Context, name: str, arguments: dict[str, Any]) -> types.CallToolResult:
-        """Raises CallError for arguments and HumanclawError for circumstances that do not allow the call."""
+        """Call a tool. Raises CallError for arguments and HumanclawError for circumstances that do not allow the
+        call."""
         if name == content.LOOK:
             _hold_to(name, arguments, {"type": "object", "additionalProperties": False})
             session = self._session(ctx)
@@ -110,7 +111,7 @@ class Handlers:
 
     # -- resources -----------------------------------------------------------------------------------------------------
     async def read_resource(self, ctx: Context, params: types.ReadResourceRequestParams) -> types.ReadResourceResult:
-        """Raises MCPError for a resource that is not there, and for a body that cannot be had."""
+        """Read a resource. Raises MCPError for a resource that is not there, and for a body that cannot be had."""
         try:
             return types.ReadResourceResult(contents=[await self.read(ctx, params.uri)])
         except HumanclawError as error:
@@ -152,7 +153,7 @@ class Handlers:
         return types.GetPromptResult(messages=messages)
 
     def prompt(self, name: str, arguments: dict[str, str]) -> list[types.PromptMessage] | None:
-        """The messages of a prompt; None if there is none of that name."""
+        """Return the messages of a prompt; None if there is none of that name."""
         if name != PROMPT:
             return None
         settings = self.bodies.settings
@@ -160,7 +161,7 @@ class Handlers:
         return [types.PromptMessage(role="user", content=types.TextContent(text=words))]
 
     async def complete(self, ctx: Context, params: types.CompleteRequestParams) -> types.CompleteResult:
-        """What an argument could go on as: instructions for the prompt, skills for their resources."""
+        """Return what an argument could go on as: instructions for the prompt, skills for their resources."""
         choices = content.INSTRUCTIONS if isinstance(params.ref, types.PromptReference) else tuple(self.skills)
         typed = params.argument.value.lower()
         values = sorted((c for c in choices if typed in c.lower()), key=lambda c: not c.lower().startswith(typed))

@@ -53,7 +53,7 @@ async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], No
 
 
 def http_app(handlers: Handlers, port: int) -> Starlette:
-    """The ASGI application. Only names of this machine are answered, which keeps rebound DNS names out."""
+    """Return the ASGI application. Only names of this machine are answered, which keeps rebound DNS names out."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     security = TransportSecuritySettings(
         enable_dns_rebinding_protection=True, allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]

@@ -28,7 +28,8 @@ INSTRUCTIONS: Final = (
 
 
 def make_server(handlers: Handlers) -> Server[str]:
-    """A server for any transport. Over streams it has one client and one body, over HTTP a body for each session."""
+    """Return a server for any transport. Over streams it has one client and one body, over HTTP a body for each
+    session."""
     bodies = handlers.bodies
 
     @asynccontextmanager

@@ -155,7 +155,7 @@ class Session:
             self._episode = None
 
     def _embody(self) -> Body:
-        """The body, in the scene of the task."""
+        """Return the body, in the scene of the task."""
         if self._body is None:
             self.doing, asked = _MAKING, self._settings
             backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.sensors)

@@ -90,7 +90,7 @@ async def apart(ctx: Context, work: Callable[[], T], doing: Callable[[], str], e
 
 
 def _caught(work: Callable[[], T]) -> Callable[[], T | Exception]:
-    """An error as a value: a task group would wrap it in a group of errors."""
+    """Return an error as a value: a task group would wrap it in a group of errors."""
 
     def run() -> T | Exception:
         try:

@@ -21,6 +21,8 @@ __version__ = "0.1.0"
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
+    register("seeing", _seeing, "depth and ids of its own view, no map and no pose: what perfect eyes can do")
+    register("wanderer", _wanderer, "walks and turns at random and never stops: what luck brings")
     register("still", _still, "stops at once")
     register(
         "faulty", _faulty, "the oracle with a capability missing or a bounded agent, for ablations and root causes"
@@ -50,6 +52,18 @@ def _random(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.agents import RandomAgent
 
     return RandomAgent()
+
+
+def _seeing(options: Mapping[str, Any]) -> Agent:
+    from humanclaw_scripted.seeing import SeeingAgent
+
+    return SeeingAgent()
+
+
+def _wanderer(options: Mapping[str, Any]) -> Agent:
+    from humanclaw_scripted.seeing import WanderingAgent
+
+    return WanderingAgent()
 
 
 def _still(options: Mapping[str, Any]) -> Agent:

@@ -99,7 +99,7 @@ class RandomAgent:
 
 
 def _draw(part: Mapping[str, Any], rng: np.random.Generator) -> Any:
-    """A value that a parameter's schema allows."""
+    """Return a value that a parameter's schema allows."""
     if "enum" in part:
         return part["enum"][int(rng.integers(len(part["enum"])))]
     if part.get("type") == "boolean":
@@ -121,7 +121,7 @@ def ending(skills: Mapping[str, Skill]) -> str:
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
-    """The skill that commands these measures and least besides: of role sit for SIT, else of locomotion.
+    """Return the skill that commands these measures and least besides: of role sit for SIT, else of locomotion.
 
     Raises HumanclawError if there is none, or if its adapter is not trained.
     """
@@ -139,7 +139,8 @@ def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
 
 
 def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float]) -> Call:
-    """A call for so much of these measures, SI, rounded to the unit of each parameter and held within its bounds."""
+    """Return a call for so much of these measures, SI, rounded to the unit of each parameter and held within its
+    bounds."""
     skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
     return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
 
@@ -166,7 +167,7 @@ class PelvisPose:
         return self.root[[0, 2]]
 
     def local(self, point: Array) -> tuple[float, float]:
-        """A (2,) point as (left, forward) of the body, metres."""
+        """Return a (2,) point as (left, forward) of the body, metres."""
         here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
         left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
         return float(left), float(forward)
@@ -397,8 +398,8 @@ class OracleAgent:
 
     def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """One step along a segment of the route."""
-        aim, rest = _aim(part.grid, part.path, pose.point)
-        left, forward = pose.local(aim)
+        towards, rest = aim(part.grid, part.path, pose.point)
+        left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
             return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
@@ -481,7 +482,7 @@ class OracleAgent:
         return self._call(SIT, min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
     def _plan(self, pose: PelvisPose) -> OccupancyGrid:
-        """The plan of the floor or the stairs that the body is on."""
+        """Return the plan of the floor or the stairs that the body is on."""
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
     # words
@@ -512,12 +513,12 @@ class OracleAgent:
         return f"I am on the way, {self._left(pose):.1f} m from the place to stand."
 
     def _left(self, pose: PelvisPose) -> float:
-        """What is left of the way, metres over the floor."""
+        """Return what is left of the way, metres over the floor."""
         first, *rest = self._memory.way
         if isinstance(first, StairRun):
             here = max(0.0, float(first.edges[-1]) - _on_stairs(pose, first)[0])
         else:
-            here = _aim(first.grid, first.path, pose.point)[1]
+            here = aim(first.grid, first.path, pose.point)[1]
         return here + sum(float(p.edges[-1]) if isinstance(p, StairRun) else length(p.path) for p in rest)
 
     def _look(self, state: WorldState) -> str:
@@ -537,7 +538,7 @@ class OracleAgent:
 
 
 def parts(segments: Sequence[Segment]) -> list[LevelSegment | StairRun]:
-    """A route as segments on the level and runs of stairs, in turn; it begins and ends with a segment."""
+    """Return a route as segments on the level and runs of stairs, in turn; it begins and ends with a segment."""
     way: list[LevelSegment | StairRun] = []
     for segment in segments:
         path, first = segment.samples, segment.points[:1]
@@ -604,9 +605,8 @@ def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -
     return float(bearing), float(np.linalg.norm(centre[[0, 2]]))
 
 
-def _aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
-    """The farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left of the
-    route."""
+def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
+    """Return the farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left."""
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
     here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))

@@ -1,154 +1,27 @@
 """Capabilities that can be missing: what an episode looks like without each of them. Root causes are checked against
 these.
 
-A fault alters the oracle's decisions and nothing else, so that whatever goes wrong is due to that one capability.
+The table alone, since every command asks for it; humanclaw_scripted.behaviours has what each of them does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError
-from humanclaw.interfaces import WorldState
-from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import distance_to_nearest
-from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
-
-LOOK_AROUND: Final = 45
-"""Degrees that a searching body turns each step."""
-LATE: Final = 12
-"""Steps that one who dawdles leaves for the way to the target."""
-TURNING_POINT: Final = 3.2
-"""Metres after which one who searches without aim turns back."""
-
-
-# -- what every one of them can tell -----------------------------------------------------------------------------------
-@dataclass
-class Perception:
-    """The true state of an episode, for those who are allowed to know it."""
-
-    context: EpisodeContext
-
-    def __post_init__(self) -> None:
-        if self.context.scene is None or self.context.state is None:
-            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
-        self._scene, self._state = self.context.scene, self.context.state
-
-    def state(self) -> WorldState:
-        return self._state()
-
-    def boxes(self) -> list[tuple[Any, Any]]:
-        objects = self._state().objects
-        return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
-
-    def reach(self) -> float:
-        """From the nearest body point to the nearest target's bounding box, metres."""
-        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
-
-    def away(self) -> float:
-        """From the pelvis to the nearest target over the floor, metres."""
-        here = self._state().body.root[-1, [0, 2]]
-        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
-
-    def here(self) -> Array:
-        """(3,) where the pelvis is."""
-        return np.asarray(self._state().body.root[-1])
-
-    def bearing(self) -> float:
-        """Of the nearest target's middle, radians, left positive; 0 without a target."""
-        middles = [(low + high) / 2 for low, high in self.boxes()]
-        flat = [float(np.hypot(*(middle - self.here())[[0, 2]])) for middle in middles]
-        return self.bearing_of(middles[int(np.argmin(flat))]) if middles else 0.0
-
-    def bearing_of(self, point: Array) -> float:
-        """Of a (3,) point, radians, left positive."""
-        body = self._state().body
-        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
-        left, _, forward = frame.point_to_local(point)
-        return float(np.arctan2(left, forward))
-
-
-# -- faults ------------------------------------------------------------------------------------------------------------
-@dataclass
-class Snapshot:
-    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the
-    episode."""
-
-    perception: Perception
-    decision: Decision
-    left: int
-    """Steps that are left, this one included."""
-    seen: bool
-    """Whether the oracle says that the target is in view."""
-    seen_before: bool
-    """Whether it has said so at an earlier step."""
-    stop: str
-    """Name of the skill that ends the episode."""
-    begun: float
-    """The way to the nearest target at the start, metres; as the crow flies where it was not measured."""
-    notes: dict[str, int]
-    trail: list[Array]
-    """Where the body has been, (3,) each; a note pad too."""
-
-    @property
-    def stopping(self) -> bool:
-        return self.decision.calls[0].skill == self.stop
-
-    def but(self, call: Call, why: str) -> Decision:
-        """The same perception, another call."""
-        return replace(self.decision, calls=(call,), reasoning=why)
-
-    def asks(self, measures: Sequence[str], *amounts: float) -> Call:
-        """A call of the skill that commands these measures, SI."""
-        return asking(self.perception.context.skills, measures, amounts)
-
-    def stops(self, why: str) -> Decision:
-        """The same perception, and an active stop."""
-        return self.but(Call(self.stop), why)
-
-    def turns(self, degrees: float, why: str) -> Decision:
-        """The same perception, and a turn on the spot; left is positive."""
-        return self.but(self.asks(TURN, np.radians(degrees)), why)
-
-    def walks(self, cm: float, why: str, degrees: float = 0.0) -> Decision:
-        """The same perception, and a step ahead."""
-        return self.but(self.asks(WALK, 0.0, cm / 100, np.radians(degrees)), why)
-
-    @property
-    def has_seen(self) -> bool:
-        """Whether the target is in view or was."""
-        return self.seen or self.seen_before
-
-    def walked(self) -> float:
-        """Length of the trail up to here, over the floor, metres."""
-        steps = np.diff([*self.trail, self.perception.here()], axis=0)
-        return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
-
-    def to_and_fro(self, degrees: int, why: str) -> Decision:
-        """A turn to the right, the next time to the left, and so on."""
-        side = 1 if self.count("turned") % 2 else -1
-        return self.turns(degrees * side, why)
-
-    def count(self, what: str) -> int:
-        """How often this was asked before."""
-        self.notes[what] = self.notes.get(what, 0) + 1
-        return self.notes[what] - 1
+if TYPE_CHECKING:
+    from humanclaw import EpisodeSpec
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A capability that is missing, the decision that this leads to, and the episodes that show it."""
+    """A capability that is missing, what this leads to, and the episodes that show it."""
 
     name: str
     capability: str
     cause: str
     """Label of the root cause that it is meant to lead to, in the words of HumanCLAW-Bench."""
-    apply: Callable[[Snapshot], Decision]
     description: str
     seated: bool = False
     """Whether only sitting tasks show it."""
@@ -171,161 +44,20 @@ class Fault:
         """Of the agent, for it to have the fault."""
         return {"fault": self.name}
 
+    def goes_with(self, other: Fault) -> bool:
+        """Tell whether one agent can have both at once: of two capabilities, and one oracle behind them."""
+        return self.capability != other.capability and not (self.standing and other.standing)
+
+    def with_another(self, other: Fault) -> Mapping[str, Any]:
+        """Return the options of the agent, for it to have both."""
+        return {"fault": f"{self.name}+{other.name}"}
+
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it. One whose way was not measured is taken to."""
         if self.seated and not spec.interact:
             return False
         way, (least, most) = spec.difficulty, self.ways
         return way is None or (least <= way.distance <= most and way.rooms >= self.rooms)
-
-
-def _blind(at: Snapshot) -> Decision:
-    """Searches on, with the target in view."""
-    blind = replace(at.decision, visible_state="I am in a room.")
-    if not at.has_seen:
-        return blind
-    around = at.asks(TURN, np.radians(LOOK_AROUND))
-    return replace(blind, calls=(around,), reasoning="I do not see it yet: I look around.")
-
-
-def _misjudges(at: Snapshot) -> Decision:
-    if at.seen and 3 * REACHED < at.perception.away() < 3.0:
-        return at.stops("It looks close enough to touch, so I stop.")
-    return at.decision
-
-
-def _overlooks_arrival(at: Snapshot) -> Decision:
-    if at.stopping or "turned" in at.notes:
-        return at.to_and_fro(10, "I am not there yet and look where to go on.")
-    return at.decision
-
-
-def _straight_on(at: Snapshot) -> Decision:
-    if at.stopping:
-        return at.decision
-    angle = at.perception.bearing()
-    if abs(angle) > np.radians(28):
-        return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
-    return at.walks(50, "It lies straight ahead: I walk on.", _degrees(angle, 20))
-
-
-def _wavers(at: Snapshot) -> Decision:
-    if not at.has_seen:
-        return at.decision
-    angle, wavering = at.perception.bearing(), at.to_and_fro(8, "A little more this way.")
-    if abs(angle) < np.radians(28):
-        return wavering
-    return at.turns(_degrees(angle, 75), wavering.reasoning)
-
-
-def _turns_away(at: Snapshot) -> Decision:
-    """Once half the way is done and it has said that it sees the target: back to where it came from."""
-    if "gone" not in at.notes and not (at.seen_before and at.perception.away() < 0.5 * at.begun):
-        return at.decision
-    turns = at.count("gone")
-    away = replace(at.decision, visible_state="I am in a room.")
-    call = at.asks(TURN, np.radians(60)) if turns < 3 else at.asks(WALK, 0.0, 0.3, 0.0)
-    return replace(away, calls=(call,), reasoning="There may be a better one elsewhere.")
-
-
-def _imagines(at: Snapshot) -> Decision:
-    gone = _turns_away(at)
-    if "gone" not in at.notes:
-        return gone
-    noun = at.perception.context.spec.target_category.replace("_", " ")
-    return replace(gone, visible_state=f"A {noun} is right in front of me.")
-
-
-def _never_sits(at: Snapshot) -> Decision:
-    return at.decision
-
-
-def _sits_on_air(at: Snapshot) -> Decision:
-    """Faces the seat and sits where it stands."""
-    if at.stopping and not at.count("sat"):
-        return at.but(at.asks(SIT, 0.5), "I am at the seat: I sit down.")
-    return at.decision
-
-
-def _rises(at: Snapshot) -> Decision:
-    if at.stopping and not at.count("risen"):
-        return at.walks(5, "I straighten up.")
-    if "risen" in at.notes:
-        return at.stops("The task is complete.")
-    return at.decision
-
-
-def _fidgets(at: Snapshot) -> Decision:
-    return at.to_and_fro(8, "A little more this way.")
-
-
-def _searches_aimlessly(at: Snapshot) -> Decision:
-    """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
-    if at.has_seen:
-        return at.decision
-    if "gone" not in at.notes and at.walked() < TURNING_POINT:
-        at.trail.append(at.perception.here())
-        return at.decision
-    at.count("gone")
-    back = _back_along(at, at.trail)
-    if back.calls[0].skill == at.stop:
-        del at.notes["gone"]
-        return at.decision
-    return back
-
-
-def _dawdles(at: Snapshot) -> Decision:
-    return at.decision if at.left <= LATE or at.has_seen else _fidgets(at)
-
-
-def _approaches_blindly(at: Snapshot) -> Decision:
-    return at.decision if at.has_seen else _straight_on(at)
-
-
-def _overlooks_jam(at: Snapshot) -> Decision:
-    """Steps aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
-    if not (at.seen and at.perception.away() < 2.5):
-        return at.decision
-    angle = at.perception.bearing()
-    if abs(angle) > np.radians(35):
-        return at.turns(_degrees(angle, 75), "It lies over there: I turn to it.")
-    return at.but(at.asks(SIDE, 0.3), "I see it: I go round what stands before it.")
-
-
-def _gives_up(at: Snapshot) -> Decision:
-    """Half-way, unless the target has come into view: back to the start."""
-    if "gone" not in at.notes and at.has_seen:
-        return at.decision
-    if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
-        at.trail.append(at.perception.here())
-        return at.decision
-    at.count("gone")
-    return _back_along(at, at.trail)
-
-
-def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
-    """The way one has come, a step; at its beginning one stops."""
-    while trail and np.hypot(*(trail[-1] - at.perception.here())[[0, 2]]) < 0.35:
-        trail.pop()
-    if not trail:
-        return at.stops("I cannot find it.")
-    angle = at.perception.bearing_of(trail[-1])
-    if abs(angle) > np.radians(28):
-        return at.turns(_degrees(angle, 75), "This leads nowhere: I go back.")
-    return at.walks(45, "I go back.", _degrees(angle, 20))
-
-
-def _backs_up(at: Snapshot) -> Decision:
-    """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
-    if at.has_seen:
-        return at.decision
-    angle, here = at.perception.bearing(), at.perception.here()
-    if at.perception.away() < 1.0 or (at.trail and np.linalg.norm(at.trail.pop() - here) < 0.08):
-        return at.stops("There is nothing here.")
-    if abs(angle) < np.radians(150):
-        return at.turns(-45 if angle > 0 else 45, "I look at the other side.")
-    at.trail.append(here)
-    return at.but(at.asks(BACK, 0.25), "I make room for myself.")
 
 
 _MID_LEVEL, _BODY = "mid-level reasoning", "body awareness"
@@ -337,14 +69,12 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "blindness",
             "perception",
             "find: target in view but not seen",
-            _blind,
             "does not notice the target that is in view, and searches on",
         ),
         Fault(
             "backing",
             _MID_LEVEL,
             "find: near but not in view",
-            _backs_up,
             "goes to the target with its back to it",
             ways=(1.5, 3.0),
         ),
@@ -352,7 +82,6 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "blind_approach",
             _BODY,
             "find: unaware jammed",
-            _approaches_blindly,
             "walks straight at a target that it has not seen, whatever stands in between",
             ways=_FAR,
             rooms=2,
@@ -361,7 +90,6 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "fidgeting",
             "action",
             "find: ineffective actions",
-            _fidgets,
             "turns to and fro from the start",
             ways=_FAR,
             rooms=2,
@@ -370,7 +98,6 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "give_up",
             _MID_LEVEL,
             "find: midpoint give up",
-            _gives_up,
             "goes back before the target is in view",
             ways=(8.0, float("inf")),
             rooms=3,
@@ -379,7 +106,6 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "aimless_search",
             _MID_LEVEL,
             "find: ineffective exploration",
-            _searches_aimlessly,
             "turns back to the start after a few metres, again and again",
             ways=(8.0, float("inf")),
             rooms=3,
@@ -388,21 +114,18 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "arrival",
             _BODY,
             "nav: unaware arrived/touch",
-            _overlooks_arrival,
             "does not notice that it has arrived, and never stops",
         ),
         Fault(
             "distance",
             "ego-spatial distance",
             "nav: stop while far",
-            _misjudges,
             "stops as soon as the target is in view and within 3 m",
         ),
         Fault(
             "lateness",
             "exploration timing",
             "nav: find too late",
-            _dawdles,
             "turns to and fro until few steps are left",
             ways=(4.0, 8.0),
             rooms=2,
@@ -411,28 +134,23 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "jam",
             _BODY,
             "nav: unaware jammed",
-            _overlooks_jam,
             "steps aside with its eyes on the target, on and on, whatever stands there",
         ),
-        Fault("wavering", "action", "nav: ineffective actions", _wavers, "turns to and fro once it sees the target"),
+        Fault("wavering", "action", "nav: ineffective actions", "turns to and fro once it sees the target"),
         Fault(
             "imagination",
             "perception",
             "nav: target hallucination",
-            _imagines,
             "turns back half-way and says that the target is before it",
             ways=_FAR,
         ),
-        Fault("forgetting", _MID_LEVEL, "nav: lost target", _turns_away, "turns back half-way", ways=_FAR),
-        Fault("rising", _BODY, "interact: stand after sit", _rises, "gets up again before it stops", seated=True),
-        Fault(
-            "seat", _BODY, "interact: sit on air", _sits_on_air, "sits down facing the seat", seated=True, standing=True
-        ),
+        Fault("forgetting", _MID_LEVEL, "nav: lost target", "turns back half-way", ways=_FAR),
+        Fault("rising", _BODY, "interact: stand after sit", "gets up again before it stops", seated=True),
+        Fault("seat", _BODY, "interact: sit on air", "sits down facing the seat", seated=True, standing=True),
         Fault(
             "confusion",
             _BODY,
             "interact: sit wrong",
-            _never_sits,
             "sits down on another seat before it goes to the target",
             seated=True,
             standing=True,
@@ -442,7 +160,6 @@ FAULTS: Final[Mapping[str, Fault]] = {
             "sitting",
             "decision",
             "interact: stop but never sit",
-            _never_sits,
             "stops at the seat",
             seated=True,
             standing=True,
@@ -451,7 +168,3 @@ FAULTS: Final[Mapping[str, Fault]] = {
 }
 """By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too
 far", which is the task's fault."""
-
-
-def _degrees(angle: float, most: int) -> int:
-    return int(np.clip(round(np.degrees(angle)), -most, most))

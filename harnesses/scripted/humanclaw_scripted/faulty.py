@@ -36,7 +36,8 @@ from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.faults import FAULTS, LOOK_AROUND, Fault, Perception, Snapshot
+from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Perception, Snapshot
+from humanclaw_scripted.faults import FAULTS, Fault
 
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
@@ -49,7 +50,7 @@ class Options(BaseModel):
 
     profile: str = "default"
     fault: str = "none"
-    """A name of FAULTS, or `none`."""
+    """A name of FAULTS, two of them joined by a plus sign, or `none`."""
     repair: str = ""
     """A capability whose faults are put right: the check of a root cause."""
     history: int = Field(10, ge=0)
@@ -66,7 +67,7 @@ class Options(BaseModel):
 
 
 def options(given: Mapping[str, Any]) -> Options:
-    """Checked options. Raises HumanclawError that says which is wrong."""
+    """Check options. Raises HumanclawError that says which is wrong."""
     try:
         read = Options(**given)
     except ValidationError as error:
@@ -75,20 +76,21 @@ def options(given: Mapping[str, Any]) -> Options:
         raise HumanclawError(
             f"--option {where}: {first['msg']}.", f"The options are {', '.join(Options.model_fields)}."
         ) from None
-    if read.fault not in {*FAULTS, "none"}:
-        raise HumanclawError(f"there is no fault {read.fault!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
+    unknown = {*read.fault.split("+")} - {*FAULTS, "none"}
+    if unknown:
+        raise HumanclawError(f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
     return read
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
-    """An oracle that has begun an episode as if its task were this one."""
+    """Return an oracle that has begun an episode as if its task were this one."""
     agent = OracleAgent()
     agent.begin(replace(context, spec=spec))
     return agent
 
 
 class FaultyAgent:
-    """The oracle with one capability missing, or with a bounded agent, or both."""
+    """The oracle with a capability or two missing, or with a bounded agent, or both."""
 
     name = "faulty"
     privileged = True
@@ -102,12 +104,11 @@ class FaultyAgent:
         self._perception = Perception(context)
         self._begun = spec.difficulty.distance if spec.difficulty else self._perception.away()
         self._stop = ending(context.skills)
-        self._fault = self._chosen(spec)
-        standing = self._fault is not None and self._fault.standing
+        self._faults = self._chosen(spec)
+        standing = any(fault.standing for fault in self._faults)
         self._oracle = oracle(context, spec.model_copy(update={"interact": False}) if standing else spec)
-        self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
-        self._notes: dict[str, int] = {}
-        self._trail: list[Array] = []
+        self._errand = self._to_another_seat() if any(fault.elsewhere for fault in self._faults) else None
+        self._pads: dict[str, tuple[dict[str, int], list[Array]]] = {fault.name: ({}, []) for fault in self._faults}
         self._last_seen: int | None = None
         self._limits = BoundedRationality(self.options, self._perception, self._stop)
 
@@ -119,10 +120,10 @@ class FaultyAgent:
         seats = tuple(obj.id for obj in scene.objects if obj.category in others)
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
-    def _chosen(self, spec: EpisodeSpec) -> Fault | None:
-        """The fault of this episode; none where it would not show or is put right."""
-        fault = FAULTS.get(self.options.fault)
-        return None if fault is None or not fault.fits(spec) or fault.capability == self.options.repair else fault
+    def _chosen(self, spec: EpisodeSpec) -> tuple[Fault, ...]:
+        """Return the faults of this episode, but for those that would not show or are put right."""
+        named = (FAULTS[name] for name in self.options.fault.split("+") if name in FAULTS)
+        return tuple(fault for fault in named if fault.fits(spec) and fault.capability != self.options.repair)
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if self._errand:
@@ -132,19 +133,18 @@ class FaultyAgent:
             self._errand = None
         decision = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._perception.context.spec.target_category)
-        if self._fault:
-            decision = self._fault.apply(self._snapshot(decision, seen, observation.step))
+        for fault in self._faults:
+            decision = BEHAVIOURS[fault.name](self._snapshot(fault, decision, seen, observation.step))
         self._last_seen = observation.step if seen else self._last_seen
         if not self.options.bounded:
             return decision
         return self._limits.limit(decision, observation.step, self._last_seen, history)
 
-    def _snapshot(self, decision: Decision, seen: bool, step: int) -> Snapshot:
+    def _snapshot(self, fault: Fault, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._perception.context.spec.max_steps - step
         before = self._last_seen is not None
-        return Snapshot(
-            self._perception, decision, left, seen, before, self._stop, self._begun, self._notes, self._trail
-        )
+        pad = self._pads[fault.name]
+        return Snapshot(self._perception, decision, left, seen, before, self._stop, self._begun, *pad)
 
 
 # -- a bounded agent ---------------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ class BoundedRationality:
         return decision
 
     def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
-        """The call of an older view that was taken for the current one."""
+        """Return the call of an older view that was taken for the current one."""
         others = min(self.options.images - 1, len(history))
         competing = self.options.confusion * others
         if not others or draws[0] >= competing / (1 + competing):

@@ -154,6 +154,18 @@ def test_putting_the_missing_capability_back_makes_it_the_oracle_again(fault):
     assert log[-1][1].skill == "stop"
 
 
+def test_of_two_faults_at_once_either_can_be_put_right():
+    """Blind and without a sense of distance: with eyes it stops too far away, with a sense of distance it sees
+    nothing."""
+    both = "blindness+distance"
+    assert not any("couch is" in decision.visible_state for decision, _ in live(sit=False, fault=both)[1])
+    _, log = live(sit=False, fault=both, repair="perception")
+    assert log[-1][1].skill == "stop"
+    assert [call for _, call in log] == [call for _, call in live(sit=False, fault="distance")[1]]
+    sense = live(sit=False, fault=both, repair="ego-spatial distance")[1]
+    assert [call for _, call in sense] == [call for _, call in live(sit=False, fault="blindness")[1]]
+
+
 def test_a_fault_shows_only_in_episodes_that_fit_it():
     near, far = (
         spec(True).model_copy(update={"difficulty": Difficulty(distance=d, turns=0, rooms=3, obstacles=0)})

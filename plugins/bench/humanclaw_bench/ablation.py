@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from humanclaw import Backends
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, estimate, paired
-from humanclaw_bench.statistics import Difference, compare_rates, holm
+from humanclaw import Backends, RecordError
+from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, difference_of, estimate
+from humanclaw_bench.statistics import Difference, holm
 from humanclaw_bench.worker import Job
 
 AGENT: Final = "faulty"
@@ -30,7 +30,7 @@ class Setting:
     falls: tuple[Metric, ...] = ()
 
     def job(self, backends: Backends) -> Job:
-        """What to run for this row."""
+        """Return what to run for this row."""
         return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, backends)
 
 
@@ -70,12 +70,14 @@ def findings(scores: Mapping[str, Sequence[Scores]]) -> tuple[Finding, ...]:
 
 
 def _difference(a: Sequence[Scores], b: Sequence[Scores], metric: Metric) -> Difference:
-    both = paired(metric, common(a, b))
-    return compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
+    found = difference_of(metric, common(a, b))
+    if found is None:
+        raise RecordError(f"no episode of both settings bears on {metric.name}.", "Run a split that asks for it.")
+    return found
 
 
 def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
-    """The rates of every setting, and the paper's directions with their p."""
+    """Return the rates of every setting, and the paper's directions with their p."""
     lines = ["| setting | episodes | FindSR | NavSR | InteractSR |", "| --- | --- | --- | --- | --- |"]
     for setting in SETTINGS:
         rates = " | ".join(_rate(metric, scores[setting.name]) for metric in (FIND, NAV, INTERACT))

@@ -117,8 +117,8 @@ def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> f
 
 
 def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
-    """A locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause a
-    jam."""
+    """Return a locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause
+    a jam."""
     asked = _asks(record, step, _MOVES)
     return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
@@ -147,7 +147,7 @@ def _confined(recorded: RecordedEpisode) -> bool:
 
 
 def _extent(steps: Sequence[StepRecord]) -> float:
-    """The longer side of the box over the floor that holds the pelvis, metres."""
+    """Return the longer side of the box over the floor that holds the pelvis, metres."""
     places: Array = np.array([point for step in steps for point in (step.start, step.end)])[:, [0, 2]]
     return float(np.ptp(places, axis=0).max())
 
@@ -213,8 +213,8 @@ CAUSES: Final = (
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """The first stage that was not met; None for a success, a free instruction, an unfinished episode and a plugin's
-    failure."""
+    """Return the first stage that was not met; None for a success, a free instruction, an unfinished episode and a
+    plugin's failure."""
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:
@@ -223,7 +223,7 @@ def failed_stage(scores: Scores) -> Stage | None:
 
 
 def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause | None:
-    """The root cause of a failed episode; None where there is no failure. scores: those of the record, if known
+    """Return the root cause of a failed episode; None where there is no failure. scores: those of the record, if known
     already."""
     stage = failed_stage(scores or score(recorded))
     if stage is None:
@@ -235,21 +235,26 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
 # -- the funnel --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Funnel:
-    """How many episodes remain after each stage; one stage counts only for those that met the stages before it."""
+    """Which episodes remain after each stage; one stage counts only for those that met the stages before it."""
 
-    episodes: int
-    in_view: int
-    found: int
-    reached: int
-    reached_to_sit: int
+    asked: tuple[Scores, ...]
+    found: tuple[Scores, ...]
+    reached: tuple[Scores, ...]
+    to_sit: tuple[Scores, ...]
     """Those of reached whose task goes on to sitting."""
-    sat: int
 
     @classmethod
     def of(cls, scores: Sequence[Scores]) -> Funnel:
-        asked = [s for s in scores if s.finished and s.success is not None]
-        found = [s for s in asked if s.find]
-        reached = [s for s in found if s.nav]
-        to_sit = [s for s in reached if s.interact is not None]
-        sat = sum(bool(s.interact) for s in to_sit)
-        return cls(len(asked), sum(bool(s.geo_find) for s in asked), len(found), len(reached), len(to_sit), sat)
+        asked = tuple(s for s in scores if s.finished and s.success is not None)
+        found = tuple(s for s in asked if s.find)
+        reached = tuple(s for s in found if s.nav)
+        return cls(asked, found, reached, tuple(s for s in reached if s.interact is not None))
+
+    @property
+    def shares(self) -> tuple[tuple[list[bool], list[str]], ...]:
+        """In view, found, found and reached of all; sat of those to sit: whether each episode was, and its house."""
+        stages = (
+            (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
+            (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),
+        )  # fmt: skip
+        return tuple(([met(s) for s in episodes], [s.scene for s in episodes]) for episodes, met in stages)

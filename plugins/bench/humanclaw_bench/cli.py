@@ -15,19 +15,30 @@ from tqdm import tqdm
 
 from humanclaw import Backends, EpisodeSpec, PluginError, Plugins, RecordError, load_run
 from humanclaw.cli import Deciders, decider_options, plugin_files
+from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
+from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import damage, run_split
-from humanclaw_bench.splits import HOUSES, STARTS, candidates, load_split, summary
+from humanclaw_bench.splits import (
+    HOUSES,
+    STARTS,
+    candidates,
+    hidden,
+    load_split,
+    repeated,
+    secret_houses,
+    summary,
+)  # fmt: skip
 from humanclaw_bench.splits import make as make_splits
 from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
 from humanclaw_bench.worker import Job
 
 RUN = click.Path(path_type=Path)
 PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing.")
-NAMES = ("main", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
+NAMES = ("main", "repeats", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
 
 
 @click.group()
@@ -36,7 +47,9 @@ def bench() -> None:
 
 
 @bench.command("run")
-@click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file of episodes.")
+@click.option(
+    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, or a file of episodes."
+)
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 @click.option("--executor", default="", help="Who plays the episodes, by name; the default is local.")
@@ -52,15 +65,23 @@ def bench() -> None:
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Go on with a run that is there, or leave it alone."
 )
+@click.option(
+    "--repeats",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Every episode so often, each time with a seed of its own: shows what varies between seeds.",
+)
+@click.option("--yes", is_flag=True, help="Do not ask whether to go on once it is known what the run will take.")
 @plugin_files
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, files: tuple[Path, ...],
+    out: Path | None, resume: bool, repeats: int, yes: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded
     step."""
     plugins = Plugins.discover(files)
-    specs = load_split(name)
+    specs = repeated(load_split(name), repeats)
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
@@ -73,7 +94,10 @@ def run_command(
         raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(console(), out) as progress:
-        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+        status = run_split(
+            specs, job, player, out, plugins=plugins, watch=progress.watch,
+            go_on=lambda status: progress.foresee(status, ask=not yes),
+        )  # fmt: skip
         progress.end(status)
     if status.done:
         _print(terminal(main_table(_results([out]), paper=False), console().width))
@@ -82,9 +106,7 @@ def run_command(
 
 
 @bench.command()
-@click.option(
-    "--out", type=RUN, default=Path("splits"), show_default=True, help="Folder for val, mini and smoke.jsonl."
-)
+@click.option("--out", type=RUN, default=Path("splits"), show_default=True, help="Folder for the splits.")
 @click.option(
     "--starts",
     type=click.IntRange(1),
@@ -93,21 +115,30 @@ def run_command(
     help="Starts to draw in each house for each category and range of distances.",
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option(
+    "--secret",
+    type=click.IntRange(0),
+    metavar="SEED",
+    help="Make a hidden test instead: test.jsonl, in houses and from starts that this number alone leads to.",
+)
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
-def make(out: Path, starts: int, seed: int, workers: int) -> None:
-    """Make the splits from seeds: 1,218 episodes in 41 houses, and two samples of them."""
+def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
+    """Make the splits from seeds: 1,218 episodes in 41 houses, and samples of them; or a hidden test."""
+    houses = HOUSES if secret is None else secret_houses(secret)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(_candidates, number, starts, seed) for number in range(len(HOUSES))]
+        drawn_from = (seed,) if secret is None else (secret, 2)
+        jobs = [pool.submit(_candidates, house, number, starts, drawn_from) for number, house in enumerate(houses)]
         found = [job.result() for job in tqdm(jobs, desc="houses", unit="house")]
-    for name, specs in make_splits([spec for house in found for spec in house]).items():
+    everything = [spec for house in found for spec in house]
+    for name, specs in (make_splits if secret is None else hidden)(everything).items():
         write_episodes(out / f"{name}.jsonl", specs)
         _print(Text(f"{out / name}.jsonl", style="bold"))
         for key, value in summary(specs).items():
             click.echo(f"  {key:<13} {value}")
 
 
-def _candidates(number: int, starts: int, seed: int) -> list[EpisodeSpec]:
-    return list(candidates(Plugins.discover().scene(HOUSES[number]), number, starts=starts, seed=seed))
+def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
+    return list(candidates(Plugins.discover().scene(house), number, starts=starts, seed=seed))
 
 
 @bench.command()
@@ -171,15 +202,43 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
 
 @bench.command()
 @click.argument("run", type=RUN)
-def verify(run: Path) -> None:
+@click.option("--submission", type=RUN, help="Also score the records again and hold this file to them.")
+def verify(run: Path, submission: Path | None) -> None:
     """Hold every file of a run to the digests in its records, and name what is damaged."""
     count, faults = damage(run)
+    many = "1 record" if count == 1 else f"{count} records"
+    told = f"{len(faults)} damaged." if faults else "all whole."
+    if submission and not faults:
+        faults = submissions.contradictions(submissions.read(submission), run)
+        told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
     for fault in faults:
         click.echo(fault)
-    many = "1 record" if count == 1 else f"{count} records"
-    click.echo(f"{many} in {run}: {len(faults)} damaged." if faults else f"{many} in {run}: all whole.")
+    click.echo(f"{many} in {run}: {told}")
     if faults:
         raise SystemExit(1)
+
+
+@bench.command()
+@click.argument("run", type=RUN)
+@click.option("--who", required=True, help="Whoever submits it, as it is to be shown.")
+@click.option("--model-date", default="", help="Version or day of the model, as its provider tells it.")
+@click.option("--out", type=RUN, help="Where to write; the default is submission.json in the run.")
+@PARTIAL
+@plugin_files
+def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool, files: tuple[Path, ...]) -> None:
+    """Write one file with what was run and what came of it, for `bench verify --submission` and `bench leaderboard`."""
+    _require_whole([_one(run)], partial)
+    made = submissions.submit(run, who, model_date, Plugins.discover(files))
+    out = out or run / submissions.NAME
+    write_atomically(out, made.model_dump_json(indent=1).encode())
+    click.echo(out)
+
+
+@bench.command()
+@click.argument("folder", type=RUN)
+def leaderboard(folder: Path) -> None:
+    """Make index.html of the submissions in a folder; a run in a folder of the same name beside one is checked."""
+    click.echo(submissions.leaderboard(folder))
 
 
 @bench.command("export")
@@ -208,7 +267,7 @@ def _asked(run: Path) -> int:
 
 
 def _require_whole(results: Sequence[Result], partial: bool) -> None:
-    """Raises RecordError for a run with missing episodes, unless they were asked for."""
+    """Raise RecordError for a run with missing episodes, unless they were asked for."""
     for result in results:
         if result.partial and not partial:
             raise RecordError(f"the run is not complete: {result.note}", "Go on with it, or say --partial.")
@@ -223,7 +282,7 @@ def _one(run: Path) -> Result:
 
 
 def console() -> Console:
-    """A pipe has no width: tables are as wide there as they need."""
+    """Return a pipe has no width: tables are as wide there as they need."""
     console = Console()
     return console if console.is_terminal else Console(width=240)
 

@@ -13,7 +13,7 @@ THRESHOLDS: Final = {"distance": (3.5, 8.0), "choice": (2.0, 5.0), "obstacle": (
 
 
 def tiers(difficulty: Difficulty) -> dict[str, Tier]:
-    """The tier of each dimension: distance, choice and obstacle."""
+    """Return the tier of each dimension: distance, choice and obstacle."""
     values = {
         "distance": difficulty.distance,
         "choice": difficulty.turns + difficulty.rooms,
@@ -23,6 +23,6 @@ def tiers(difficulty: Difficulty) -> dict[str, Tier]:
 
 
 def overall(difficulty: Difficulty) -> Tier:
-    """The three tiers averaged, rounded to the nearest."""
+    """Return the three tiers averaged, rounded to the nearest."""
     ranks = [TIERS.index(tier) for tier in tiers(difficulty).values()]
     return TIERS[round(sum(ranks) / len(ranks))]

@@ -30,7 +30,8 @@ _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_def
 @_WORKERS
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/ablation"), show_default=True)
 def ablate(name: str, workers: int, out: Path) -> None:
-    """The paper's ablation with a scripted bounded agent: five settings, and whether the four directions come out."""
+    """Run the paper's ablation with a scripted bounded agent: five settings, and whether the four directions come
+    out."""
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name)
@@ -42,28 +43,41 @@ def ablate(name: str, workers: int, out: Path) -> None:
 @click.option("--split", "name", default="val", show_default=True, help="val, mini, smoke, or a file.")
 @click.option("--each", type=click.IntRange(1), default=20, show_default=True, help="Failures of each root cause.")
 @click.option(
-    "--others",
-    type=click.IntRange(1),
-    default=5,
-    show_default=True,
-    help="Of those, with another capability put right.",
+    "--pairs", type=click.IntRange(0), default=40, show_default=True, help="Episodes with two faults at once."
 )
 @_WORKERS
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True)
-def repair_command(name: str, each: int, others: int, workers: int, out: Path) -> None:
+def repair_command(name: str, each: int, pairs: int, workers: int, out: Path) -> None:
     """Whether root causes name what is wrong: failures of known origin, and what mends them."""
     specs, faults = load_split(name), repair.known_faults(Plugins.discover())
     causes = _failures(specs, faults, each, out, workers)
     right: dict[str, Scores] = {}
-    other: dict[str, Scores] = {}
     for capability in repair.capabilities(faults):
-        right |= _repaired(
-            repair.blamed(specs, causes, capability), faults, capability, out / f"{capability}--repaired", workers
-        )
-        compared = repair.blamed(specs, causes, capability, others)
-        unblamed = repair.another(capability, faults)
-        other |= _repaired(compared, faults, unblamed, out / f"{capability}--{unblamed}", workers)
-    click.echo(repair.markdown(repair.repaired(causes, right, other)))
+        folder = out / f"{capability}--repaired"
+        right |= _repaired(repair.blamed(specs, causes, capability), faults, capability, folder, workers)
+    click.echo(repair.markdown(repair.repaired(causes, right)))
+    if pairs:
+        click.echo("\n" + repair.pairs_markdown(_pairs(specs, faults, pairs, out / "pairs", workers)))
+
+
+def _pairs(
+    specs: Sequence[EpisodeSpec], faults: Sequence[Fault], count: int, out: Path, workers: int
+) -> tuple[repair.Paired, ...]:
+    """Play episodes with two faults at once: as they are, and with the capability of either put right."""
+    both = {spec.id: (own, other) for spec in specs if (own := repair.drawn(spec, faults))
+            and (other := repair.companion(spec, faults))}  # fmt: skip
+    chosen = [spec for spec in specs if spec.id in both]
+    chosen = chosen[:: max(1, len(chosen) // count)][:count]
+    causes: dict[str, Cause | None] = {}
+    mended: dict[str, dict[str, Cause | None]] = {name: {} for name in repair.capabilities(faults)}
+    for spec in chosen:
+        own, other = both[spec.id]
+        for capability in ("", own.capability, other.capability):
+            folder = out / f"{own.name}+{other.name}--{capability or 'both'}".replace(" ", "-")
+            job = repair.pair_job(own, other, capability)
+            ((_, cause),) = _played([spec], job, folder / spec.id, workers)
+            (mended[capability] if capability else causes)[spec.id] = cause
+    return repair.paired(causes, mended, both)
 
 
 def _failures(

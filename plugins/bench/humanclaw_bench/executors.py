@@ -62,7 +62,8 @@ class EpisodeQueue:
         self._houses.setdefault(spec.scene, deque()).append(spec)
 
     def take(self, house: str = "") -> EpisodeSpec | None:
-        """An episode in this house if there is one, else in a house where nobody is, else in the one with most left."""
+        """Return an episode in this house if there is one, else in a house where nobody is, else in the one with most
+        left."""
         left = {name: waiting for name, waiting in self._houses.items() if waiting}
         if not left:
             return None
@@ -210,7 +211,7 @@ def _for_children(variables: Mapping[str, str]) -> Iterator[None]:
 
 # -- inside a worker ---------------------------------------------------------------------------------------------------
 def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, log: Path) -> None:
-    """The life of a worker process: play what comes through the channel until None comes."""
+    """Play in a worker process what comes through the channel until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
     _write_to(log)
@@ -237,7 +238,7 @@ def _write_to(log: Path) -> None:
 
 
 def local(workers: int = 1, address: str = "") -> Executor:
-    """Processes of this machine. Raises HumanclawError if there is to be no worker."""
+    """Play in processes of this machine. Raises HumanclawError if there is to be no worker."""
     if workers < 1:
         raise HumanclawError(f"a run needs at least one worker; got {workers}.", "Give --workers 1 or more.")
     return LocalExecutor(workers)

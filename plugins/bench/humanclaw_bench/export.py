@@ -32,7 +32,7 @@ DECISIONS_A_SECOND: Final = 2
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """The metrics that plugins brought, by name."""
+    """Return the metrics that plugins brought, by name."""
     return {one.name: one.value for one in plugins.registered("metrics")}
 
 
@@ -46,8 +46,8 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
-    """An episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a body
-    group."""
+    """Return an episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a
+    body group."""
     values = asdict(scores)
     collisions, extra = values.pop("collisions"), values.pop("extra")
     values |= {f"collisions_{group}": share for group, share in collisions.items()}
@@ -59,13 +59,13 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
 
 
 def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
-    """A run as one row an episode. Raises RecordError if there is none."""
+    """Return a run as one row an episode. Raises RecordError if there is none."""
     extra = metrics_of(plugins or Plugins.discover())
     return [row(*pair) for pair in scored(load_run(run), extra, run.name)]
 
 
 def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
-    """A run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no
+    """Return a run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no
     run."""
     pandas = _need("pandas", "pandas")
     frame = pandas.DataFrame(rows(Path(run), plugins)).set_index("episode")
@@ -88,7 +88,7 @@ def to_csv(run: Path, out: Path) -> Path:
 
 
 def to_lerobot(run: Path, out: Path) -> Path:
-    """A LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the
+    """Return a LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the
     instruction.
 
     observation.state: root position (m) and 24 joint rotations (axis-angle, rad) before the decision. action: a one-hot
@@ -121,7 +121,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
 
 
 def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
-    """'walk', ..., then 'walk.x_cm', ...: all that was called in any of the episodes."""
+    """Return the names of the skills, then skill.parameter for each: all that was called in any of the episodes."""
     calls = [step.call for episode in episodes for step in episode.steps if step.call]
     skills = sorted({skill for episode in episodes for skill in episode.record.skills} | {call.skill for call in calls})
     params = sorted({f"{call.skill}.{key}" for call in calls for key in call.params})
@@ -169,7 +169,7 @@ def _action(step: StepRecord, names: Sequence[str]) -> Any:
 
 
 def to_inspect(run: Path, out: Path) -> Path:
-    """An inspect_ai log: a sample an episode, a tool call a decision, the success rates as scores.
+    """Return an inspect_ai log: a sample an episode, a tool call a decision, the success rates as scores.
 
     The views stay in the run: each answer's metadata names the one it was made from. out: *.eval or *.json.
     Raises RecordError if it is neither or if the run is of several agents.
@@ -223,7 +223,7 @@ def _error(log: Any, recorded: RecordedEpisode) -> Any:
 
 
 def _messages(recorded: RecordedEpisode) -> list[Any]:
-    """The conversation: the instruction, then a step's answer and what came of it."""
+    """Return the conversation: the instruction, then a step's answer and what came of it."""
     model = importlib.import_module("inspect_ai.model")
     messages = [model.ChatMessageUser(content=recorded.record.spec.instruction)]
     for step in recorded.steps:
@@ -245,7 +245,7 @@ def _calls(step: StepRecord) -> list[Any]:
 
 
 def _rate(log: Any, name: str, finished: Sequence[Scores]) -> Iterator[Any]:
-    """The share of the episodes that were asked for it; nothing if none was."""
+    """Yield the share of the episodes that were asked for it; nothing if none was."""
     known = [value for scores in finished if (value := getattr(scores, name)) is not None]
     if known:
         rate = log.EvalMetric(name="accuracy", value=sum(known) / len(known))

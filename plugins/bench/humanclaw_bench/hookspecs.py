@@ -44,6 +44,12 @@ class Fault(Protocol):
     def fits(self, spec: EpisodeSpec) -> bool:
         """Whether an episode can show it."""
 
+    def goes_with(self, other: Any) -> bool:
+        """Whether one agent can have this fault and another one at once: two capabilities are missing then."""
+
+    def with_another(self, other: Any) -> Mapping[str, Any]:
+        """Options of the agent, for it to have both; the other is one that this goes with."""
+
 
 class RegisterFault(Protocol):
     def __call__(self, fault: Fault) -> None:

@@ -19,11 +19,22 @@ import numpy as np
 
 from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord
 from humanclaw.body import BODY_GROUPS
-from humanclaw.outcomes import acknowledges, end_distance, in_view, on_target, reached, role_of, touched_above_ground
+from humanclaw.outcomes import (
+    acknowledges,
+    end_distance,
+    in_view,
+    on_target,
+    reached,
+    role_of,
+    sits_of,
+    stopped_seated,
+    stopped_within_reach,
+    touched_above_ground,
+)  # fmt: skip
 from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
 from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
-from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, ratio, wilson
+from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
 MOVES: Final = 0.001
 """Metres in a frame from which on an object moves; less is the trembling of what rests."""
@@ -39,15 +50,13 @@ def ended(outcome: str, limit: str) -> bool:
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
-# -- what the agent says
-# ---------------------------------------------------------------------------------------------------
+# -- what the agent says -----------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
     """Whether the answer that a step rests on acknowledges the target."""
     return acknowledges(step.decision.visible_state, category)
 
 
-# -- where the body was
-# ----------------------------------------------------------------------------------------------------
+# -- where the body was ------------------------------------------------------------------------------------------------
 def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Whether a step called a skill that sits down."""
     return role_of(recorded, step) == "sit"
@@ -58,15 +67,7 @@ def sat_down(recorded: RecordedEpisode) -> bool:
     return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
-def stayed_seated(recorded: RecordedEpisode) -> bool:
-    """InteractSR: a sit, then an active stop, and the pelvis on a target in the last physics frame before the stop."""
-    steps = recorded.steps
-    stopped = recorded.record.outcome == "stopped"
-    return stopped and any(is_sit(recorded, step) for step in steps) and on_target(recorded, steps[-1])
-
-
-# -- what the body ran into
-# ------------------------------------------------------------------------------------------------
+# -- what the body ran into --------------------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body
     group.
@@ -132,7 +133,7 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
-    """The generated motion of all steps as one: each chunk taken up where the one before it was left.
+    """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
 
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
     jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
@@ -154,7 +155,7 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 
 
 def _hips(motion: Motion) -> Pose2D:
-    """The frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    """Return the frame of the last pose's pelvis: the one in which the next chunk is put down."""
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
@@ -282,8 +283,7 @@ def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     weight = way / max(path, way) if max(path, way) else 1.0
     left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
     made = max(0.0, 1 - left / way) if way else float(left == 0)
-    nav = recorded.record.outcome == "stopped" and reached(recorded)
-    return float(nav) * weight, made * weight
+    return float(stopped_within_reach(steps)) * weight, made * weight
 
 
 def _false_claims(recorded: RecordedEpisode) -> float:
@@ -293,7 +293,7 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """A plugin's metric; NaN if it raises, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, which changes nothing else."""
     try:
         return float(measure(recorded))
     except Exception:
@@ -305,14 +305,14 @@ def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     spec, steps = recorded.record.spec, recorded.steps
     if not spec.target_category:
         return dict.fromkeys(("find", "geo_find", "nav", "geo_nav", "nav_1m", "interact", "geo_interact"))
-    distance, stopped = end_distance(recorded), recorded.record.outcome == "stopped"
+    near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY
     return {
         "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
         "geo_find": any(map(in_view, steps)),
-        "nav": stopped and reached(recorded),
+        "nav": stopped_within_reach(steps),
         "geo_nav": reached(recorded),
-        "nav_1m": stopped and distance <= NEARBY,
-        "interact": stayed_seated(recorded) if spec.interact else None,
+        "nav_1m": near,
+        "interact": stopped_seated(spec, steps, sits_of(recorded)) if spec.interact else None,
         "geo_interact": sat_down(recorded) if spec.interact else None,
     }
 
@@ -399,16 +399,17 @@ ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
 
 
 def extra_metric(name: str) -> Metric:
-    """A plugin's metric, averaged over episodes."""
+    """Return a plugin's metric, averaged over episodes."""
     return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
-    """A metric over the finished episodes among these, with its interval."""
-    parts = [pair for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    """Return a metric over the finished episodes among these, with its interval."""
+    known = [(pair, s.scene) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    parts, houses = [pair for pair, _ in known], [house for _, house in known]
     if metric.rate:
-        return wilson(int(sum(met for met, _ in parts)), len(parts))
-    return ratio([above for above, _ in parts], [below for _, below in parts], seed=seed)
+        return rate([bool(met) for met, _ in parts], houses)
+    return ratio([above for above, _ in parts], [below for _, below in parts], houses, seed=seed)
 
 
 def compare(
@@ -424,24 +425,25 @@ def compare(
     pairs = common(a, b)
     found: dict[str, Difference] = {}
     for metric in metrics:
-        both = paired(metric, pairs)
-        if metric.rate and both:
-            found[metric.name] = compare_rates([bool(x[0]) for x, _ in both], [bool(y[0]) for _, y in both])
-        elif both:
-            found[metric.name] = compare_ratios([x for x, _ in both], [y for _, y in both], seed=seed)
+        if difference := difference_of(metric, pairs, seed=seed):
+            found[metric.name] = difference
     headline = {metric.name: found[metric.name] for metric in (FIND, NAV, INTERACT) if metric.name in found}
     rest = {name: difference for name, difference in found.items() if name not in headline}
     raised = [zip(family, holm(tuple(family.values())), strict=True) for family in (headline, rest)]
     return dict(chain(*raised))
 
 
-def paired(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> list[tuple[tuple[float, float], ...]]:
-    """The parts of a metric in both runs, for the episodes that bear on it in both."""
-    return [(one, two) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
+    """Compare one metric of B against A over the episodes that bear on it in both; None if none does."""
+    known = [(one, two, x.scene) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+    a, b, houses = ([entry[k] for entry in known] for k in range(3))
+    if metric.rate and known:
+        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
+    return compare_ratios(a, b, houses, seed=seed) if known else None
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
-    """The episodes that both runs finished, in pairs. Raises RecordError as compare does."""
+    """Return the episodes that both runs finished, in pairs. Raises RecordError as compare does."""
     first, second = _by_episode(a), _by_episode(b)
     pairs = [(first[key], second[key]) for key in first if key in second]
     if not pairs:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
@@ -47,6 +48,17 @@ class RunProgress:
         if status.done < status.total:
             self._print("The same command goes on from here.")
 
+    def foresee(self, status: RunStatus, *, ask: bool) -> bool:
+        """Say what the run will take, as its first episodes have shown; ask whether to go on, if a person is there."""
+        said = foresight(status)
+        if not (ask and self._console.is_terminal):
+            self._print(said)
+            return True
+        self._bar.stop()
+        on = click.confirm(f"{said} Go on?", default=True)
+        self._bar.start()
+        return on
+
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
@@ -66,6 +78,15 @@ def _rate(status: RunStatus) -> str:
         return "starting"
     rate = f"{60 * status.played / status.seconds:.1f} episodes/min, {_clock(status.seconds_left)} left"
     return rate + (f"{_spent(status)}, about ${status.cost_left:.2f} to go" if status.cost else "")
+
+
+def foresight(status: RunStatus) -> str:
+    """Such as: By its first 3 episodes the other 97 take about 5 h 50 min and $50."""
+    hours, minutes = divmod(round(status.seconds_left / 60), 60)
+    time = f"{hours} h {minutes} min" if hours else f"{max(1, minutes)} min"
+    money = f" and ${status.cost_left:.2f}" if status.cost else ""
+    others = "the other takes" if status.left == 1 else f"the other {status.left} take"
+    return f"By its first {status.played} episodes {others} about {time}{money}."
 
 
 def _spent(status: RunStatus) -> str:

@@ -68,6 +68,8 @@ class RunStatus:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
+PILOT: Final = 3
+"""Episodes from which what a run will take is foreseen."""
 
 
 def run_split(
@@ -78,8 +80,11 @@ def run_split(
     *,
     plugins: Plugins,
     watch: Watcher = lambda status, report: None,
+    go_on: Callable[[RunStatus], bool] = lambda status: True,
 ) -> RunStatus:
     """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
+
+    go_on: asked once, as soon as PILOT episodes have shown what the others will take; False stops the run.
 
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
     stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
@@ -99,7 +104,8 @@ def run_split(
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                if report.limit == "run" or _spent(status, job.limits):
+                asked = ended(report.outcome, report.limit) and status.played == PILOT and status.left > 0
+                if report.limit == "run" or _spent(status, job.limits) or (asked and not go_on(status)):
                     executor.stop()
                     stopped.set()
     return _with(status, stopped=stopped.is_set())
@@ -127,7 +133,7 @@ def damage(run: Path) -> tuple[int, tuple[str, ...]]:
 
 
 def _damage(folder: Path) -> str:
-    """What is wrong with one record; empty if nothing is."""
+    """Return what is wrong with one record; empty if nothing is."""
     try:
         record = RecordedEpisode(folder).record
     except RecordError as error:
@@ -262,7 +268,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _stops(executor: Executor) -> Iterator[threading.Event]:
-    """The first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
+    """Return the first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
     stopped = threading.Event()
 
     def handle(number: int, frame: object) -> None:

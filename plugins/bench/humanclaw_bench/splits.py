@@ -7,6 +7,7 @@ chooses among them so that categories, houses, distances and difficulty come as 
 from __future__ import annotations
 
 import importlib.resources
+import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from humanclaw.records import name_of
 from humanclaw.tasks import SEATS, instruction, read_episodes
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
-SPLITS: Final = ("val", "mini", "smoke")
+SPLITS: Final = ("val", "val-400", "mini", "smoke")
 DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Where the splits lie that come with the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
@@ -47,11 +48,13 @@ TOLERANCE: Final = 0.01
 """What a share may be off at no cost; without it the search for the last episode would never end."""
 NEAREST: Final = 1.0
 """Metres to go at least: nearer, there is nothing to find."""
+APART: Final = 1.0
+"""Metres between the starts of any two episodes of one house and category: nearer, they are the same episode twice."""
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """The episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
+    """Return the episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
     malformed."""
     if name not in SPLITS and not Path(name).exists():
         raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
@@ -59,13 +62,15 @@ def load_split(name: str) -> tuple[EpisodeSpec, ...]:
 
 
 # -- candidates --------------------------------------------------------------------------------------------------------
-def candidates(scene: Scene, number: int, *, starts: int = STARTS, seed: int = 0) -> Iterator[EpisodeSpec]:
+def candidates(
+    scene: Scene, number: int, *, starts: int = STARTS, seed: int | Sequence[int] = 0
+) -> Iterator[EpisodeSpec]:
     """Episodes that can be set in a house: for each category, so many starts at each range of distances.
 
     Each is solvable by construction: a body of the usual width can walk from the start to a place beside a target, and
     to one from which a target can be sat on if that is the task. number: the house's own, for the seed.
     """
-    rng = np.random.default_rng([seed, number])
+    rng = np.random.default_rng([*np.atleast_1d(seed), number])
     floors = MultiFloorMap.of(scene)
     room = np.stack([_roomy(grid) for grid in floors.grids])
     for category in CATEGORIES:
@@ -101,7 +106,7 @@ def _places(ways: DistanceField, usable: NDArray[np.bool_], count: int, rng: np.
 
 
 def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, yaw: float) -> EpisodeSpec:
-    """The episode from a place to the nearest target."""
+    """Return the episode from a place to the nearest target."""
     x, floor, z = place.tolist()
     return EpisodeSpec(
         id=category,
@@ -123,8 +128,8 @@ class Quota:
 
     categories: Mapping[str, int]
     houses: tuple[int, int]
-    both: tuple[int, int]
-    """Of each category in each house."""
+    both: Mapping[str, tuple[int, int]]
+    """Of each category in each house, between so many and so many."""
 
     @property
     def total(self) -> int:
@@ -161,7 +166,9 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
     hard = [([cell[0] == house for cell in cells], *quota.houses) for house in houses]
     hard += [([cell[1] == name for cell in cells], count, count) for name, count in quota.categories.items()]
     hard += [
-        ([cell[:2] == (house, name) for cell in cells], *quota.both) for house in houses for name in quota.categories
+        ([cell[:2] == (house, name) for cell in cells], *quota.both[name])
+        for house in houses
+        for name in quota.categories
     ]
     soft = [([cell[2] == k for cell in cells], share) for k, share in enumerate(DISTANCE_SHARES)]
     soft += [([cell[3] == tier for cell in cells], share) for tier, share in TIER_SHARES.items()]
@@ -188,16 +195,91 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
 
 
 # -- the splits --------------------------------------------------------------------------------------------------------
-VAL: Final = Quota(EPISODES, (28, 30), (2, 9))
-MINI: Final = Quota({"chair": 19, "couch": 19, "bed": 18, "potted_plant": 17, "tv": 15, "toilet": 12}, (1, 4), (0, 1))
-SMOKE: Final = Quota({"chair": 1, "couch": 1, "bed": 1, "tv": 1, "toilet": 1}, (0, 1), (0, 1))
+def _each(low: int, high: int) -> dict[str, tuple[int, int]]:
+    return dict.fromkeys(EPISODES, (low, high))
+
+
+def _even(categories: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+    """Bounds in each house about the mean of all: 5 to 7 of what is frequent, 3 to 5 of what is rare."""
+    means = {name: count // len(HOUSES) for name, count in categories.items()}
+    return {name: (mean, mean + 2) for name, mean in means.items()}
+
+
+VAL: Final = Quota(EPISODES, (28, 31), _even(EPISODES))
+MINI: Final = Quota(
+    {"chair": 19, "couch": 19, "bed": 18, "potted_plant": 17, "tv": 15, "toilet": 12}, (1, 4), _each(0, 1)
+)
+BETWEEN: Final = Quota(
+    {"chair": 57, "couch": 57, "bed": 53, "potted_plant": 50, "tv": 46, "toilet": 37}, (6, 9), _each(0, 3)
+)
+"""What val-400 holds beyond mini."""
+SMOKE: Final = Quota({"chair": 1, "couch": 1, "bed": 1, "tv": 1, "toilet": 1}, (0, 1), _each(0, 1))
+
+
+def spaced(found: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
+    """Leave out every episode that starts within APART of an earlier one of the same house, category and floor."""
+    kept: dict[tuple[str, str], list[Pose2D]] = defaultdict(list)
+    result = []
+    for spec in found:
+        start, others = spec.start, kept[spec.scene, spec.target_category]
+        assert start is not None
+        if all(_apart(start, other) for other in others):
+            others.append(start)
+            result.append(spec)
+    return tuple(result)
+
+
+def _apart(one: Pose2D, other: Pose2D) -> bool:
+    return float(np.hypot(one.x - other.x, one.z - other.z)) >= APART or abs(one.floor - other.floor) > 1.0
 
 
 def make(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
-    """All splits from the candidates of all houses; mini is part of val, and smoke of mini."""
-    val = named(choose(found, VAL))
+    """Return all splits from the candidates of all houses: each is part of the one before it."""
+    val = named(choose(spaced(found), VAL))
     mini = choose(val, MINI)
-    return {"val": val, "mini": mini, "smoke": choose([spec for spec in mini if not _long(spec)], SMOKE)}
+    smoke = choose([spec for spec in mini if not _long(spec)], SMOKE)
+    return {"val": val, "val-400": between(val, mini), "mini": mini, "smoke": smoke}
+
+
+def between(val: Sequence[EpisodeSpec], mini: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
+    """Return val-400: mini and 300 more of val."""
+    chosen = {spec.id for spec in mini}
+    chosen |= {spec.id for spec in choose([spec for spec in val if spec.id not in chosen], BETWEEN)}
+    return tuple(spec for spec in val if spec.id in chosen)
+
+
+def secret_houses(secret: int) -> tuple[str, ...]:
+    """Return the houses of a hidden test: as many as val has, none of them its own, for who knows the secret alone."""
+    rng = np.random.default_rng([secret, 1])
+    numbers = rng.choice(2**31 - 1_000_000, len(HOUSES), replace=False) + 1_000_000
+    return tuple(f"house:{number}" for number in sorted(numbers.tolist()))
+
+
+def hidden(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+    """Return the hidden test from the candidates of secret houses, drawn as val is."""
+    return {"test": named(choose(spaced(found), VAL))}
+
+
+# -- again -------------------------------------------------------------------------------------------------------------
+def repeated(specs: Sequence[EpisodeSpec], times: int) -> tuple[EpisodeSpec, ...]:
+    """Return each episode so many times, every time with a seed of its own; the first is the episode itself."""
+    again = (
+        spec.model_copy(update={"id": f"{spec.id}.r{k}", "seed": spec.seed + k * SEEDS_APART})
+        for k in range(1, times)
+        for spec in specs
+    )
+    return (*specs, *again)
+
+
+SEEDS_APART: Final = 1_000_003
+"""Between the seeds of an episode's repeats; no split has so many episodes."""
+_REPEAT: Final = re.compile(r"\.r(\d+)$")
+
+
+def repeat_of(episode: str) -> int:
+    """Return which repeat an episode is, by its id; 0 for the first."""
+    found = _REPEAT.search(episode)
+    return int(found[1]) if found else 0
 
 
 def _long(spec: EpisodeSpec) -> bool:
@@ -217,7 +299,7 @@ def named(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
 
 
 def summary(specs: Sequence[EpisodeSpec]) -> dict[str, str]:
-    """What a split is made of, as a person would check it."""
+    """Return what a split is made of, as a person would check it."""
     known = [spec.difficulty for spec in specs if spec.difficulty]
     metres = np.array([difficulty.distance for difficulty in known])
     houses = Counter(spec.scene for spec in specs).values()

@@ -1,7 +1,8 @@
 """How sure a number is: intervals of rates and means, and whether two runs of the same episodes differ.
 
-An episode is the unit that is drawn at random; steps within one are not independent. Seeds make every result
-repeatable.
+A house is the unit that is drawn at random: episodes of one house succeed and fail together, and steps within an
+episode even more so. Of fewer than FEW houses episodes are drawn, and what comes out holds for these houses alone.
+Seeds make every result repeatable.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 2000
 SIGNIFICANT: Final = 0.05
 FEW: Final = 5
-"""Fewer episodes than this cannot tell how they vary."""
+"""Fewer houses or episodes than this cannot tell how they vary."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Difference:
     p: float
     """Chance of a difference this large if the two were alike."""
     count: int
+    least: float = 0.0
+    """The smallest p that so few houses could have had; above SIGNIFICANT nothing could have been told."""
 
     @property
     def noise(self) -> bool:
@@ -55,31 +58,77 @@ class Difference:
 
 # -- one run -----------------------------------------------------------------------------------------------------------
 def wilson(successes: int, trials: int) -> Estimate:
-    """A rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
+    """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
-    interval = stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
-    return Estimate(successes / trials, float(interval.low), float(interval.high), trials)
+    interval = _score_interval(successes / trials, trials, float(stats.norm.ppf((1 + CONFIDENCE) / 2)))
+    return Estimate(successes / trials, *interval, trials)
 
 
-def ratio(numerators: Sequence[float], denominators: Sequence[float], *, seed: int = 0) -> Estimate:
-    """Sum over sum, episodes drawn again for the interval (bootstrap); a mean where all denominators are 1.
+def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
+    """Estimate a share of episodes, with Wilson's interval for as many episodes as these are worth.
+
+    What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), with
+    Student's t for the number of houses. Wilson's plain interval without houses, or with fewer than FEW.
+    """
+    drawn = units(np.stack([np.asarray(met, float), np.ones(len(met))], -1), houses)
+    plain = wilson(sum(met), len(met))
+    if len(set(houses)) < FEW:
+        return plain
+    share, count = plain.value, len(met)
+    spread = len(drawn) / (len(drawn) - 1) * float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum()) / count**2
+    alone = share * (1 - share) / count
+    worth = count * min(1.0, alone / spread) if spread > 0 else float(count)
+    return Estimate(
+        share, *_score_interval(share, worth, float(stats.t.ppf((1 + CONFIDENCE) / 2, len(drawn) - 1))), count
+    )
+
+
+def _score_interval(share: float, count: float, quantile: float) -> tuple[float, float]:
+    """Wilson's score interval of a share of so many trials."""
+    square = quantile**2 / count
+    centre = (share + square / 2) / (1 + square)
+    half = quantile / (1 + square) * float(np.sqrt(share * (1 - share) / count + square / (4 * count)))
+    # Rounding must not keep a rate of 0 or 1 out of its own interval.
+    return (max(0.0, centre - half) if share > 0 else 0.0), (min(1.0, centre + half) if share < 1 else 1.0)
+
+
+def ratio(
+    numerators: Sequence[float], denominators: Sequence[float], houses: Sequence[str] = (), *, seed: int = 0
+) -> Estimate:
+    """Sum over sum, houses drawn again for the interval (cluster bootstrap); a mean where all denominators are 1.
 
     NaN if the denominators sum to 0. Fewer than FEW episodes have no interval.
     """
-    above, below = np.asarray(numerators, float), np.asarray(denominators, float)
-    draws = (_ratio(above[rows], below[rows]) for rows in _draws(len(above), seed))
-    return Estimate(float(_ratio(above, below)), *_percentiles(draws, len(above)), len(above))
+    pairs = np.stack([np.asarray(numerators, float), np.asarray(denominators, float)], -1)
+    drawn = units(pairs, houses)
+    draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
+    return Estimate(float(_ratio(*pairs.T)), *_percentiles(draws, len(drawn)), len(pairs))
+
+
+def units(values: Array, houses: Sequence[str]) -> Array:
+    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn: houses, or the episodes of too few.
+
+    Raises ValueError unless each episode has a house, or none has.
+    """
+    if len(houses) not in (0, len(values)):
+        raise ValueError(f"{len(values)} episodes lie in {len(houses)} houses.")
+    names, index = np.unique(np.asarray(houses, str), return_inverse=True)
+    if len(names) < FEW:
+        return values
+    sums = np.zeros((len(names), *values.shape[1:]))
+    np.add.at(sums, index, values)
+    return sums
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """Sums over the last axis, divided; NaN over nothing."""
+    """Divide sums over the last axis; NaN over nothing."""
     total = below.sum(-1)
     return np.asarray(np.where(total > 0, above.sum(-1) / np.where(total > 0, total, 1.0), np.nan))
 
 
 def _draws(count: int, seed: int) -> Iterator[NDArray[np.int64]]:
-    """Index arrays (R, count) that draw episodes with replacement, in pieces that stay small; none for too few."""
+    """Index arrays (R, count) that draw units with replacement, in pieces that stay small; none for too few."""
     rng = np.random.default_rng(seed)
     for _ in range(10 if count >= FEW else 0):
         yield rng.integers(0, count, (RESAMPLES // 10, count))
@@ -100,42 +149,74 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
-def compare_rates(a: Sequence[bool], b: Sequence[bool]) -> Difference:
-    """Paired successes: McNemar's exact test, and the interval of Agresti and Min (2005).
+def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), *, seed: int = 0) -> Difference:
+    """Compare paired successes by an exact test that swaps the runs house by house.
 
-    Only episodes on which the two differ bear on the question; half a one is added to each cell, so that the interval
-    keeps a width where none differs. Raises ValueError for sequences of unequal length.
+    It is McNemar's where a house is an episode.
+
+    The interval is on each side the wider of Agresti and Min's (2005) and that of a bootstrap over houses; half an
+    episode is added to each cell of the former, so that it keeps a width where none differs. Raises ValueError for
+    sequences of unequal length.
     """
     first, second = _paired(a, b)
-    count = len(first)
-    gained, lost = int((second > first).sum()), int((first > second).sum())
-    p = float(stats.binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
+    changes = units(second - first, houses)
+    low, high = _agresti_min(int((second > first).sum()), int((second < first).sum()), len(first))
+    if len(set(houses)) >= FEW:
+        pairs = np.stack([second - first, np.ones(len(first))], -1)
+        drawn = ratio(*pairs.T, houses, seed=seed)
+        low, high = min(low, drawn.low), max(high, drawn.high)
+    value = float(changes.sum() / len(first)) if len(first) else float("nan")
+    return Difference(
+        _mean(first), _mean(second), value, low, high, _sign_flips(changes.astype(int)), len(first), _least(changes)
+    )
+
+
+def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
     cells, centre = count + 2, (gained - lost) / (count + 2)
     spread = float(np.sqrt(max(0.0, (gained + lost + 1) / cells - centre**2) / cells)) * float(
         stats.norm.ppf((1 + CONFIDENCE) / 2)
     )
-    value = (gained - lost) / count if count else float("nan")
-    low, high = max(-1.0, centre - spread), min(1.0, centre + spread)
-    return Difference(_mean(first), _mean(second), value, low, high, p, count)
+    return max(-1.0, centre - spread), min(1.0, centre + spread)
 
 
-def compare_ratios(a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], *, seed: int = 0) -> Difference:
-    """Paired (numerator, denominator) of each episode: bootstrap of the pairs, and a test that swaps the runs at
-    random.
+def _sign_flips(changes: NDArray[np.int64]) -> float:
+    """Return how likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin.
+
+    Exactly: all tosses are taken together, one change after the other.
+    """
+    chances = np.ones(1)
+    for change in np.abs(changes[changes != 0]):
+        chances = (np.pad(chances, (2 * change, 0)) + np.pad(chances, (0, 2 * change))) / 2
+    total = int(np.abs(changes).sum())
+    sums = np.arange(len(chances)) - total
+    return float(min(1.0, chances[np.abs(sums) >= abs(int(changes.sum()))].sum()))
+
+
+def _least(drawn: Array) -> float:
+    """Return the smallest p of a test that swaps so many units: all of them alike, one way or the other."""
+    return float(min(1.0, 2.0 ** (1 - len(drawn))))
+
+
+def compare_ratios(
+    a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], houses: Sequence[str] = (), *, seed: int = 0
+) -> Difference:
+    """Compare paired (numerator, denominator) of each episode by a bootstrap of the houses and random swaps of these.
 
     Raises ValueError for sequences of unequal length.
     """
     first, second = _paired(a, b)
     if not len(first):
         nothing = float("nan")
-        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0)
+        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0)
     one, two = float(_ratio(*first.T)), float(_ratio(*second.T))
+    both = units(np.stack([first, second], 1), houses)
     draws = (
-        _ratio(*np.moveaxis(second[rows], -1, 0)) - _ratio(*np.moveaxis(first[rows], -1, 0))
-        for rows in _draws(len(first), seed)
+        _ratio(*np.moveaxis(both[rows, 1], -1, 0)) - _ratio(*np.moveaxis(both[rows, 0], -1, 0))
+        for rows in _draws(len(both), seed)
     )
-    low, high = _percentiles(draws, len(first))
-    return Difference(one, two, two - one, low, high, _swap_test(first, second, seed), len(first))
+    low, high = _percentiles(draws, len(both))
+    p = _swap_test(both[:, 0], both[:, 1], seed)
+    return Difference(one, two, two - one, low, high, p, len(first), _least(both))
 
 
 def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
@@ -149,7 +230,7 @@ def _mean(values: Array) -> float:
 
 
 def _swap_test(first: Array, second: Array, seed: int) -> float:
-    """How often the difference is as large when each episode's two results are swapped by the toss of a coin."""
+    """How often the difference is as large when each unit's two results are swapped by the toss of a coin."""
     found = abs(float(_ratio(*second.T) - _ratio(*first.T)))
     if not np.isfinite(found):
         return 1.0
@@ -168,10 +249,14 @@ def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
 
 
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
-    """The same differences with p raised for their number (Holm): of twenty metrics one differs by chance."""
+    """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
+
+    What p could have been at least is raised for all of them: less none of them could come to.
+    """
     order = sorted(range(len(differences)), key=lambda k: differences[k].p)
     raised, largest = list(differences), 0.0
     for rank, k in enumerate(order):
         largest = max(largest, min(1.0, (len(order) - rank) * differences[k].p))
-        raised[k] = replace(differences[k], p=largest)
+        least = min(1.0, len(order) * differences[k].least)
+        raised[k] = replace(differences[k], p=largest, least=least)
     return tuple(raised)

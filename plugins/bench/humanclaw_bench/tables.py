@@ -18,12 +18,14 @@ from rich.text import Text
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
-from humanclaw_bench.splits import CATEGORIES
-from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, wilson
+from humanclaw_bench.splits import CATEGORIES, repeat_of
+from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
 
 NONE: Final = Estimate(float("nan"))
 MOST_UNASKED: Final = 0.01
 """Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
+TELLING: Final = 0.1
+"""Half the width of the interval of a difference of shares from which on nothing can be said to be noise."""
 MARK: Final = "\u2020"
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
@@ -31,7 +33,8 @@ PAPER_NOTE: Final = (
 )
 INTERVAL_NOTE: Final = (
     f"Intervals hold the true value with {CONFIDENCE:.0%} confidence: "
-    f"Wilson for rates, a bootstrap over episodes, {FEW} or more, for the rest."
+    f"Wilson for rates, at the number of episodes that they are worth as houses differ; a bootstrap over houses for "
+    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone."
 )
 
 
@@ -213,11 +216,7 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
 def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    rows = []
-    for result in results:
-        f = Funnel.of(result.scores)
-        shares = ((f.in_view, f.episodes), (f.found, f.episodes), (f.reached, f.episodes), (f.sat, f.reached_to_sit))
-        rows.append(Row(result.name, tuple(wilson(part, whole) for part, whole in shares)))
+    rows = [Row(r.name, tuple(rate(met, houses) for met, houses in Funnel.of(r.scores).shares)) for r in results]
     notes = ("The last column is of the reached episodes whose task is to sit.",)
     return ResultTable("Funnel", "agent", columns, tuple(rows), notes)
 
@@ -225,33 +224,42 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
 def causes_table(results: Sequence[Result]) -> ResultTable:
     """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
     columns = tuple(Column(result.name, percent=True) for result in results)
-    counts = [Counter(cause for cause in result.causes if cause) for result in results]
-    totals = [{stage: sum(n for c, n in count.items() if c.stage == stage) for stage in STAGES} for count in counts]
+    failed = [
+        {
+            stage: [(c, s.scene) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage]
+            for stage in STAGES
+        }
+        for r in results
+    ]
     rows = tuple(
-        Row(c.label, tuple(wilson(count[c], total[c.stage]) for count, total in zip(counts, totals, strict=True)))
-        for c in CAUSES
+        Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in CAUSES
     )
     notes = tuple(
-        f"{result.name}: failures " + ", ".join(f"{stage} {total[stage]}" for stage in STAGES) + "."
-        for result, total in zip(results, totals, strict=True)
+        f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
+        for result, failures in zip(results, failed, strict=True)
     )
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
+def _share(cause: Cause, failures: Sequence[tuple[Cause, str]]) -> Estimate:
+    """Of the failures of a stage, with their houses, those with one root cause."""
+    return rate([found is cause for found, _ in failures], [house for _, house in failures])
+
+
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """The main columns by the tier of the episode (paper, section 4.1)."""
+    """Return the main columns by the tier of the episode (paper, section 4.1)."""
     return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
 
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """The main columns by the category of the target."""
+    """Return the main columns by the category of the target."""
     return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
 
 
 def _broken_down(
     title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
 ) -> ResultTable:
-    """A row for each agent and group that has episodes."""
+    """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
     rows = tuple(
         Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
@@ -261,8 +269,28 @@ def _broken_down(
     return ResultTable(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
 
 
+def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+    """Tell the rates of every repeat, and how much they vary between seeds; no row for a run without repeats."""
+    rows = tuple(row for result in results for row in _repeats(result, seed))
+    notes = ("The last row of an agent: standard deviation between its repeats, which differ in their seeds alone.",)
+    return ResultTable("Repeats", "agent", tuple(map(Column.of, MAIN[:4])), rows, notes)
+
+
+def _repeats(result: Result, seed: int) -> Iterator[Row]:
+    numbers = sorted({repeat_of(s.episode) for s in result.finished})
+    if len(numbers) < 2:
+        return
+    found = []
+    for number in numbers:
+        chosen = [s for s in result.finished if repeat_of(s.episode) == number]
+        found.append(tuple(estimate(m, chosen, seed=seed) for m in MAIN[:4]))
+        yield Row(f"{result.name}, repeat {number}", found[-1])
+    spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
+    yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)))
+
+
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """What plugins measure, averaged over episodes."""
+    """Return what plugins measure, averaged over episodes."""
     names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
     return _result_table("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
 
@@ -271,6 +299,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     """Every table, by the name under which the command line offers it."""
     return {
         "main": main_table(results, paper=paper, seed=seed),
+        "repeats": repeats_table(results, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
         "difficulty": difficulty_table(results, seed=seed),
@@ -365,7 +394,7 @@ _TEX: Final = str.maketrans(
 
 
 def latex(table: ResultTable) -> str:
-    """A tabular for booktabs; the notes follow as comments."""
+    """Return a tabular for booktabs; the notes follow as comments."""
     head, rows = table.columns, []
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
@@ -393,9 +422,10 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
     count = max((d.count for d in differences.values()), default=0)
     caption = (
-        f"Over the {count} episodes that both finished. p: McNemar's exact test for rates, random swaps for the rest, "
-        "raised "
-        f"(Holm) for the three success rates and for the other metrics. Noise: p of {SIGNIFICANT} or more."
+        f"Over the {count} episodes that both finished. p: of swapping the runs house by house, exactly for rates "
+        "(with an episode a house McNemar's test), at random for the rest; raised (Holm) for the three success "
+        f"rates and for the other metrics. Noise: p of {SIGNIFICANT} or more. Too few to tell: no difference whatever "
+        f"could have had less, or the interval leaves room for {100 * TELLING:.0f} points either way."
     )
     grid = Table(
         title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
@@ -412,16 +442,23 @@ def _compared(column: Column, found: Difference) -> tuple[str, ...]:
     change = Estimate(found.value, found.low, found.high, found.count)
     sign = "+" if found.value > 0 else ""
     values = (column.number(found.a), column.number(found.b), f"{sign}{_inline(column, change)}")
-    return (column.head, *values, f"{found.p:.3f}", verdict(column.better, found))
+    return (column.head, *values, f"{found.p:.3f}", verdict(column, found))
 
 
-def verdict(better: str, found: Difference) -> str:
-    """The difference in words: noise, or which run is better; higher or lower where neither is good in itself."""
+def verdict(column: Column, found: Difference) -> str:
+    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, or too few to
+    tell."""
     if found.noise:
-        return "noise"
+        return "too few to tell" if _blunt(column, found) else "noise"
     higher = "B" if found.value > 0 else "A"
     other = "A" if higher == "B" else "B"
-    return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(better, f"{higher} is higher")
+    return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(column.better, f"{higher} is higher")
+
+
+def _blunt(column: Column, found: Difference) -> bool:
+    """Whether so few houses could not have shown a difference, or have not shown that there is none."""
+    unsure = not (found.high - found.low) / 2 <= TELLING
+    return found.least >= SIGNIFICANT or (column.percent and unsure)
 
 
 # -- the paper's numbers -----------------------------------------------------------------------------------------------

@@ -155,13 +155,14 @@ class Worker:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """The steps of an episode that an earlier session left behind, if any. Raises RecordError if they are damaged."""
+    """Return the steps of an episode that an earlier session left behind, if any. Raises RecordError if they are
+    damaged."""
     found = recorded(folder)
     return found.steps if found else ()
 
 
 def recorded(folder: Path) -> RecordedEpisode | None:
-    """The record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is
+    """Return the record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is
     damaged."""
     if not (folder / "episode.json").exists():
         return None

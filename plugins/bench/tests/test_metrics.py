@@ -347,6 +347,15 @@ def test_waving_is_no_jerk_and_neither_is_the_place(tmp_path: Path) -> None:
     assert root_jerk(Motion(walk.root + [5.0, 1.0, -3.0], waving)) == pytest.approx(root_jerk(walk))
 
 
+def test_a_stop_is_no_part_of_the_jerk(tmp_path: Path) -> None:
+    """It moves nothing, so that an agent that stops is neither smoother nor rougher than one that runs out of steps."""
+    steps = [step(motion_frames=15) for _ in range(4)]
+    without, stopped = rollout(tmp_path, steps, name="a"), rollout(tmp_path, [*steps, step("stop")], name="b")
+    assert stopped.steps[-1].motion_frames == 0
+    assert len(stopped.motion()) == len(without.motion())
+    assert score(stopped).jerk == score(without).jerk
+
+
 def test_a_motion_shorter_than_the_stencil_has_no_jerk() -> None:
     assert np.isnan(root_jerk(track(np.arange(26.0))))
     assert np.isfinite(root_jerk(track(np.arange(27.0))))

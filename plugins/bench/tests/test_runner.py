@@ -21,7 +21,8 @@ from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.metrics import score
-from humanclaw_bench.runner import run_split
+from humanclaw_bench.progress import foresight
+from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.worker import Job, Worker
 
 TOY = Backends("toy", "toy", "toy")
@@ -70,6 +71,26 @@ def rewrite(folder, **changes):
     """Change the record of an episode as if it had never ended, or ended otherwise."""
     record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
     write_record(folder, record.model_copy(update={"files": {}, **changes}))
+
+
+# -- foreseen ----------------------------------------------------------------------------------------------------------
+def test_what_a_run_will_take_is_told_after_three_episodes_and_no_ends_it_there(toys, tmp_path):
+    told = []
+
+    def no(status):
+        told.append(foresight(status))
+        return False
+
+    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
+    status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
+    assert (status.done, status.stopped, len(told)) == (3, True, 1)
+    assert told[0].startswith("By its first 3 episodes the other 3 take about 1 min")
+    assert run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys).done == 6
+
+
+def test_foresight_counts_time_and_money_at_the_rate_so_far():
+    status = RunStatus(100, 4, played=4, seconds=600.0, cost=2.0)
+    assert foresight(status) == "By its first 4 episodes the other 96 take about 4 h 0 min and $48.00."
 
 
 # -- who plays ---------------------------------------------------------------------------------------------------------
@@ -262,7 +283,8 @@ import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
-from humanclaw_bench.runner import run_split
+from humanclaw_bench.progress import foresight
+from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.worker import Job, Worker
 from humanclaw.records import EpisodeRecord, write_record
 from humanclaw_bench.cli import bench

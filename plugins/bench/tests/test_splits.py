@@ -1,5 +1,7 @@
 """The splits: what the paper says of its episodes holds of ours, and every one of them can be solved."""
 
+import itertools
+
 import numpy as np
 import pytest
 from rooms import two_rooms
@@ -10,15 +12,22 @@ from humanclaw.records import Difficulty
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (
+    BETWEEN,
     DATA,
     EPISODES,
     HOUSES,
+    MINI,
     SPLITS,
+    VAL,
     Quota,
     candidates,
     choose,
     load_split,
     named,
+    repeat_of,
+    repeated,
+    secret_houses,
+    spaced,
 )
 
 redrawn = pytest.mark.xfail(reason="houses are of generator 2, and the splits are still those of generator 1")
@@ -98,7 +107,7 @@ def test_the_same_seed_draws_the_same_candidates_and_another_draws_others(found)
 
 
 def test_choosing_meets_its_quota_and_is_repeatable(found):
-    quota = Quota({"couch": 6, "bed": 4, "tv": 2}, (12, 12), (1, 9))
+    quota = Quota({"couch": 6, "bed": 4, "tv": 2}, (12, 12), dict.fromkeys(("couch", "bed", "tv"), (1, 9)))
     chosen = choose(found, quota)
     assert [sum(spec.target_category == name for spec in chosen) for name in quota.categories] == [6, 4, 2]
     assert choose(found, quota) == chosen
@@ -106,7 +115,55 @@ def test_choosing_meets_its_quota_and_is_repeatable(found):
 
 def test_a_quota_that_cannot_be_met_is_an_error(found):
     with pytest.raises(HumanclawError, match="no such 999 episodes"):
-        choose(found, Quota({"couch": 999}, (0, 999), (0, 999)))
+        choose(found, Quota({"couch": 999}, (0, 999), {"couch": (0, 999)}))
+
+
+def test_starts_of_one_house_and_category_are_a_metre_apart(found):
+    kept = spaced(found)
+    assert set(kept) < set(found)
+    for one, other in itertools.combinations(kept, 2):
+        if one.target_category == other.target_category:
+            assert np.hypot(one.start.x - other.start.x, one.start.z - other.start.z) >= 1.0
+    for left_out in set(found) - set(kept):
+        near = [np.hypot(left_out.start.x - one.start.x, left_out.start.z - one.start.z) for one in kept
+                if one.target_category == left_out.target_category]  # fmt: skip
+        assert min(near) < 1.0
+
+
+def test_starts_in_two_houses_or_for_two_categories_may_be_the_same(found):
+    couch = next(spec for spec in found if spec.target_category == "couch")
+    elsewhere = couch.model_copy(update={"scene": "house:9"})
+    other = couch.model_copy(update={"target_category": "bed"})
+    assert spaced([couch, elsewhere, other, couch]) == (couch, elsewhere, other)
+
+
+def test_the_quota_of_val_gives_each_house_alike_of_each_category():
+    assert VAL.both["chair"] == VAL.both["couch"] == VAL.both["bed"] == VAL.both["potted_plant"] == (5, 7)
+    for name, count in VAL.categories.items():
+        low, high = VAL.both[name]
+        assert low * len(HOUSES) <= count <= high * len(HOUSES)
+    assert {name: MINI.categories[name] + BETWEEN.categories[name] for name in EPISODES} == {
+        "chair": 76, "couch": 76, "bed": 71, "potted_plant": 67, "tv": 61, "toilet": 49,
+    }  # fmt: skip
+
+
+def test_a_secret_leads_to_houses_that_nobody_else_has():
+    houses = secret_houses(5)
+    assert houses == secret_houses(5)
+    assert len(set(houses)) == 41
+    assert not set(houses) & ({*HOUSES} | {*secret_houses(6)})
+    assert list(candidates(two_rooms(), 0, starts=2, seed=(5, 2))) != list(candidates(two_rooms(), 0, starts=2))
+
+
+def test_repeats_differ_in_name_and_seed_alone(found):
+    specs = named(found)[:3]
+    again = repeated(specs, 3)
+    assert again[:3] == specs
+    assert len({spec.id for spec in again}) == len({spec.seed for spec in again}) == 9
+    assert [repeat_of(spec.id) for spec in again] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert [
+        spec.model_copy(update={"id": one.id, "seed": one.seed}) for spec, one in zip(again[6:], specs, strict=True)
+    ] == [*specs]
 
 
 def test_a_split_reads_back_as_it_was_written(found, tmp_path):
@@ -153,9 +210,9 @@ def test_distances_and_tiers_are_spread_as_in_the_paper():
 
 @shipped
 def test_the_small_splits_are_part_of_the_large_one():
-    val, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS)
-    assert (len(mini), len(smoke)) == (100, 5)
-    assert smoke < mini < val
+    val, large, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS)
+    assert (len(large), len(mini), len(smoke)) == (400, 100, 5)
+    assert smoke < mini < large < val
     assert len({spec.scene for spec in load_split("mini")}) == 41
 
 

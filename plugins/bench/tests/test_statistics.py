@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from humanclaw_bench.statistics import Difference, compare_rates, compare_ratios, holm, ratio, wilson
+from humanclaw_bench.statistics import Difference, compare_rates, compare_ratios, holm, rate, ratio, wilson
 
 Z = 1.959963984540054
 
@@ -16,12 +16,10 @@ Z = 1.959963984540054
 # -- rates -------------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("successes", "trials"), [(0, 10), (10, 10), (42, 100), (1, 1), (597, 1218)])
 def test_a_rate_has_wilsons_interval(successes: int, trials: int) -> None:
-    share = successes / trials
-    centre = (share + Z**2 / (2 * trials)) / (1 + Z**2 / trials)
-    half = Z / (1 + Z**2 / trials) * math.sqrt(share * (1 - share) / trials + Z**2 / (4 * trials**2))
+    independent = stats.binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     found = wilson(successes, trials)
-    assert (found.value, found.count) == (share, trials)
-    assert (found.low, found.high) == pytest.approx((max(0.0, centre - half), min(1.0, centre + half)), abs=1e-9)
+    assert (found.value, found.count) == (successes / trials, trials)
+    assert (found.low, found.high) == pytest.approx((independent.low, independent.high), abs=1e-9)
 
 
 def test_no_trials_have_no_rate() -> None:
@@ -33,6 +31,60 @@ def test_intervals_of_rare_successes_hold_the_truth_as_often_as_they_promise() -
     intervals = {k: wilson(int(k), 40) for k in np.unique(draws)}
     held = np.mean([intervals[k].low <= 0.1 <= intervals[k].high for k in draws])
     assert 0.92 <= held <= 0.99
+
+
+def in_houses(rng: np.random.Generator, share: float, sizes: list[int], icc: float = 0.13) -> tuple[list, list]:
+    """Successes in houses that differ: a beta distribution over houses whose intraclass correlation is this."""
+    chances = rng.beta(share * (1 / icc - 1), (1 - share) * (1 / icc - 1), len(sizes))
+    met = [bool(x) for chance, size in zip(chances, sizes, strict=True) for x in rng.random(size) < chance]
+    return met, [f"house:{k}" for k, size in enumerate(sizes) for _ in range(size)]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "plain"), [([30] * 41, (0.55, 0.75)), ([2] * 23 + [3] * 18, (0.86, 0.98))], ids=["val", "mini"]
+)
+@pytest.mark.parametrize("share", [0.17, 0.5])
+def test_intervals_of_rates_hold_the_truth_where_houses_differ(
+    share: float, sizes: list[int], plain: tuple[float, float]
+) -> None:
+    """Wilson's plain interval holds it in two cases of three on val: 30 episodes of a house are worth six."""
+    rng = np.random.default_rng(10)
+    held = np.zeros(2)
+    for _ in range(400):
+        met, houses = in_houses(rng, share, sizes)
+        both = wilson(sum(met), len(met)), rate(met, houses)
+        held += [one.low <= share <= one.high for one in both]
+    assert plain[0] <= held[0] / 400 <= plain[1]
+    assert 0.92 <= held[1] / 400 <= 0.99
+
+
+def test_houses_that_do_not_differ_cost_a_rate_little() -> None:
+    met = [k % 2 == 0 for k in range(1200)]
+    found, plain = rate(met, [f"house:{k // 30}" for k in range(1200)]), wilson(600, 1200)
+    assert found.value == plain.value
+    assert plain.high <= found.high <= plain.high + 0.002
+
+
+def test_a_rate_of_one_has_an_interval_all_the_same() -> None:
+    found = rate([True] * 60, [f"house:{k % 10}" for k in range(60)])
+    assert (found.value, found.high) == (1.0, 1.0)
+    assert 0.88 < found.low < wilson(60, 60).low
+
+
+def test_fewer_than_five_houses_say_nothing_of_houses() -> None:
+    assert rate([True] * 8 + [False] * 2, ["house:1", "house:2"] * 5) == wilson(8, 10)
+
+
+def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
+    rng = np.random.default_rng(11)
+    held = np.zeros(2)
+    for seed in range(150):
+        values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 2.5, (41, 30))).ravel()
+        houses = [f"house:{k}" for k in range(41) for _ in range(30)]
+        both = ratio(values, np.ones(1230), seed=seed), ratio(values, np.ones(1230), houses, seed=seed)
+        held += [one.low <= 5 <= one.high for one in both]
+    assert held[0] / 150 < 0.75
+    assert 0.9 <= held[1] / 150 <= 0.99
 
 
 # -- means and ratios --------------------------------------------------------------------------------------------------
@@ -102,6 +154,33 @@ def test_the_interval_of_a_paired_difference_holds_the_truth_as_promised() -> No
         found = compare_rates(list(np.isin(kind, (0, 2))), list(np.isin(kind, (0, 1))))
         held += found.low <= 0.1 <= found.high
     assert 0.92 <= held / 400 <= 0.99
+
+
+def test_runs_that_differ_by_house_alone_seldom_pass_for_different() -> None:
+    """One agent is better in some houses, the other in others: by McNemar's test they differ in one case of three."""
+    rng, loud, plain = np.random.default_rng(12), 0, 0
+    for seed in range(150):
+        houses = [f"house:{k}" for k in range(20) for _ in range(15)]
+        (a, _), (b, _) = (in_houses(rng, 0.5, [15] * 20, 0.3) for _ in range(2))
+        loud += not compare_rates(a, b, houses, seed=seed).noise
+        plain += not compare_rates(a, b).noise
+    assert loud <= 14
+    assert plain >= 40
+
+
+def test_the_test_by_house_agrees_with_all_swaps_there_are() -> None:
+    changes = [3, -1, 2, 2, 0, 1]
+    a = [change < 0 for change in changes for _ in range(abs(change))]
+    b = [change > 0 for change in changes for _ in range(abs(change))]
+    houses = [f"house:{k}" for k, change in enumerate(changes) for _ in range(abs(change))]
+    sums = [abs(np.dot(signs, changes)) for signs in itertools.product((1, -1), repeat=6)]
+    assert compare_rates(a, b, houses).p == pytest.approx(np.mean(np.array(sums) >= 7))
+
+
+def test_two_episodes_can_never_tell() -> None:
+    found = compare_rates([False, False], [True, True])
+    assert (found.p, found.least) == (0.5, 0.5)
+    assert holm([found, found])[0].least == 1.0
 
 
 def test_unequal_lengths_are_refused() -> None:

@@ -177,7 +177,38 @@ def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -
     ],
 )
 def test_a_difference_is_told_in_words(better: str, value: float, p: float, words: str) -> None:
-    assert verdict(better, Difference(0, 0, value, 0, 0, p, 9)) == words
+    column = Column("c", better=better)  # type: ignore[arg-type]
+    assert verdict(column, Difference(0, 0, value, 0, 0, p, 9)) == words
+
+
+@pytest.mark.parametrize(
+    ("half", "least", "words"),
+    [(0.09, 0.01, "noise"), (0.11, 0.01, "too few to tell"), (0.0, 0.5, "too few to tell")],
+)
+def test_noise_is_said_only_where_a_difference_would_have_shown(half: float, least: float, words: str) -> None:
+    found = Difference(0.5, 0.5, 0.0, -half, half, 0.9, 9, least)
+    assert verdict(Column("NavSR", percent=True), found) == words
+
+
+def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) -> None:
+    result = invoke("compare", write_run(tmp_path / "a", 0, 2), write_run(tmp_path / "b", 2, 0))
+    words = {line.split()[0]: line.strip() for line in result.output.splitlines() if line.strip()}
+    assert words["InteractSR"].endswith("too few to tell")
+
+
+def test_repeats_tell_what_varies_between_seeds(base: Scores) -> None:
+    navs = ([True, True, True, False], [True, False, False, False])
+    scores = [
+        (replace(base, episode=f"e{k}" + f".r{n}" * (n > 0), nav=nav), None)
+        for n, run in enumerate(navs)
+        for k, nav in enumerate(run)
+    ]
+    table = all_tables(named({"a": scores}))["repeats"]
+    column = [c.title for c in table.columns].index("NavSR")
+    assert [row.name for row in table.rows] == ["model, repeat 0", "model, repeat 1", "model, deviation"]
+    # 0.75 and 0.25: their standard deviation is half their difference times the root of 2.
+    assert [row.cells[column].value for row in table.rows] == pytest.approx([0.75, 0.25, 0.5 / 2**0.5])
+    assert not all_tables(results_of(base, "model"))["repeats"].rows
 
 
 # -- the formats -------------------------------------------------------------------------------------------------------
@@ -257,7 +288,7 @@ def test_compare_says_which_run_is_better_and_what_is_noise(tmp_path: Path) -> N
     assert result.exit_code == 0
     words = {line.split()[0]: line.strip() for line in result.output.splitlines() if line.strip()}
     assert words["InteractSR"].endswith("B is better")
-    assert words["FindSR"].endswith("noise")
+    assert words["FindSR"].endswith("too few to tell")  # Of 14 episodes, though all ended alike.
     assert "1 finished episode has no counterpart" in result.output
 
 

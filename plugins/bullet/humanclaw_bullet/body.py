@@ -41,7 +41,7 @@ def _free(client: Client, body: int, profile: Profile) -> None:
 
 
 def urdf(profile: Profile) -> str:
-    """The body as URDF: the one format through which Bullet accepts the inertia of a link."""
+    """Return the body as URDF: the one format through which Bullet accepts the inertia of a link."""
     parts = [part for joint in range(len(JOINTS)) for part in (_urdf_link(joint, profile), _urdf_joint(joint))]
     return "\n".join(["<robot name='body'>", *parts, "</robot>"])  # Lines, because Bullet reads at most 1 kB at a time.
 
@@ -77,7 +77,7 @@ def _urdf_joint(joint: int) -> str:
 
 
 def roll_pitch_yaw(m: Array) -> tuple[float, float, float]:
-    """A rotation matrix as the angles about the fixed axes x, y, z that URDF writes."""
+    """Return a rotation matrix as the angles about the fixed axes x, y, z that URDF writes."""
     pitch = np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0]))
     if np.hypot(m[0, 0], m[1, 0]) < 1e-6:
         return float(np.arctan2(-m[1, 2], m[1, 1])), float(pitch), 0.0

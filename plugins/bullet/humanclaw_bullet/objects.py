@@ -117,7 +117,7 @@ class Objects:
         self._client.resetBaseVelocity(body, motion.velocity, motion.spin)
 
     def movable_bodies(self) -> list[int]:
-        """The Bullet bodies of the movable objects."""
+        """Return the Bullet bodies of the movable objects."""
         return [body for body, _ in self._movable.values()]
 
     def lull(self) -> None:
@@ -139,7 +139,8 @@ class Objects:
 
 
 def _wavefront(hulls: Sequence[Array]) -> str:
-    """An OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points alone."""
+    """Return an OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points
+    alone."""
     lines, first = [], 1
     for number, hull in enumerate(hulls):
         lines.append(f"o hull{number}")

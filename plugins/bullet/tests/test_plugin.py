@@ -5,6 +5,9 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
+
+pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
 from humanclaw.half_physics import HalfPhysics

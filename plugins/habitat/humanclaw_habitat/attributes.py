@@ -134,7 +134,7 @@ class Nested(_Attributes):
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Raises SceneError if the file is missing or not a JSON object."""
+    """Read a JSON object. Raises SceneError if the file is missing or not a JSON object."""
     try:
         found = json.loads(path.read_text("utf-8"))
     except OSError as error:
@@ -148,7 +148,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def checked(model: type[M], values: dict[str, Any], path: Path) -> M:
-    """The values of a file as a model. Raises SceneError that names the file and the field."""
+    """Return the values of a file as a model. Raises SceneError that names the file and the field."""
     try:
         return model.model_validate(values)
     except ValidationError as error:

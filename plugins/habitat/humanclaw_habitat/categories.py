@@ -46,7 +46,8 @@ GOALS: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
 
 
 def category_of(words: Iterable[str]) -> str:
-    """The category of the first word that is not empty: one of ours, or the word itself; 'object' if all are empty."""
+    """Return the category of the first word that is not empty: one of ours, or the word itself; 'object' if all are
+    empty."""
     for word in words:
         name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
         if name and name not in ("unknown", "undefined", "none", "nan"):

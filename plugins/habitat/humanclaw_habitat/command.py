@@ -98,7 +98,7 @@ def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: boo
 
 
 def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int) -> str:
-    """What opens a scene again, from any folder."""
+    """Return what opens a scene again, from any folder."""
     return Reference(dataset.resolve(), name, skip, small, triangles).argument
 
 

@@ -148,7 +148,7 @@ class Dataset:
         return dict(sorted(self._index("scene_instances").items()))
 
     def scene_name(self, wanted: str) -> str:
-        """The scene of this name; of no name, the only one. Raises SceneError."""
+        """Return the scene of this name; of no name, the only one. Raises SceneError."""
         names = list(self.scenes)
         if not wanted and len(names) == 1:
             return names[0]
@@ -172,7 +172,8 @@ class Dataset:
         return self._kind("objects", name)
 
     def articulated(self, name: str) -> Kind:
-        """A thing of links and joints; its model is its URDF, what is seen and what collides. Raises SceneError."""
+        """Return a thing of links and joints; its model is its URDF, what is seen and what collides. Raises
+        SceneError."""
         found, source, values = self._found("articulated_objects", name)
         attributes = checked(Articulated, values, source.file)
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
@@ -189,7 +190,8 @@ class Dataset:
         return Kind(found, source.file, checked(Template, values, source.file))
 
     def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
-        """The template of a name; as in Habitat, a part of the name is enough if only one has it. Raises SceneError."""
+        """Return the template of a name; as in Habitat, a part of the name is enough if only one has it. Raises
+        SceneError."""
         known = self._templates[section]
         base = _stem(Path(name))
         found = [base] if base in known else [key for key in known if name and base in key]
@@ -200,7 +202,7 @@ class Dataset:
         return found[0], source, self._section(section).get("default_attributes", {}) | source.values
 
     def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
-        """The annotated rooms of a scene; none if nobody annotated them."""
+        """Return the annotated rooms of a scene; none if nobody annotated them."""
         wanted = scene.semantic_scene_instance.replace("%%CONFIG_NAME_AS_ASSET_FILENAME%%", name)
         known = self._index("semantic_scene_descriptor_instances")
         source = known.get(_stem(Path(wanted))) or known.get(name)
@@ -232,7 +234,7 @@ class Dataset:
         return {}
 
     def category(self, kind: Kind) -> str:
-        """What an object is, in the words of this project.
+        """Return what an object is, in the words of this project.
 
         From semantics/objects.csv; only a dataset without that file is believed its semantic ids.
         """
@@ -244,7 +246,7 @@ class Dataset:
 
 
 def _places(folder: Path, pattern: str) -> list[Path]:
-    """What a path or a pattern, relative to a folder, leads to."""
+    """Return what a path or a pattern, relative to a folder, leads to."""
     place = folder / pattern
     if place.exists() or Path(pattern).is_absolute():
         return [place]
@@ -252,7 +254,7 @@ def _places(folder: Path, pattern: str) -> list[Path]:
 
 
 def _stem(file: Path) -> str:
-    """A name without its folder and without any of the known endings."""
+    """Return a name without its folder and without any of the known endings."""
     for ending in (*_SUFFIXES.values(), *_MODELS):
         if file.name.endswith(ending):
             return file.name[: -len(ending)]

@@ -145,7 +145,7 @@ class LeftOut:
     """Each with the number of episodes that it cost."""
 
     def add(self, where: str, error: HumanclawError, count: int = 1) -> None:
-        """Raises the error, with where it occurred, if nothing is to be skipped."""
+        """Raise the error, with where it occurred, if nothing is to be skipped."""
         said = f"{where}: {error.message}"
         if not self.skip:
             raise HumanclawError(said, f"{error.remedy} With --skip the rest is taken.".strip()) from error
@@ -153,7 +153,7 @@ class LeftOut:
 
 
 def read_books(path: Path, left_out: LeftOut) -> list[Book]:
-    """The files of a split: a *.json.gz or *.json, or a folder that has them in it or in its folder content.
+    """Return the files of a split: a *.json.gz or *.json, or a folder that has them in it or in its folder content.
 
     Raises HumanclawError if there is none, and unless it is skipped if one is malformed.
     """
@@ -185,7 +185,7 @@ def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
 
 
 def _values(path: Path) -> Mapping[str, Any]:
-    """What a file holds: at least a list of episodes. Raises HumanclawError."""
+    """Return what a file holds: at least a list of episodes. Raises HumanclawError."""
     try:
         data = path.read_bytes()
         values = json.loads(gzip.decompress(data) if path.suffix == ".gz" else data)
@@ -312,7 +312,8 @@ class _Site:
         return f"; the nearest {category} is {min(far):.1f} m from where they should be" if far else ""
 
     def _meant(self, goal: Goal, category: str) -> SceneObject | None:
-        """The object of a goal's name, or else of its category, that is where the goal says; None if there is none."""
+        """Return the object of a goal's name, or else of its category, that is where the goal says; None if there is
+        none."""
         alike = [thing for thing in self.scene.objects if thing.category == category]
         named = [thing for thing in self.scene.objects if goal.template and template_of(thing) == goal.template]
         things = named or alike
@@ -326,7 +327,7 @@ class _Site:
         return float(distance_to_box(place, *self.scene.aabb(thing.id)))
 
     def _standing(self, start: Pose2D) -> Pose2D:
-        """The start on the scene's own floor: those of a navigation mesh hover a little."""
+        """Return the start on the scene's own floor: those of a navigation mesh hover a little."""
         floors = [plan.floor for plan in self._floors.floors]
         near = min(floors, key=lambda floor: abs(floor - start.floor))
         if abs(near - start.floor) > _FLOOR:

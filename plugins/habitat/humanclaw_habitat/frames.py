@@ -41,7 +41,7 @@ def quaternion(matrix: Array) -> Quaternion:
 
 
 def heading(xyzw: Sequence[float]) -> float:
-    """The yaw at which our body looks where a Habitat agent of rotation x, y, z, w looks; radians, left turns
+    """Return the yaw at which our body looks where a Habitat agent of rotation x, y, z, w looks; radians, left turns
     positive."""
     ahead = matrix_from_quaternion(np.asarray(xyzw, float) / np.linalg.norm(xyzw)) @ np.array([0.0, 0.0, -1.0])
     return float(wrap_angle(np.arctan2(ahead[0], ahead[2])))

@@ -26,7 +26,7 @@ PLAIN: Final = "KTX2 textures are not read, so it is drawn in the base colours o
 
 
 def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
-    """A GLB that trimesh reads, and what of it is lost.
+    """Return a GLB that trimesh reads, and what of it is lost.
 
     Raises SceneError if it is not a GLB or needs an extension that is not known.
     """
@@ -46,7 +46,7 @@ def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
-    """The JSON of a GLB, and the chunks behind it."""
+    """Return the JSON of a GLB, and the chunks behind it."""
     if data[:4] != b"glTF":
         said = data[:40].split(b"\n")[0].decode("ascii", "replace")
         raise SceneError(f"{name} is not a GLB file; it begins with {said!r}.", _FETCH)
@@ -60,7 +60,7 @@ def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
 
 
 def _check(head: dict[str, Any], name: str) -> None:
-    """Raises SceneError if the shape of a model cannot be read without an extension that is not known."""
+    """Raise SceneError if the shape of a model cannot be read without an extension that is not known."""
     required = {
         extension for extension in head.get("extensionsRequired", ()) if not extension.startswith("KHR_materials_")
     }
@@ -79,14 +79,14 @@ def _is_basis(image: dict[str, Any]) -> bool:
 
 
 def _source(texture: dict[str, Any]) -> int | None:
-    """The image of a texture; one in another format goes before one in KTX2."""
+    """Return the image of a texture; one in another format goes before one in KTX2."""
     inner = texture.get("extensions", {}).get(_BASIS, {}).get("source")
     source = texture.get("source", inner)
     return None if source is None else int(source)
 
 
 def _decoded(head: dict[str, Any], image: dict[str, Any], rest: bytes, name: str) -> dict[str, Any]:
-    """A KTX2 image of a GLB as a small PNG within its JSON."""
+    """Return a KTX2 image of a GLB as a small PNG within its JSON."""
     import alktx2  # type: ignore[import-not-found,unused-ignore]
 
     view = head["bufferViews"][image["bufferView"]]

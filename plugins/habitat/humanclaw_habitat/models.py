@@ -66,7 +66,7 @@ _SCALED: Final = "@"
 
 
 def template_of(thing: SceneObject) -> str:
-    """The template that an object of a scene was made of; empty for a piece of the building."""
+    """Return the template that an object of a scene was made of; empty for a piece of the building."""
     name, scaled, _ = thing.asset.rpartition(_SCALED)
     return name if scaled else ""
 
@@ -99,12 +99,12 @@ class Models:
         return self._kept(kind, (scale, category, joined), lambda: self._object(kind, scale, category, joined))
 
     def building(self, kind: Kind) -> Scene:
-        """A building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises
+        """Return a building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises
         SceneError."""
         return self._kept(kind, (), lambda: self._stage(kind))
 
     def _kept(self, kind: Kind, rest: tuple[object, ...], make: Callable[[], Scene]) -> Scene:
-        """A fragment from the cache, or made and put there."""
+        """Return a fragment from the cache, or made and put there."""
         if not kind.template.render_asset:
             raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
         files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
@@ -151,7 +151,8 @@ class Models:
         return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
 
     def _links(self, path: Path, what: str) -> list[Part]:
-        """What the links of a URDF show, or what they collide with; a file that has but one of them has it for both."""
+        """Return what the links of a URDF show, or what they collide with; a file that has but one of them has it for
+        both."""
         found = urdf.links(path, what, self._read) or urdf.links(path, "collision", self._read)
         if not found and what == "visual":
             raise SceneError(f"{path}: none of its links has a shape.")
@@ -210,7 +211,8 @@ class Models:
         return Scene(name, {name: asset}, (thing,), (), Pose2D(0, 0, 0), {"middle": middle})
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
-        """The pieces of a template's own collision model: those that are convex as they are, others decomposed."""
+        """Return the pieces of a template's own collision model: those that are convex as they are, others
+        decomposed."""
         shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
         asset = kind.template.collision_asset or shape
         if not asset or kind.template.use_bounding_box_for_collision:
@@ -246,7 +248,7 @@ def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
 def _hulls(
     mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: KeepOutBox | None
 ) -> tuple[NDArray[np.float32], ...]:
-    """What of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
+    """Return what of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
     if template.use_bounding_box_for_collision:
         return (_box(mesh),)
     if given and joined:
@@ -271,7 +273,7 @@ def _cloud(points: Array) -> Mesh:
 
 
 def _solids(part: Part) -> list[Mesh]:
-    """The connected pieces of a part, without looks."""
+    """Return the connected pieces of a part, without looks."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -37,7 +37,7 @@ def is_primitive(name: str) -> bool:
 
 
 def primitive(name: str) -> list[Part]:
-    """A shape about its origin, its axis +Y, 2 m wide: a cube of 2 m, spheres and circles of 1 m radius.
+    """Return a shape about its origin, its axis +Y, 2 m wide: a cube of 2 m, spheres and circles of 1 m radius.
 
     Raises SceneError if a setting makes no shape.
     """
@@ -52,7 +52,7 @@ def primitive(name: str) -> list[Part]:
 
 
 def _settings(name: str, kind: str, text: str) -> dict[str, float]:
-    """What a name says of its shape; what it does not say is Habitat's default."""
+    """Return what a name says of its shape; what it does not say is Habitat's default."""
     settings = dict(_DEFAULTS.get(kind, {}))
     for key, value in re.findall(r"_([A-Za-z]+)_([\d.]+)", text):
         settings[key] = float(value)
@@ -67,7 +67,7 @@ def _settings(name: str, kind: str, text: str) -> dict[str, float]:
 
 
 def _made(kind: str, settings: Mapping[str, float]) -> Any:
-    """The shape as trimesh makes it, its axis +Z."""
+    """Return the shape as trimesh makes it, its axis +Z."""
     from trimesh import creation
 
     height, sections = 2 * settings.get("halfLen", 1.0), max(3, int(settings.get("segments", 12)))

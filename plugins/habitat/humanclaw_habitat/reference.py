@@ -39,7 +39,7 @@ class Reference:
 
     @classmethod
     def parse(cls, argument: str) -> Reference:
-        """Raises SceneError if the argument is not of the form PATH#SCENE?OPTIONS."""
+        """Parse a reference. Raises SceneError if the argument is not of the form PATH#SCENE?OPTIONS."""
         place, _, query = argument.partition("?")
         path, _, scene = place.partition("#")
         try:

@@ -41,7 +41,7 @@ def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> t
 
 
 def _snapped(height: float, levels: Sequence[tuple[float, float]]) -> float:
-    """The largest floor near a height; the height itself if there is none."""
+    """Return the largest floor near a height; the height itself if there is none."""
     near = [(area, level) for level, area in levels if abs(level - height) <= _NEAR]
     return max(near)[1] if near else round(height, 3)
 

@@ -51,7 +51,7 @@ def load_scene(source: str, argument: str) -> Scene:
 
 
 def read_scene(source: str, argument: str) -> Scene:
-    """The scene that follows the colon in source:argument. See the module `reference` for its form.
+    """Return the scene that follows the colon in source:argument. See the module `reference` for its form.
 
     Object k of the scene instance, counted from 0, has id k + 1; articulated objects and the pieces of the building
     follow. Shows its progress where the model files must be read. Raises SceneError if the dataset, the scene or
@@ -130,7 +130,7 @@ class _Assembly:
         self.objects.append(replace(_placed(part, turn, place), id=number + 1, movable=mass > 0, mass=mass))
 
     def _stand(self, what: str, number: int, placing: Placing) -> None:
-        """An articulated object, every joint at rest, as one fixed thing."""
+        """Place an articulated object, every joint at rest, as one fixed thing."""
         kind = self.dataset.articulated(placing.template_name)
         category = self.dataset.category(kind)
         if category == "object":
@@ -167,7 +167,7 @@ class _Assembly:
         self.objects += [replace(part, id=first + part.id) for part in fragment.objects]
 
     def _slabs(self) -> list[Array]:
-        """What there is of floor, (K, 3) world points each."""
+        """Return what there is of floor, (K, 3) world points each."""
         return [
             hull + np.array(thing.position)
             for thing in self.objects
@@ -192,7 +192,7 @@ class _Assembly:
         return replace(scene, start=self._start(scene, floor))
 
     def _start(self, scene: Scene, floor: float) -> Pose2D:
-        """The roomiest place, kept as everything is that takes long."""
+        """Return the roomiest place, kept as everything is that takes long."""
         what = [[vars(thing) for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
         key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
         known = self.models.cache.get(key)
@@ -208,7 +208,7 @@ class _Assembly:
 
 
 def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
-    """An object of a fragment where the fragment is put."""
+    """Return an object of a fragment where the fragment is put."""
     x, y, z = (np.round(turn @ np.array(thing.position) + place, 5) + 0.0).tolist()
     return replace(
         thing, position=(x, y, z), rotation=quaternion(turn @ matrix_from_quaternion(np.array(thing.rotation)))
@@ -216,7 +216,7 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
 
 
 def _room_of(thing: SceneObject, regions: Sequence[Room]) -> str:
-    """The room on whose floor an object stands or over which it hangs; empty if there is none."""
+    """Return the room on whose floor an object stands or over which it hangs; empty if there is none."""
     x, y, z = thing.position
     inside = [r for r in regions if r.x0 <= x <= r.x1 and r.z0 <= z <= r.z1 and r.floor <= y + 0.3]
     return max(inside, key=lambda room: room.floor).name if inside else ""

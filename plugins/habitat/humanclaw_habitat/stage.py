@@ -69,13 +69,13 @@ def _by_category(parts: Sequence[Part]) -> dict[str, list[Part]]:
 
 
 def _roof(parts: Sequence[Part]) -> float:
-    """The height over which a level surface is no floor: nobody could stand there, or below it."""
+    """Return the height over which a level surface is no floor: nobody could stand there, or below it."""
     heights = np.concatenate([part.vertices[:, 1] for part in parts])
     return float(max(heights.max() - _HEADROOM, heights.min() + _HEADROOM))
 
 
 def _sorted(part: Part, roof: float) -> Iterator[tuple[str, Faces]]:
-    """The faces of a part by what they are: level ones below the roof are floor, other level ones ceiling."""
+    """Yield the faces of a part by what they are: level ones below the roof are floor, other level ones ceiling."""
     points = part.vertices[part.faces]
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     up = normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
@@ -146,7 +146,7 @@ def slabs(parts: Sequence[Part], category: str) -> tuple[NDArray[np.float32], ..
 
 
 def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
-    """The faces of a part put together to flat convex polygons, (K, 3) points each, and the (3,) normal of each.
+    """Yield the faces of a part put together to flat convex polygons, (K, 3) points each, and the (3,) normal of each.
 
     Hertel and Mehlhorn: an edge between two faces goes if what remains is convex and flat.
     """

@@ -10,7 +10,7 @@ from humanclaw_habitat.starting import indoors
 
 
 def check_start(scene: Scene, plugins: Plugins) -> None:
-    """Raises SceneError if the scene has no floor, or its start is outside, in something or on nothing."""
+    """Raise SceneError if the scene has no floor, or its start is outside, in something or on nothing."""
     if not any(thing.category == "floor" and scene.assets[thing.asset].hulls for thing in scene.objects):
         raise SceneError(
             "it has no floor that bears anybody.", "Does its stage have a level surface, and is it collidable?"

@@ -49,7 +49,8 @@ def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:
-    """The place on a floor that is farthest from everything, facing the way, of eight, in which one sees farthest."""
+    """Return the place on a floor that is farthest from everything, facing the way, of eight, in which one sees
+    farthest."""
     plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
     cell = np.unravel_index(int(np.where(indoors(scene, plan), plan.clearance, 0.0).argmax()), blocked.shape)

@@ -43,7 +43,7 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Par
 
 
 def meshes(path: Path) -> list[Path]:
-    """The model files that a URDF names. Raises SceneError if it cannot be read."""
+    """Return the model files that a URDF names. Raises SceneError if it cannot be read."""
     return sorted({_file(mesh, path) for mesh in _root(path).iter("mesh")})
 
 
@@ -119,7 +119,7 @@ def _origin(element: ElementTree.Element, path: Path) -> Array:
 
 
 def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list[Part]]) -> list[Part]:
-    """The parts of a visual or collision element, in its own frame."""
+    """Return the parts of a visual or collision element, in its own frame."""
     geometry = element.find("geometry")
     for shape in () if geometry is None else geometry:
         if shape.tag == "mesh":
@@ -134,7 +134,7 @@ def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list
 
 
 def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
-    """A box, sphere, cylinder or capsule about its origin, round ones about +Z."""
+    """Yield a box, sphere, cylinder or capsule about its origin, round ones about +Z."""
 
     def number(key: str) -> float:
         return float(_numbers(shape.get(key, ""), 1, path)[0])
@@ -156,7 +156,7 @@ def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
 
 
 def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | None:
-    """The colour that a visual's material states there, as 0 to 255."""
+    """Return the colour that a visual's material states there, as 0 to 255."""
     found = element.find("material/color")
     if found is None:
         return None

@@ -163,7 +163,7 @@ def _entry(
 
 
 def _sized(parts: Sequence[Part], model: SourceModel, category: str) -> tuple[list[Part], str]:
-    """The parts in metres, and where their scale comes from."""
+    """Return the parts in metres, and where their scale comes from."""
     if model.rotation:
         matrix = np.array(model.rotation).reshape(3, 3)
         parts = [replace(part, vertices=part.vertices @ matrix.T) for part in parts]
@@ -203,7 +203,7 @@ def _hulls(mesh: Mesh, category: str, level: KeepOutBox | None) -> tuple[np.ndar
 
 
 def _below(mesh: Mesh, share: float) -> Mesh:
-    """The faces of a mesh whose middle is in the lower part of it; all of it if there are too few."""
+    """Return the faces of a mesh whose middle is in the lower part of it; all of it if there are too few."""
     heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
     faces = mesh.faces[heights < share * mesh.vertices[:, 1].max()]
     return replace(mesh, faces=faces) if len(faces) > 12 else mesh

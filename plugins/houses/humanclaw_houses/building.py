@@ -40,7 +40,7 @@ class Finish:
 
 
 def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
-    """A finish for every room; the boards of hall, living and dining room are the same throughout."""
+    """Return a finish for every room; the boards of hall, living and dining room are the same throughout."""
     rng = style.rng
     boards = t.planks(t.pick(rng, t.WOODS[:3] + t.WOODS[4:]), rng)
     paints = [t.plain(t.PAINTS[k], rng) for k in rng.permutation(len(t.PAINTS))]
@@ -62,7 +62,7 @@ def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
 
 
 def _zones(plan: FloorPlan) -> dict[str, int]:
-    """A number for every area; those between which there is no wall have the same, and so the same paint."""
+    """Number the areas; those between which there is no wall have the same number, and so the same paint."""
     zone = {area.name: number for number, area in enumerate(plan.areas)}
     for wall in plan.walls:
         if any(opening.kind == "open" for opening in wall.openings):
@@ -99,7 +99,7 @@ def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iter
 
 
 def _stairs(plan: FloorPlan, area: Area, finishes: Mapping[str, Finish], style: Style) -> Placed:
-    """The staircase, from the wall line of the hall to the wall behind the half-landing."""
+    """Return the staircase, from the wall line of the hall to the wall behind the half-landing."""
     assert plan.stair is not None
     wall = next(wall for wall in plan.walls if wall.openings and wall.openings[0].kind == "stairs")
     x0, z0, x1, z1 = area.inner
@@ -119,7 +119,7 @@ def _cells(length: float) -> int:
 
 
 def _floor(area: Area, finish: Finish, thick: float) -> Placed:
-    """A slab whose top is at 0."""
+    """Return a slab whose top is at 0."""
     m = Model()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     for chart in _tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)):
@@ -131,7 +131,7 @@ def _floor(area: Area, finish: Finish, thick: float) -> Placed:
 
 
 def _tiled(corner: Point, along: Point, up: Point) -> Iterator[Shape]:
-    """A rectangle as quads of about a tile each, so that a tile repeats and no uv leaves 0..1."""
+    """Yield a rectangle as quads of about a tile each, so that a tile repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
     for i in range(columns):
@@ -184,7 +184,7 @@ def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: St
 
 
 def _centred(m: Model, name: str) -> tuple[Piece, tuple[float, float]]:
-    """A piece, and where the model's origin went by being centred."""
+    """Return a piece, and where the model's origin went by being centred."""
     points = m.points()
     cx, cz = ((points[:, k].min() + points[:, k].max()) / 2 for k in (0, 2))
     return m.piece(name, "wall"), (float(cx), float(cz))
@@ -237,7 +237,7 @@ def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Ti
 
 
 def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
-    """The inner faces of an opening, and a white frame around it on both sides."""
+    """Build the inner faces of an opening, and a white frame around it on both sides."""
     half, high = hole.width / 2, hole.top - hole.bottom
     depth = WALL
     m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (0, 0, -depth), (0, high, 0)),)), style.white)
@@ -273,7 +273,7 @@ def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed
 
 
 def _window(style: Style, name: str, hole: Opening) -> Piece:
-    """A frame with a bright pane, in two casements if it is wide."""
+    """Return a frame with a bright pane, in two casements if it is wide."""
     m = Model()
     w, h = hole.width, hole.top - hole.bottom
     m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
@@ -289,7 +289,7 @@ def _window(style: Style, name: str, hole: Opening) -> Piece:
 
 
 def _front_door(style: Style, name: str, hole: Opening) -> Piece:
-    """The closed door of the house."""
+    """Return the closed door of the house."""
     m = Model()
     tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
     m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
@@ -299,7 +299,7 @@ def _front_door(style: Style, name: str, hole: Opening) -> Piece:
 
 
 def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
-    """A door leaf that stands open at a right angle to its wall."""
+    """Return a door leaf that stands open at a right angle to its wall."""
     m = Model()
     length, thick = hole.width - 0.03, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))

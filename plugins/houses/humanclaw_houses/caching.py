@@ -20,7 +20,7 @@ _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 
 
 def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | None = None) -> Scene:
-    """The house from the cache, or generated and put there. assets: digest of the library, or empty."""
+    """Return the house from the cache, or generated and put there. assets: digest of the library, or empty."""
     store = store or Cache("houses")
     key = hashlib.sha256(f"{generator_version()}|{name}|{assets}".encode()).hexdigest()
     data = store.get(key)
@@ -49,7 +49,7 @@ def generator_version() -> str:
 
 
 def _sources(part: Traversable) -> list[Traversable]:
-    """A file, or the Python and table files of a package and the packages in it, in order."""
+    """Return a file, or the Python and table files of a package and the packages in it, in order."""
     if part.is_file():
         return [part] if part.name.endswith((".py", ".toml")) else []
     inside = sorted(part.iterdir(), key=lambda item: item.name)

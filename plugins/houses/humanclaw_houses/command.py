@@ -53,7 +53,7 @@ def import_(
 @assets.command("list")
 @click.argument("library", type=click.Path(path_type=Path))
 def list_(library: Path) -> None:
-    """What a library holds, and under which licences."""
+    """List what a library holds, and under which licences."""
     entries = Library(library).entries
     table = Table("asset", "category", "size", "seat", "triangles", "hulls", "licence", "author")
     for e in entries:

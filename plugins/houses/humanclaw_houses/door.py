@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 def open_house(argument: str) -> Scene:
-    """Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a bad
-    library."""
+    """Open a house. Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a
+    bad library."""
     number, library = _parts(argument)
     seed_of(number)
     scene = kept(number, library.digest if library else "", lambda: _make(number, library))

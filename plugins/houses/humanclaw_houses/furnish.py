@@ -185,7 +185,7 @@ def _hall(space: Space, kit: Kit) -> None:
 
 
 def _landing(space: Space, kit: Kit) -> None:
-    """The hall upstairs: the way from the stairs to the bedrooms."""
+    """Furnish the hall upstairs: the way from the stairs to the bedrooms."""
     if kit.chance(0.6):
         console = _stand(space, kit, tables.console)
         if console:
@@ -237,7 +237,7 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
 
 
 def _seat_across(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Piece, gap: float) -> bool:
-    """The couch so far before the television, looking at it."""
+    """Put the couch so far before the television, looking at it."""
     out = stand.piece.size[2] / 2 + gap + couch.size[2] / 2
     seat = Placed(
         couch, stand.x + out * np.sin(stand.yaw), 0.0, stand.z + out * np.cos(stand.yaw), stand.yaw + np.pi, stand.room
@@ -255,7 +255,7 @@ def _seat_across(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pi
 
 
 def _on_front_edge(stand: Placed, screen: Piece) -> Placed:
-    """A television as far to the front of its stand as it can be, so that one can step up to it."""
+    """Return a television as far to the front of its stand as it can be, so that one can step up to it."""
     out = stand.piece.size[2] / 2 - screen.size[2] / 2 - 0.03
     y = stand.piece.tops[0].y + 0.001
     return Placed(
@@ -278,13 +278,13 @@ def _around_couch(space: Space, kit: Kit, seat: Placed, gap: float) -> None:
 
 
 def _beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
-    """A piece at (x, z) in the frame of another."""
+    """Return a piece at (x, z) in the frame of another."""
     (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
     return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
 
 
 def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
-    """A table with chairs on its long sides, drawn up to it, with room to get behind them; at_wall: or at a wall."""
+    """Put down a table with chairs at its long sides and room to get behind them; at_wall: or at a wall."""
     if kit.left["chair"] < count:
         return False
     table = kit.make(tables.dining_table, count)
@@ -310,7 +310,7 @@ def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> boo
 
 
 def _bare_table(space: Space, kit: Kit) -> bool:
-    """A table without a chair, at a wall."""
+    """Put down a table without a chair, at a wall."""
     return _stand(space, kit, tables.dining_table, 4, front=0.5) is not None
 
 
@@ -367,7 +367,7 @@ def _counters(space: Space, kit: Kit) -> None:
 
 
 def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
-    """The longest part of a wall along which units 0.65 m deep fit."""
+    """Return the longest part of a wall along which units 0.65 m deep fit."""
     best, start, step = (side, 0.0, 0.0), 0.02, 0.05
     for at in np.arange(0.02, space.length(side) - 0.02, step):
         if not space.is_free_unit(side, float(at), step):
@@ -406,8 +406,8 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
 
 
 def _bed(space: Space, kit: Kit, double: bool) -> bool:
-    """A bed with its head at a wall and free floor at both sides (one for a single bed) and its foot; nightstands and
-    lamps."""
+    """Return a bed with its head at a wall and free floor at both sides (one for a single bed) and its foot;
+    nightstands and lamps."""
     bed = kit.make(beds.bed, double)
     w, _, d = bed.size
     for spot in space.spots(bed, kit.rng, step=0.15):
@@ -438,7 +438,7 @@ def _beside_bed(space: Space, kit: Kit, bed: Placed) -> None:
 
 
 def _work_place(space: Space, kit: Kit) -> bool:
-    """A desk at a wall with a chair drawn up to it; lamp and laptop on it."""
+    """Return a desk at a wall with a chair drawn up to it; lamp and laptop on it."""
     desk = kit.make(tables.desk)
     if kit.left["chair"] < 1:
         return _stand(space, kit, tables.desk, front=0.5) is not None
@@ -455,7 +455,7 @@ def _work_place(space: Space, kit: Kit) -> bool:
 
 
 def _toilet(space: Space, kit: Kit) -> bool:
-    """A toilet with elbow room at both sides and standing room in front."""
+    """Return a toilet with elbow room at both sides and standing room in front."""
     piece = kit.make(bath.toilet)
     w, _, d = piece.size
     for spot in space.spots(piece, kit.rng):
@@ -477,7 +477,7 @@ def _basin(space: Space, kit: Kit) -> None:
 
 
 def _wall_tv(space: Space, kit: Kit) -> Placed | None:
-    """A screen on the wall or on a mast, with floor to stand on before it."""
+    """Return a screen on the wall or on a mast, with floor to stand on before it."""
     if kit.chance(0.5):
         piece = kit.make(media.wall_tv, 1.0)
         return space.try_put(space.spots(piece, kit.rng, y=0.95), front=0.5, target=True)
@@ -502,19 +502,19 @@ def _corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, target: bo
 
 
 def _plant(space: Space, kit: Kit) -> Placed | None:
-    """A plant, in a corner if one is free."""
+    """Return a plant, in a corner if one is free."""
     return _corner(space, kit, plants.plant, target=True)
 
 
 def _household(kit: Kit, category: str, put: Callable[[], Placed | None]) -> Placed | None:
-    """One of those chairs or couches that the household has left."""
+    """Put one of those chairs or couches that the household has left."""
     placed = put() if kit.left[category] > 0 else None
     kit.left[category] -= placed is not None
     return placed
 
 
 def _couch(space: Space, kit: Kit) -> Placed | None:
-    """A couch for two at a wall."""
+    """Put a couch for two at a wall."""
     return _household(kit, "couch", lambda: _stand(space, kit, seats.couch, 2, front=0.65, target=True))
 
 
@@ -523,7 +523,7 @@ def _chair(space: Space, kit: Kit) -> Placed | None:
 
 
 def _armchair(space: Space, kit: Kit) -> Placed | None:
-    """An armchair in a corner or at a wall, turned a little towards the room."""
+    """Put an armchair in a corner or at a wall, turned a little towards the room."""
     return _household(kit, "chair", lambda: _turned_in(space, kit))
 
 
@@ -566,7 +566,7 @@ def _above(space: Space, obj: Placed, piece: Piece, y: float) -> None:
 
 
 def _lay(space: Space, rug: Placed) -> None:
-    """A rug, where it stays inside the room."""
+    """Lay a rug where it stays inside the room."""
     if block_of(rug).rect.within(space.rect):
         space.put(rug)
 

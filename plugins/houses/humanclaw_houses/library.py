@@ -90,7 +90,7 @@ class Library:
     """A library on disk, opened for reading."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises HumanclawError if there is no library in the folder or its index is not one."""
+        """Open a library. Raises HumanclawError if there is no library in the folder or its index is not one."""
         self.folder = folder
         self._read: dict[str, Asset] = {}
         self.index = read_index(folder)
@@ -133,7 +133,7 @@ class Library:
 
 
 def read_index(folder: Path) -> Index | None:
-    """The index of a library; None if there is none. Raises HumanclawError if it is not one."""
+    """Return the index of a library; None if there is none. Raises HumanclawError if it is not one."""
     path = folder / INDEX
     if not path.is_file():
         return None

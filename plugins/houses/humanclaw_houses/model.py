@@ -66,7 +66,7 @@ class Model:
         self._tops: list[Top] = []
 
     def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
-        """A part; solid: what of it collides, its bounding box or its convex hull."""
+        """Add a part; solid: what of it collides, its bounding box or its convex hull."""
         self._parts += [(chart, tile) for chart in shape.charts]
         if solid == "box":
             low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
@@ -75,13 +75,13 @@ class Model:
             self._hulls.append(convex(shape.vertices))
 
     def box(self, size: Point, at: Point, tile: Tile, *, solid: bool = True, skip: str = "") -> None:
-        """A box that stands on `at`."""
+        """Add a box that stands on `at`."""
         self.add(box(size, at, skip), tile)
         if solid:
             self.solid(size, at)
 
     def solid(self, size: Point, at: Point) -> None:
-        """A collision box that stands on `at` and is not seen."""
+        """Add a collision box that stands on `at` and is not seen."""
         half = np.array([size[0] / 2, 0.0, size[2] / 2])
         self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
 
@@ -96,7 +96,7 @@ class Model:
     def piece(
         self, name: str, category: str, *, seat: float | None = None, mass: float = 0.0, friction: float = 0.5
     ) -> Piece:
-        """The finished asset, moved so that its footprint is centred on the origin."""
+        """Return the finished asset, moved so that its footprint is centred on the origin."""
         points = self.points()
         shift = -np.array(
             [(points[:, 0].min() + points[:, 0].max()) / 2, 0.0, (points[:, 2].min() + points[:, 2].max()) / 2]
@@ -109,7 +109,7 @@ class Model:
 
 
 def exact(points: Array) -> NDArray[np.float32]:
-    """Rounded to hundredths of a millimetre, so that the last bit of a sine cannot change a digest."""
+    """Round to hundredths of a millimetre, so that the last bit of a sine cannot change a digest."""
     return np.asarray(np.round(points, 5) + 0.0, np.float32)
 
 
@@ -154,7 +154,8 @@ def _fit(chart: Chart, tile: Tile, number: int) -> Array:
 
 
 def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]]:
-    """A picture of all tiles in a grid, and for each by its identity the corner and the extent of its cell in uv."""
+    """Return a picture of all tiles in a grid, and for each by its identity the corner and the extent of its cell in
+    uv."""
     side = max(len(tile.pixels) for tile in tiles)
     columns = int(np.ceil(np.sqrt(len(tiles))))
     rows = int(np.ceil(len(tiles) / columns))

@@ -14,7 +14,7 @@ _REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training h
 
 
 def seed_of(argument: str) -> tuple[int, int]:
-    """The seed of the house that '0' to '40' or 'train-N' names. Raises SceneError if there is no such house."""
+    """Return the seed of the house that '0' to '40' or 'train-N' names. Raises SceneError if there is no such house."""
     match = re.fullmatch(r"(train-)?(0|[1-9][0-9]{0,8})", argument)
     if not match or (not match[1] and int(match[2]) >= VALIDATION_HOUSES):
         raise SceneError(f"there is no house {argument!r}.", _REMEDY)

@@ -165,7 +165,7 @@ them."""
 
 
 def draw_plans(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...]:
-    """The storeys of a house from the lowest, with 4 to 12 rooms together.
+    """Return the storeys of a house from the lowest, with 4 to 12 rooms together.
 
     Raises SceneError if none was found, which no seed has yet done.
     """
@@ -230,7 +230,7 @@ def _upstairs(rng: np.random.Generator, layout: Layout) -> list[str]:
 
 
 def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
-    """The upper storey with names that the lower one has not; its hall is the landing."""
+    """Return the upper storey with names that the lower one has not; its hall is the landing."""
     names = {"": "", "stairs": "stairs"}
     for area in plan.areas:
         number, stem = 1, "landing" if area.kind == "hall" else area.kind
@@ -269,7 +269,7 @@ Rect = tuple[str, float, float, float, float]
 
 # -- shapes ------------------------------------------------------------------------------------------------------------
 def _straight(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """A hall with rooms on both sides, and at times a living block across its end."""
+    """Lay out a hall with rooms on both sides, and at times a living block across its end."""
     hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.3)), float(rng.uniform(3.3, 4.3)))
     kinds = _programme(rng, layout)
     block = rng.random() < 0.5
@@ -281,7 +281,8 @@ def _straight(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """A hall between two rows that turns a corner (l), or ends in the middle of another (t), and rooms along that."""
+    """Lay out a hall between two rows that turns a corner (l) or ends in the middle of another (t), and rooms along
+    that."""
     hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.1)), float(rng.uniform(3.3, 4.1)))
     kinds = _programme(rng, layout)
     beyond = hall if layout.shape == "l" else 0.0
@@ -298,7 +299,7 @@ def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _strip(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """A row of rooms that open from the living and the dining room along it, and the kitchen across the end."""
+    """Lay out a row of rooms that open from the living and the dining room along it, and the kitchen across the end."""
     depth, row_depth = float(rng.uniform(4.2, 5.2)), float(rng.uniform(3.3, 4.2))
     kinds = _programme(rng, layout)
     rest = _without(kinds, ("living", "kitchen", "dining"))
@@ -319,7 +320,7 @@ def _strip(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _studio(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """One room to live, sleep and cook in, a bathroom, and an entrance between."""
+    """Lay out one room to live, sleep and cook in, a bathroom, and an entrance between."""
     bath, hall, cook = float(rng.uniform(2.1, 2.6)), float(rng.uniform(1.75, 2.0)), float(rng.uniform(2.6, 3.2))
     near, far = float(rng.uniform(2.6, 2.9)), float(rng.uniform(3.8, 4.7))
     bed, length = max(2.75, bath + float(rng.uniform(0.1, 0.4))), bath + hall + cook
@@ -341,7 +342,7 @@ def _hall(rng: np.random.Generator) -> float:
 
 
 def _without(kinds: list[str], taken: Sequence[str]) -> list[str]:
-    """The kinds that are left when one of each of those taken is gone."""
+    """Return the kinds that are left when one of each of those taken is gone."""
     left = list(kinds)
     for kind in taken:
         if kind in left:
@@ -350,12 +351,12 @@ def _without(kinds: list[str], taken: Sequence[str]) -> list[str]:
 
 
 def _width(kind: str, depth: float, rng: np.random.Generator) -> float:
-    """What a room of a kind asks for along a row of some depth."""
+    """Draw what a room of a kind asks for along a row of some depth."""
     return max(float(rng.uniform(*_SIZES[kind])) / depth, _LEAST_WIDTH.get(kind, 2.8))
 
 
 def _fitted(row: list[tuple[str, float]], length: float) -> list[tuple[str, float]] | None:
-    """A row made so long; None if that would distort its rooms."""
+    """Return a row made so long; None if that would distort its rooms."""
     share = length / sum(width for _, width in row)
     fair = 0.8 < share < 1.3 and all(share * width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for kind, width in row)
     return [(kind, width * share) for kind, width in row] if fair else None
@@ -420,7 +421,7 @@ def _lay_out(
     hall: float,
     length: float | None = None,
 ) -> list[Rect]:
-    """The hall along x between two rows of rooms; length: of the hall, by default of the first row."""
+    """Lay out the hall along x between two rows of rooms; length: of the hall, by default of the first row."""
     length = sum(width for _, width in rows[0]) if length is None else length
     rects: list[Rect] = [("hall", 0.0, depths[0], length, depths[0] + hall)]
     for row, z0, z1 in ((rows[0], 0.0, depths[0]), (rows[1], depths[0] + hall, depths[0] + hall + depths[1])):
@@ -443,7 +444,7 @@ def _living_block(
 
 
 def _turned(storeys: list[list[Rect]], rng: np.random.Generator) -> list[list[Rect]]:
-    """Rounded to the centimetre, mirrored and turned at random, all storeys alike."""
+    """Round to the centimetre, mirror and turn at random, all storeys alike."""
     flip_x, flip_z, swap = (bool(v) for v in rng.integers(0, 2, 3))
     far_x = max(x1 for rects in storeys for _, _, _, x1, _ in rects)
     far_z = max(z1 for rects in storeys for _, _, _, _, z1 in rects)
@@ -472,12 +473,12 @@ def _named(rects: list[Rect]) -> tuple[Area, ...]:
 
 # -- walls -------------------------------------------------------------------------------------------------------------
 def room_at(areas: tuple[Area, ...], x: float, z: float) -> str:
-    """The name of the room around a point; empty outside."""
+    """Return the name of the room around a point; empty outside."""
     return next((a.name for a in areas if a.x0 < x < a.x1 and a.z0 < z < a.z1), "")
 
 
 def _walls(areas: tuple[Area, ...]) -> list[Wall]:
-    """A wall wherever the rooms on the two sides of a line differ, cut where they change."""
+    """Return a wall wherever the rooms on the two sides of a line differ, cut where they change."""
     walls = []
     axes: tuple[Axis, Axis] = ("x", "z")
     for axis in axes:
@@ -549,14 +550,14 @@ def _hubs(areas: tuple[Area, ...]) -> set[str]:
 
 
 def _opened(wall: Wall, kind: Literal["stairs", "open"]) -> Wall:
-    """A wall of which nothing is left but the thickness of those that it meets."""
+    """Return a wall of which nothing is left but the thickness of those that it meets."""
     middle, width = round((wall.start + wall.end) / 2, 3), round(wall.end - wall.start - WALL, 3)
     return replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, kind),))
 
 
 def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Generator) -> Opening:
-    """A door near a corner of the room, its leaf standing open along the side wall; a wide one without to the living
-    room."""
+    """Return a door near a corner of the room, its leaf standing open along the side wall; a wide one without to the
+    living room."""
     into = wall.high if wall.low in hubs else wall.low
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):
@@ -618,7 +619,7 @@ def _with_windows(
 
 
 def _television_walls(walls: list[Wall], kind: dict[str, str]) -> set[int]:
-    """The shortest outer wall without a door of each living room that has two or more."""
+    """Return the shortest outer wall without a door of each living room that has two or more."""
     outer: dict[str, list[tuple[float, int]]] = {}
     for number, wall in enumerate(walls):
         inside = wall.low or wall.high

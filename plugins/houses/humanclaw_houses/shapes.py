@@ -41,7 +41,7 @@ class Shape:
         return Shape(self.charts + other.charts)
 
     def moved(self, at: Point = (0.0, 0.0, 0.0), turn: Point = (0.0, 0.0, 0.0)) -> Shape:
-        """Turned about x, then y, then z by so many degrees, and then carried to a place."""
+        """Turn about x, then y, then z by so many degrees, and then carried to a place."""
         matrix = _turn(turn)
         return Shape(tuple(replace(c, vertices=c.vertices @ matrix.T + np.array(at)) for c in self.charts))
 
@@ -59,7 +59,7 @@ def _turn(degrees: Point) -> Array:
 
 
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
-    """A flat grid from a corner along two sides; its outside is along x up."""
+    """Return a flat grid from a corner along two sides; its outside is along x up."""
     u, v = _lattice(cells)
     points = np.array(corner, float) + u[:, None] * np.array(along, float) + v[:, None] * np.array(up, float)
     uv = np.stack([u * math.hypot(*along), v * math.hypot(*up)], -1)
@@ -81,8 +81,8 @@ def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
-    """A box that stands on `at`, which is the middle of its bottom. skip: sides to leave out, of 'bottom top left right
-    back front' by their first letters, with k for back."""
+    """Return a box that stands on `at`, which is the middle of its bottom. skip: sides to leave out, of 'bottom top
+    left right back front' by their first letters, with k for back."""
     w, h, d = size
     x, y, z = at[0] - w / 2, at[1], at[2] - d / 2
     sides = {
@@ -117,7 +117,7 @@ class Ring:
 
 
 def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
-    """A skin through rings from the lowest to the highest (or inward, for hollow objects), with flat ends."""
+    """Return a skin through rings from the lowest to the highest (or inward, for hollow objects), with flat ends."""
     rows = np.array([ring.points(segments) for ring in rings])
     around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
     u = np.concatenate([[0.0], np.cumsum(around)])
@@ -144,7 +144,7 @@ def _lid(points: Array, up: bool) -> Chart:
 
 
 def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0) -> Shape:
-    """A cushion: a box with rounded edges that stands on `at`; crown raises the middle of its top."""
+    """Return a cushion: a box with rounded edges that stands on `at`; crown raises the middle of its top."""
     w, h, d = size
     large, thin = max(size) > 0.55, min(size) < 0.1
     r = min(radius, 0.49 * min(w, h, d))
@@ -165,7 +165,7 @@ def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, cro
 def post(
     radius: float, height: float, at: Point = (0.0, 0.0, 0.0), top: float | None = None, segments: int = 8
 ) -> Shape:
-    """A round bar that stands on `at`; top: its radius at the upper end."""
+    """Return a round bar that stands on `at`; top: its radius at the upper end."""
     end = radius if top is None else top
     rings = [Ring(at[1], radius, radius, 2, at[0], at[2]), Ring(at[1] + height, end, end, 2, at[0], at[2])]
     return loft(rings, segments)
@@ -174,12 +174,12 @@ def post(
 def turned(
     profile: Sequence[tuple[float, float]], at: Point = (0.0, 0.0, 0.0), segments: int = 14, top: bool = True
 ) -> Shape:
-    """What a lathe makes of (radius, height) points from the bottom up."""
+    """Return what a lathe makes of (radius, height) points from the bottom up."""
     return loft([Ring(at[1] + y, r, r, 2, at[0], at[2]) for r, y in profile], segments, top=top)
 
 
 def tube(path: Sequence[Point], radius: float, segments: int = 6) -> Shape:
-    """A bent bar through points."""
+    """Return a bent bar through points."""
     points = np.array(path, float)
     charts: list[Chart] = []
     for start, end in pairwise(points):
@@ -199,7 +199,7 @@ def _bar(start: Array, end: Array, radius: float, segments: int) -> Shape:
 
 
 def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 1.0), segments: int = 14) -> Shape:
-    """A ball that stands on `at`, squashed along the axes."""
+    """Return a ball that stands on `at`, squashed along the axes."""
     rows = max(4, segments // 2)
     angle = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)[1:-1]
     angle = np.concatenate([[-np.pi / 2 + 0.06], angle, [np.pi / 2 - 0.06]])
@@ -212,7 +212,7 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
 
 
 def blade(base: Point, heading: float, length: float, width: float, rise: float, droop: float, rows: int = 4) -> Shape:
-    """A leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop`
+    """Return a leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop`
     degrees."""
     t = np.linspace(0, 1, rows + 1)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)

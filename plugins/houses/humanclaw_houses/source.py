@@ -34,7 +34,7 @@ _MOVABLE: Final = 0.21
 
 
 def house(argument: str, library: Library | None = None) -> Scene:
-    """The house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
+    """Return the house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
 
     library: imported furniture that takes the place of parametric pieces where it has what is wanted.
     """
@@ -42,7 +42,8 @@ def house(argument: str, library: Library | None = None) -> Scene:
 
 
 def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
-    """A house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none is."""
+    """Return a house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none
+    is."""
     wrong: list[str] = []
     layout = layout_of(seed)
     for draft in range(_DRAFTS):
@@ -61,7 +62,7 @@ def storeys_of(seed: Sequence[int]) -> int:
 
 
 def layout_of(seed: Sequence[int]) -> Layout:
-    """What the house of a seed is like, all its drafts alike."""
+    """Draw what the house of a seed is like, all its drafts alike."""
     return Layout.draw(np.random.default_rng([*seed, _LAYOUT]), storeys_of(seed))
 
 

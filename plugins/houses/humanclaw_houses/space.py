@@ -79,7 +79,7 @@ def turn(points: Array, yaw: float) -> Array:
 
 
 def outline(points: Array, obj: Placed) -> Block:
-    """The box around some of a placed piece's own points."""
+    """Return the box around some of a placed piece's own points."""
     low, high = (f(turn(points, obj.yaw), axis=0) for f in (np.min, np.max))
     rect = Rect(low[0] + obj.x, low[2] + obj.z, high[0] + obj.x, high[2] + obj.z)
     return Block(rect, low[1] + obj.y, high[1] + obj.y)
@@ -91,13 +91,14 @@ def block_of(obj: Placed) -> Block:
 
 
 def at_hand(obj: Placed) -> tuple[Rect, ...]:
-    """The places before the four sides of a piece from which a body can reach it; one of them must stay walkable."""
+    """Return the places before the four sides of a piece from which a body can reach it; one of them must stay
+    walkable."""
     r = block_of(obj).rect
     return Rect(r.x0 - REACH, r.z0, r.x1 + REACH, r.z1), Rect(r.x0, r.z0 - REACH, r.x1, r.z1 + REACH)
 
 
 def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
-    """A rectangle in the frame of a placed piece, as the box around it in the world."""
+    """Return a rectangle in the frame of a placed piece, as the box around it in the world."""
     return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), obj).rect
 
 
@@ -137,7 +138,7 @@ class Space:
                 self._solid.append(edge)
 
     def _strip(self, side: Side, at: float, width: float, depth: float) -> Rect:
-        """The floor along a wall in front of a stretch of it."""
+        """Return the floor along a wall in front of a stretch of it."""
         r, h = self.rect, width / 2
         if side in ("south", "north"):
             return (
@@ -155,7 +156,7 @@ class Space:
         return self.length("west" if side in ("south", "north") else "south")
 
     def at_wall(self, piece: Piece, side: Side, along: float, y: float = 0.0, gap: float = 0.015) -> Placed:
-        """A piece with its back to a wall; along: metres from the wall's end of smaller coordinate."""
+        """Return a piece with its back to a wall; along: metres from the wall's end of smaller coordinate."""
         r, out = self.rect, piece.size[2] / 2 + gap
         x, z = {
             "south": (r.x0 + along, r.z0 + out), "north": (r.x0 + along, r.z1 - out),
@@ -194,7 +195,8 @@ class Space:
         return rect.within(self.rect) and not self._blocked(Block(rect, 0.03, 1.2), 0.0)
 
     def is_free_unit(self, side: Side, along: float, width: float) -> bool:
-        """A stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor in front."""
+        """Return a stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor in
+        front."""
         start = self.rect.x0 if side in ("south", "north") else self.rect.z0
         unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
@@ -214,11 +216,11 @@ class Space:
         return not any(block_of(obj).rect.meets(door) for door in self._doors)
 
     def rests(self, obj: Placed, host: Placed) -> bool:
-        """An object on top of another one touches nothing else."""
+        """Return an object on top of another one touches nothing else."""
         return not self._blocked(block_of(obj), 0.01, ignore=(block_of(host),))
 
     def ahead(self, obj: Placed, front: float) -> Rect:
-        """The floor in front of a piece, as wide as it is."""
+        """Return the floor in front of a piece, as wide as it is."""
         w, _, d = obj.piece.size
         return local(obj, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
 
@@ -251,7 +253,7 @@ class Space:
     def try_put(
         self, spots: Iterable[Placed], *, front: float = 0.0, keep: bool = True, target: bool = False, gap: float = 0.01
     ) -> Placed | None:
-        """The first of some places that fits and leaves the room walkable."""
+        """Return the first of some places that fits and leaves the room walkable."""
         for obj in spots:
             if self.fits(obj, front, gap):
                 kept = [self.ahead(obj, front)] if front and keep else []

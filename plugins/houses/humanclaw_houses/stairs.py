@@ -22,7 +22,8 @@ _SPINE: Final = 0.1
 
 
 def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
-    """A staircase on a floor of width x depth metres. It is entered, and left on the floor above, at its front (+Z).
+    """Return a staircase on a floor of width x depth metres. It is entered, and left on the floor above, at its front
+    (+Z).
 
     The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights,
     and the guard at the front over the lower flight.
@@ -65,7 +66,7 @@ def _edging(style: Style) -> Tile:
 
 
 def _between(m: Model, style: Style, stair: Stair, wall: Tile, height: float, near: float, far: float) -> None:
-    """The spine between the flights, as high as the upper one, and two bars of the rail."""
+    """Build the spine between the flights, as high as the upper one, and two bars of the rail."""
     d, z = near - far, (near + far) / 2
     m.add(box((_SPINE, height, d), (0, 0, z), "b"), wall)
     m.solid((_SPINE, height + GUARD, d), (0, 0, z))
@@ -83,7 +84,7 @@ def _landing(m: Model, style: Style, wall: Tile, width: float, height: float, ba
 
 
 def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> None:
-    """The sloping handrail over the spine, with a newel post at each end."""
+    """Build the sloping handrail over the spine, with a newel post at each end."""
     top = 2 * stair.steps * stair.riser
     low, high = (stair.steps + 0.5) * stair.riser + GUARD, top - 0.5 * stair.riser + GUARD
     run, rise = front - edge, high - low
@@ -96,7 +97,7 @@ def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> No
 
 
 def _guard(m: Model, style: Style, stair: Stair, flight: float, lower: float, front: float) -> None:
-    """What keeps people on the floor above from stepping over the edge into the lower flight."""
+    """Build what keeps people on the floor above from stepping over the edge into the lower flight."""
     top, z = 2 * stair.steps * stair.riser, front - 0.04
     m.add(box((flight, 0.05, 0.06), (lower, top + GUARD - 0.05, z)), style.wood)
     m.add(box((flight, 0.12, 0.04), (lower, top - 0.12, z)), style.white)

@@ -56,8 +56,8 @@ class WalkableArea:
 
 
 def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
-    """A place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch if the
-    house is large enough, in the hall if that is possible, facing the longest free line of sight."""
+    """Return a place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch
+    if the house is large enough, in the hall if that is possible, facing the longest free line of sight."""
     walkable = WalkableArea.of(scene)
     plan = walkable.floors.grids[0]
     roomy = walkable.room_at(0) > 0.55
@@ -84,7 +84,7 @@ def _from_couches(walkable: WalkableArea) -> Array:
 
 
 def _view(plan: OccupancyGrid, x: float, z: float) -> float:
-    """The yaw, of eight, in which one can see farthest over free floor."""
+    """Return the yaw, of eight, in which one can see farthest over free floor."""
 
     def sight(yaw: float) -> float:
         steps = np.arange(0.1, 15, 0.1)

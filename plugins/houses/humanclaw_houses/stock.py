@@ -50,7 +50,7 @@ class Stock:
         self._pieces: dict[tuple[str, float], Piece] = {}
 
     def instead_of(self, maker: str, wanted: Piece) -> Piece:
-        """An imported piece like one that `maker` made; that one itself if the library has none like it."""
+        """Return an imported piece like one that `maker` made; that one itself if the library has none like it."""
         found = [(entry, scale) for entry in self._fitting(maker, wanted) if (scale := _scale(entry, wanted))]
         if not found:
             return wanted
@@ -75,7 +75,8 @@ class Stock:
 
 
 def _scale(entry: Entry, wanted: Piece) -> float | None:
-    """The scale at which a model is nearest to the size that is wanted; None if it is far from it all the same."""
+    """Return the scale at which a model is nearest to the size that is wanted; None if it is far from it all the
+    same."""
     have = np.maximum(entry.size, 1e-6)
     scale = round(float(np.clip(np.exp(np.log(wanted.size / have).mean()), 1 - _SCALE, 1 + _SCALE)), 2)
     ratio = have * scale / wanted.size
@@ -86,7 +87,7 @@ def _scale(entry: Entry, wanted: Piece) -> float | None:
 
 
 def _sittable(entry: Entry, scale: float) -> bool:
-    """What the sitting skill is asked for must be sat on at a height that a body can sit at."""
+    """Return what the sitting skill is asked for must be sat on at a height that a body can sit at."""
     if entry.category not in SEATS or entry.seat_height is None:
         return True
     return _SEAT[0] <= scale * entry.seat_height <= _SEAT[1]
@@ -103,8 +104,8 @@ def _scaled(asset: Asset, entry: Entry, scale: float) -> Piece:
 
 
 def apart(chair: Placed, table: Placed) -> Placed:
-    """A chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under every
-    top.
+    """Return a chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under
+    every top.
 
     Parametric chairs go under parametric tables, so they stay where they are.
     """
@@ -119,7 +120,7 @@ def apart(chair: Placed, table: Placed) -> Placed:
 
 
 def _share_space(one: Placed, other: Placed) -> bool:
-    """A collision hull of one piece reaches into one of the other's."""
+    """Return a collision hull of one piece reaches into one of the other's."""
     first, second = _solids(one), _solids(other)
     return any((a ^ b).volume() > 1e-6 for a in first for b in second)
 

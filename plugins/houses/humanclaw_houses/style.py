@@ -52,18 +52,18 @@ class Style:
         return bool(self.rng.random() < share)
 
     def between(self, low: float, high: float) -> float:
-        """A length between two, to the centimetre."""
+        """Return a length between two, to the centimetre."""
         return round(float(self.rng.uniform(low, high)), 2)
 
     def choice(self, *things: Tile) -> Tile:
         return things[int(self.rng.integers(len(things)))]
 
     def paint(self) -> Tile:
-        """A coloured lacquer."""
+        """Return a coloured lacquer."""
         return t.plain(t.pick(self.rng, t.ACCENTS), self.rng)
 
     def fabric(self) -> Tile:
-        """A cloth of its own: plain, striped or checked."""
+        """Return a cloth of its own: plain, striped or checked."""
         colour = t.pick(self.rng, t.FABRICS)
         kind = self.rng.random()
         if kind < 0.6:

@@ -46,7 +46,7 @@ def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int =
 
 
 def _shade(colour: Colour, field: Field) -> Pixels:
-    """A colour made lighter and darker: 0.1 in the field is ten per cent."""
+    """Return a colour made lighter and darker: 0.1 in the field is ten per cent."""
     picture = np.asarray(colour, float) * (1.0 + field[..., None])
     return np.asarray(np.clip(np.round(picture), 0, 255), np.uint8)
 
@@ -84,7 +84,7 @@ def stripes(first: Colour, second: Colour, rng: np.random.Generator, count: int 
 
 
 def checks(first: Colour, second: Colour, rng: np.random.Generator, count: int = 4) -> Tile:
-    """A tartan of two colours that mix where they cross."""
+    """Return a tartan of two colours that mix where they cross."""
     band = ((np.arange(SIZE) * 2 * count // SIZE) % 2).astype(float)
     share = ((band[:, None] + band[None, :]) / 2)[..., None]
     return Tile(
@@ -129,7 +129,7 @@ def marble(colour: Colour, rng: np.random.Generator) -> Tile:
 
 
 def sky(rng: np.random.Generator) -> Tile:
-    """What a window shows: a bright sky with clouds over a line of green."""
+    """Return what a window shows: a bright sky with clouds over a line of green."""
     height = np.linspace(0.0, 1.0, SIZE)[:, None, None]
     picture = (1 - height) * np.array([150, 195, 240]) + height * np.array([225, 238, 248])
     clouds = np.clip(_noise(rng, (6, 14)), 0, 1.5)[..., None] / 1.5
@@ -141,7 +141,7 @@ def sky(rng: np.random.Generator) -> Tile:
 
 
 def glass(rng: np.random.Generator) -> Tile:
-    """A mirror: a pale room, out of focus, with two slanting gleams."""
+    """Return a mirror: a pale room, out of focus, with two slanting gleams."""
     across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
     slant = across + 0.7 * down
     gleam = np.clip(1 - np.abs(slant - 0.6) / 0.1, 0, 1) + np.clip(1 - np.abs(slant - 0.85) / 0.04, 0, 1)
@@ -150,7 +150,7 @@ def glass(rng: np.random.Generator) -> Tile:
 
 
 def screen(rng: np.random.Generator, on: bool) -> Tile:
-    """A television picture, or the dark glass of one that is switched off with the window reflected in it."""
+    """Return a television picture, or the dark glass of one that is switched off with the window reflected in it."""
     across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
     if not on:
         glare = np.clip(1 - np.abs(across + 0.6 * down - 0.75) / 0.22, 0, 1) * (1 - down)
@@ -164,7 +164,7 @@ def screen(rng: np.random.Generator, on: bool) -> Tile:
 
 
 def painting(rng: np.random.Generator) -> Tile:
-    """An abstract or a landscape inside a pale mount."""
+    """Return an abstract or a landscape inside a pale mount."""
     picture = _landscape(rng) if rng.random() < 0.5 else _abstract(rng)
     picture[:6], picture[-6:], picture[:, :6], picture[:, -6:] = (240.0,) * 4
     return Tile(_grade(picture, 0.02 * _noise(rng, (2, 2))), fit=True)
@@ -188,7 +188,7 @@ def _abstract(rng: np.random.Generator) -> Field:
 
 
 def books(rng: np.random.Generator) -> Tile:
-    """A row of spines that fills a shelf."""
+    """Return a row of spines that fills a shelf."""
     picture = np.zeros((SIZE, SIZE, 3))
     column = 0
     while column < SIZE:
@@ -203,14 +203,14 @@ def books(rng: np.random.Generator) -> Tile:
 
 
 def leaf(colour: Colour, rng: np.random.Generator) -> Tile:
-    """A leaf from stalk to tip with its rib."""
+    """Return a leaf from stalk to tip with its rib."""
     rib = np.exp(-(((np.arange(SIZE) - SIZE / 2) / 2.5) ** 2))[None, :] * np.ones((SIZE, 1))
     tone = np.linspace(0.12, -0.12, SIZE)[:, None]
     return Tile(_shade(colour, 0.22 * rib + tone + 0.05 * _noise(rng, (6, 6))), fit=True)
 
 
 def panel_door(colour: Colour, rng: np.random.Generator) -> Tile:
-    """A door leaf or cupboard front with two sunken panels."""
+    """Return a door leaf or cupboard front with two sunken panels."""
     field = 0.02 * _noise(rng, (16, 2))
     for low, high in ((5, 28), (34, 59)):
         field[low:high, [10, 11]] = field[[low, low + 1], 10:54] = -0.22
@@ -219,7 +219,7 @@ def panel_door(colour: Colour, rng: np.random.Generator) -> Tile:
 
 
 def oriental(colour: Colour, accent: Colour, rng: np.random.Generator) -> Tile:
-    """A rug: borders, and a lozenge in the middle."""
+    """Return a rug: borders, and a lozenge in the middle."""
     ring = np.minimum(np.arange(SIZE), np.arange(SIZE)[::-1])
     edge = np.minimum(ring[:, None], ring[None, :])
     lozenge = (SIZE - ring[:, None] - ring[None, :]) // 5
@@ -229,7 +229,7 @@ def oriental(colour: Colour, accent: Colour, rng: np.random.Generator) -> Tile:
 
 
 def burner(rng: np.random.Generator) -> Tile:
-    """A glass hob seen from above: four rings."""
+    """Return a glass hob seen from above: four rings."""
     picture = np.ones((SIZE, SIZE, 1)) * np.array([28.0, 28.0, 31.0])
     rows, columns = np.meshgrid(np.arange(SIZE), np.arange(SIZE), indexing="ij")
     for row, column, radius in ((17, 17, 11), (17, 47, 9), (47, 17, 9), (47, 47, 11)):
@@ -239,7 +239,7 @@ def burner(rng: np.random.Generator) -> Tile:
 
 
 def porthole(rng: np.random.Generator) -> Tile:
-    """The front of a washing machine."""
+    """Return the front of a washing machine."""
     picture = np.ones((SIZE, SIZE, 1)) * np.array([238.0, 239.0, 241.0])
     rows, columns = np.meshgrid(np.arange(SIZE), np.arange(SIZE), indexing="ij")
     distance = np.hypot(rows - 37, columns - 32)

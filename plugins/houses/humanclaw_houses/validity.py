@@ -77,7 +77,7 @@ def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tup
 
 
 def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:
-    """A seat is where the asset says if a collision hull ends there, and it can be sat on at 0.35 to 0.65 m."""
+    """Return a seat is where the asset says if a collision hull ends there, and it can be sat on at 0.35 to 0.65 m."""
     asset = scene.assets[obj.asset]
     if asset.seat_height is None or not 0.35 <= asset.seat_height <= 0.65:
         return [f"{obj.asset} has its seat at {asset.seat_height} m"]
@@ -101,7 +101,7 @@ def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
 
 
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
-    """The collision hulls of all objects in the world, and whose they are."""
+    """Return the collision hulls of all objects in the world, and whose they are."""
     owners, hulls = [], []
     for obj in scene.objects:
         matrix = matrix_from_quaternion(np.array(obj.rotation))

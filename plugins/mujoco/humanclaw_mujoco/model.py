@@ -154,7 +154,7 @@ class _Objects:
 
 
 def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
-    """The same facts for a geom that is not at the origin of its object."""
+    """Return the same facts for a geom that is not at the origin of its object."""
     turn, turned = np.array(facts.get("quat", (1.0, 0.0, 0.0, 0.0))), np.zeros(3)
     mj.mju_rotVecQuat(turned, offset, turn)
     return facts | {"pos": np.array(facts.get("pos", np.zeros(3))) + turned}

@@ -1,4 +1,4 @@
-"""MuJoCo keeps the laws that every simulator has to keep."""
+"""MuJoCo passes the physics checks that every simulator has to pass."""
 
 from humanclaw.testing import SimulatorConformance
 from humanclaw_mujoco.world import mujoco

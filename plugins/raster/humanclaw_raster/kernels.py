@@ -336,7 +336,7 @@ def _swing() -> Floats:
 
 @_compiled
 def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
-    """The mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
+    """Return the mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
     height, width = raw.shape
     out = np.ones_like(raw)
     for row in range(height):
@@ -380,7 +380,7 @@ def paint(
 
 @_compiled
 def _prepare(model: Model, instances: Instances, pinhole: Pinhole, face: int, instance: int, out: Array) -> None:
-    """What all pixels of a face share.
+    """Prepare what all pixels of a face share.
 
     0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the
     camera frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading,
@@ -442,7 +442,7 @@ def _texture(
 
 @_inlined
 def _lit(x: float, y: float, z: float) -> float:
-    """The brightness of a surface from its normal in the world, before what stands around it is counted."""
+    """Return the brightness of a surface from its normal in the world, before what stands around it is counted."""
     y = (-BOUNCE * y if y < 0 else y) + UPLIFT
     size = np.sqrt(x * x + y * y + z * z) + 1e-20
     return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)  # type: ignore[no-any-return]
@@ -450,7 +450,7 @@ def _lit(x: float, y: float, z: float) -> float:
 
 @_inlined
 def _light_at(light: Floats, inverse_depth: Floats, row: int, column: int) -> float:
-    """The light of the nearest samples, each by how near it is and whether it lies on the same surface."""
+    """Return the light of the nearest samples, each by how near it is and whether it lies on the same surface."""
     if row % 2 == 0 and column % 2 == 0:
         return light[row // 2, column // 2]  # type: ignore[no-any-return]
     here, total, weight = inverse_depth[row, column], np.float32(1e-6), np.float32(1e-6)

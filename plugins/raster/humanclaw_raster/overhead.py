@@ -46,7 +46,7 @@ class OverheadMapper:
             self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
 
     def now(self, instances: Instances) -> OverheadMap:
-        """The map with what moves where it is now."""
+        """Return the map with what moves where it is now."""
         maps = []
         for floor, still in zip(self._floors, self._still, strict=True):
             inverse_depth = self._drawn(instances, self._moving, float(floor), still)

@@ -46,7 +46,7 @@ class Model(NamedTuple):
 
 
 def pack(meshes: Sequence[Mesh]) -> Model:
-    """The meshes, numbered as they come."""
+    """Return the meshes, numbered as they come."""
     pieces = [_sorted_faces(mesh) for mesh in meshes]
     corners = [mesh.vertices[faces] for mesh, faces in zip(meshes, pieces, strict=True)]
     uv = [mesh.uv[faces] for mesh, faces in zip(meshes, pieces, strict=True)]

@@ -40,7 +40,7 @@ class RasterRenderer:
     """
 
     def __init__(self, samples: int = 1) -> None:
-        """samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its
+        """Hold no scene yet. samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its
         middle, whatever the colours take."""
         self._samples = samples
         self._loaded: _LoadedScene | None = None

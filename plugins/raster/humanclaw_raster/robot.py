@@ -39,7 +39,7 @@ def robot() -> dict[str, Mesh]:
 
 
 def _head() -> list[tuple[Array, int]]:
-    """A round skull, a dark visor over the face with two glowing eyes, and an ear on each side."""
+    """Return a round skull, a dark visor over the face with two glowing eyes, and an ear on each side."""
     skull = _blob(np.array([0.0, 0.085, 0.012]), np.array([0.088, 0.118, 0.1]))
     visor = _blob(np.array([0.0, 0.092, 0.05]), np.array([0.074, 0.052, 0.072]))
     eyes = [_blob(np.array([x, 0.095, 0.116]), np.array([0.012, 0.017, 0.008])) for x in (-0.028, 0.028)]
@@ -61,13 +61,14 @@ def _sphere() -> Array:
 
 
 def _blob(centre: Array, half: Array, roundness: float = 1.0) -> Array:
-    """A grid of points on an ellipsoid, or with a smaller roundness on a superellipsoid, which is a rounded box."""
+    """Return a grid of points on an ellipsoid, or with a smaller roundness on a superellipsoid, which is a rounded
+    box."""
     unit = _sphere()
     return np.asarray(centre + half * np.sign(unit) * np.abs(unit) ** roundness)
 
 
 def _capsule(a: Array, b: Array, radius: float) -> Array:
-    """A sphere that is cut at its equator and drawn apart from a to b."""
+    """Return a sphere that is cut at its equator and drawn apart from a to b."""
     axis = (b - a) / np.linalg.norm(b - a)
     side = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)

@@ -87,7 +87,7 @@ def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 
 def score(target: Target, boxes: list[list[float]]) -> float:
-    """The highest score of a box of the right class over a target."""
+    """Return the highest score of a box of the right class over a target."""
     fitting = [box[4] for box in boxes if box[5] == CLASSES[target.category] and overlap(target.box, box) >= OVERLAP]
     return max(fitting, default=0.0)
 

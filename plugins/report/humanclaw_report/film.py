@@ -65,8 +65,8 @@ def film(
 def poster(
     episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
 ) -> Path:
-    """A strip of third-person moments over the ego views of the same moments, beside the map with the walked path
-    (PNG)."""
+    """Return a strip of third-person moments over the ego views of the same moments, beside the map with the walked
+    path (PNG)."""
     replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
     # The map fills its column, a storey below another: as wide as its shape makes it at the height of both rows.
     shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
@@ -124,7 +124,7 @@ class Replay:
         return look_at(self.eyes[frame], centre, size)
 
     def step(self, frame: int) -> StepRecord | None:
-        """The step that a frame belongs to; None before the first."""
+        """Return the step that a frame belongs to; None before the first."""
         first = HISTORY
         for step in self.episode.steps:
             if first <= frame < first + step.motion_frames:
@@ -134,20 +134,21 @@ class Replay:
 
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:
-    """The same scene, open from above: without its ceilings and without what begins above a height, metres."""
+    """Return the same scene, open from above: without its ceilings and without what begins above a height, metres."""
     kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
     return replace(scene, objects=tuple(kept))
 
 
 def sight(scene: Scene, floor: float) -> OccupancyGrid:
-    """The plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is below."""
+    """Return the plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is
+    below."""
     plan = OccupancyGrid.of(scene, floor)
     well = np.isnan(plan.ground) & (plan.tops == 0)
     return replace(plan, tops=np.where(well, -np.inf, plan.tops))
 
 
 def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
-    """A level camera at eye that looks at centre. size: width and height in pixels."""
+    """Return a level camera at eye that looks at centre. size: width and height in pixels."""
     forward = (centre - eye) / np.linalg.norm(centre - eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     up = np.cross(right / np.linalg.norm(right), forward)
@@ -217,7 +218,7 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
-    """The body from outside at each frame, in the scene as it is shown then."""
+    """Yield the body from outside at each frame, in the scene as it is shown then."""
     shown: Scene | None = None
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
@@ -247,7 +248,7 @@ def _ego(path: Path, side: int) -> Image.Image | None:
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:
-    """The ego view in the corner, and the call that is being executed."""
+    """Return the ego view in the corner, and the call that is being executed."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     if ego:
@@ -262,7 +263,7 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
 
 
 def _draw(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:
-    """The maps of the report as a picture of this size, the highest storey on top."""
+    """Return the maps of the report as a picture of this size, the highest storey on top."""
     sheet = Image.new("RGB", size, "white")
     height = (size[1] - GAP * (len(maps) - 1)) // len(maps)
     for row, drawn in enumerate(reversed(maps)):

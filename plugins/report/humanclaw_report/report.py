@@ -251,7 +251,7 @@ def _detailed(view: EpisodeView, houses: Houses, pictures: int, page: Path) -> E
 
 
 def _film(folder: Path, page: Path) -> FilmView | None:
-    """The film that `humanclaw run` left in the episode's folder, if it did."""
+    """Return the film that `humanclaw run` left in the episode's folder, if it did."""
     for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
         path = folder / f"film.{kind}"
         if path.is_file():
@@ -296,7 +296,7 @@ def _sat(recorded: RecordedEpisode) -> Milestone:
 
 
 def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
-    """The outcome as a sentence."""
+    """Return the outcome as a sentence."""
     record = recorded.record
     endings = {
         "running": "has not ended",
@@ -353,7 +353,7 @@ def _verdict(step: StepRecord) -> tuple[str, str]:
 
 
 def _picture(path: Path, size: int = 240) -> str:
-    """A frame as a small JPEG data URI; empty if the file is missing."""
+    """Return a frame as a small JPEG data URI; empty if the file is missing."""
     if not path.is_file():
         return ""
     with Image.open(path) as image:
@@ -362,7 +362,7 @@ def _picture(path: Path, size: int = 240) -> str:
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
-    """What was touched other than by standing on it, the longest first."""
+    """Return what was touched other than by standing on it, the longest first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
         for contact in touched_above_ground(recorded, step):
@@ -426,7 +426,7 @@ def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.in
 
 
 def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
-    """The storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
+    """Return the storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
     floors = floors_of(scene)
     maps = [
         _storey_map(scene, floor, f"{key}-{k}", title)
@@ -437,7 +437,7 @@ def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
 
 
 def _titles(floors: Sequence[float]) -> list[str]:
-    """What storeys are called by their heights, lowest first. One alone needs no name."""
+    """Return what storeys are called by their heights, lowest first. One alone needs no name."""
     if len(floors) == 1:
         return [""]
     below = next((k for k, floor in enumerate(floors) if floor > -1.0), 0)
@@ -518,7 +518,7 @@ def _around(points: Array, margin: float) -> Box:
 
 
 def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = "") -> tuple[PathMap, ...]:
-    """The walked path over the storeys of a house that it or a target is on, lowest first."""
+    """Return the walked path over the storeys of a house that it or a target is on, lowest first."""
     walked = _walked(recorded)
     floors = [storey.floor for storey in house]
     pieces = storeys_at(floors, np.array([piece[:, 1].mean() for piece in walked]))
@@ -543,7 +543,7 @@ def _path_map(
     targets: list[Corners],
     note: str,
 ) -> PathMap:
-    """here: (pieces,) whether each piece of the path is on this storey."""
+    """Draw the path of one storey. here: (pieces,) whether each piece of the path is on this storey."""
     record = recorded.record
     noun = record.spec.target_category.replace("_", " ")
     pieces = tuple(

@@ -31,7 +31,7 @@ _IDLES: Final = ("000_genuine", "010_genuine", "014_genuine", "015_genuine")
 
 
 def channel(joint: str, axis: int = 0) -> int:
-    """The channel that holds one axis of one upper-body joint's rotation vector."""
+    """Return the channel that holds one axis of one upper-body joint's rotation vector."""
     return 3 + 3 * UPPER.index(JOINT_INDEX[joint]) + axis
 
 

@@ -68,8 +68,8 @@ def build(
 
 
 def table(chunks: Mapping[str, Chunks]) -> str:
-    """The statistics as a Markdown table: chunks and seconds, real and synthetic, and 5-50-95 % of each parameter in
-    SI.
+    """Return the statistics as a Markdown table: chunks and seconds, real and synthetic, and 5-50-95 % of each
+    parameter in SI.
 
     Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
     """
@@ -113,7 +113,7 @@ def _bars(counts: NDArray[np.int_]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
-    """The command line. skills: finds those that are trained; this module itself knows of none."""
+    """Return the command line. skills: finds those that are trained; this module itself knows of none."""
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))

@@ -1,8 +1,9 @@
 """Model cards: one beside each checkpoint, written from its header and the fidelity report, so that they cannot
 disagree.
 
-humanclaw cards            write README.md beside every checkpoint
-humanclaw cards --check    only say which cards are out of date
+humanclaw cards                   write README.md beside every checkpoint
+humanclaw cards --skill FOLDER    write it for a skill of your own
+humanclaw cards --check           only say which cards are out of date
 """
 
 from __future__ import annotations
@@ -19,17 +20,20 @@ from safetensors import safe_open
 from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
-from humanclaw_train.fidelity import FidelityReport, Ratio, Row
+from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import file_digest
+from humanclaw_train.rollouts import file_digest, own
 
 CARD: Final = "README.md"
 """Of this name, so that whoever opens the folder reads it."""
-REPORT: Final = "fidelity.json"
-"""Where the fidelity report lies: beside the base."""
 _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 
-_NAMES: Final = {"composed": "synthesised by `humanclaw_train.synthesis`"}
+_NAMES: Final = {
+    "composed": "synthesised by `humanclaw_train.synthesis`",
+    "retimed": "the same clips at other paces, by `humanclaw_train.retimed`",
+}
+_DERIVED: Final = {"composed": "that of the clips it was measured on", "retimed": "that of the clips"}
+"""Sources that are made from others, and whose licence is theirs."""
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
         "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
@@ -52,7 +56,8 @@ _BASE_LIMITS: Final = (
 
 
 def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
-    """The model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises CheckpointError."""
+    """Return the model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises
+    CheckpointError."""
     import jinja2  # not on the bare machine that trains
 
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
@@ -92,6 +97,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
         "synthetic": "composed" in data["sources"],
+        "retimed": "retimed" in data["sources"],
     }
 
 
@@ -115,7 +121,7 @@ def _parameter_rows(adapter: Mapping[str, Any], data: Mapping[str, Any]) -> list
 
 def _licence(source: str, licences: Sequence[str]) -> str:
     found = [text.partition(": ")[2] for text in licences if text.startswith(source)]
-    return found[0] if found else "that of the clips it was measured on" if source == "composed" else "-"
+    return found[0] if found else _DERIVED.get(source, "not told")
 
 
 def _ratio(ratio: Ratio) -> str:
@@ -125,15 +131,20 @@ def _ratio(ratio: Ratio) -> str:
 # -- all of them -------------------------------------------------------------------------------------------------------
 def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Path]:
     """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should
-    be.
-
-    check: write nothing. The fidelity report is the one beside the base, if there is one.
+    be. check: write nothing.
     """
-    reported = base.with_name(REPORT)
-    report = FidelityReport.load(reported) if reported.is_file() else None
-    files = [base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))]
+    return write([base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))], base, check)
+
+
+def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
+    """Write the card beside each checkpoint; the cards that were not as they should be. check: write nothing.
+
+    The fidelity report is the one beside the checkpoint, or else the one beside the base.
+    """
     stale = []
     for file in files:
+        reported = next((one for one in (file.with_name(REPORT), base.with_name(REPORT)) if one.is_file()), None)
+        report = FidelityReport.load(reported) if reported else None
         text, path = card(file, report), file.with_name(CARD)
         if not path.is_file() or path.read_text("utf-8") != text:
             stale.append(path)
@@ -143,10 +154,14 @@ def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Pa
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     try:
-        stale = write_all(options.base or shipped_base(), options.adapters, options.check)
+        base = options.base or shipped_base()
+        if options.skill:
+            stale = write(list(own(options.skill).values()), base, options.check)
+        else:
+            stale = write_all(base, options.adapters, options.check)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -160,6 +175,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument(
         "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+    )
+    parser.add_argument(
+        "--skill", type=Path, action="append", default=[], metavar="FOLDER", help="of a skill of your own, and no other"
     )
     parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a card is out of date")
     return parser

@@ -53,7 +53,7 @@ class Normaliser:
         return state * self.std + self.mean
 
     def to(self, device: torch.device) -> Normaliser:
-        """The same numbers on another device."""
+        """Return the same numbers on another device."""
         return Normaliser(self.mean.to(device), self.std.to(device))
 
 
@@ -116,7 +116,7 @@ def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
 
 
 def weights_of(module: nn.Module) -> Weights:
-    """The weights of a module as the runtime takes them, in single precision."""
+    """Return the weights of a module as the runtime takes them, in single precision."""
     return Weights({name: tensor.numpy(force=True) for name, tensor in module.state_dict().items()})
 
 

@@ -107,7 +107,7 @@ def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
 
 
 def _tagged(notes: str) -> dict[str, list[tuple[int, int]]]:
-    """The spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
+    """Return the spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
     listed = re.match(r"frames ([^.]*)", notes)
     spans: dict[str, list[tuple[int, int]]] = {}
     for part in listed[1].split(";") if listed else ():
@@ -128,19 +128,19 @@ _MIRRORED: Final = [
 
 
 def mirrored(motion: Motion) -> Motion:
-    """The motion seen in the plane x = 0: left and right change places."""
+    """Return the motion seen in the plane x = 0: left and right change places."""
     return Motion(motion.root * [-1.0, 1.0, 1.0], motion.rotations[:, _MIRRORED] * [1.0, -1.0, -1.0])
 
 
 def mirror(clip: Clip) -> Clip:
-    """The clip with left and right exchanged, and so no longer real; its name ends in `_mirrored`."""
+    """Return the clip with left and right exchanged, and so no longer real; its name ends in `_mirrored`."""
     return replace(clip, name=f"{clip.name}_mirrored", motion=mirrored(clip.motion), real=False)
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
 def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
-    """The parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it. Raises
-    ValueError."""
+    """Return the parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it.
+    Raises ValueError."""
     root, rotations = chunk.root[None], chunk.rotations[None]
     if len(chunk) != CHUNK:
         raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
@@ -163,8 +163,8 @@ def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Arra
 
 
 def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
-    """The chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N, 20, 24,
-    3)."""
+    """Return the chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N,
+    20, 24, 3)."""
     frames = np.asarray(starts, int)[:, None] + np.arange(CHUNK)
     support = support_height(motion.joints())
     return _canonical(motion.root[frames], motion.rotations[frames], support[frames[:, :HISTORY]].min(axis=1))
@@ -238,7 +238,7 @@ class Chunks:
         return Motion(self.root[index].astype(float), self.rotations[index].astype(float))
 
     def mirrored(self) -> Chunks:
-        """The chunks with left and right exchanged, and so no longer real."""
+        """Return the chunks with left and right exchanged, and so no longer real."""
         root = self.root * np.array([-1, 1, 1], np.float32)
         rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
         signs = [MEASURES[measure].mirror for measure in self.measures.tolist()]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -18,8 +19,8 @@ _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_opti
 
 
 def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
-    """A command that hands its arguments on, so that the options are told in one place; given: what else its main is
-    given."""
+    """Return a command that hands its arguments on, so that the options are told in one place; given: what else its
+    main is given."""
 
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)
@@ -33,9 +34,15 @@ train = _forward("train", "humanclaw_train.train", "Train the base prior or a sk
 
 
 def _simulator() -> Any:
-    """The half-physics that episodes run in: training imports no plugin host, so it is handed in."""
+    """Return the half-physics that episodes run in: training imports no plugin host, so it is handed in."""
     plugins = Plugins.discover()
     return plugins.make("simulators", default_simulator(plugins), profile="default")
+
+
+def _installed() -> dict[str, Path]:
+    """Find the adapters of the installed skills."""
+    skills = Plugins.discover().skills.values()
+    return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
 
 
 fidelity = _forward(
@@ -43,6 +50,7 @@ fidelity = _forward(
     "humanclaw_train.fidelity",
     "Measure achieved against commanded motion, per skill.",
     simulator=_simulator,
+    installed=_installed,
 )
 naturalness = _forward(
     "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."
@@ -57,10 +65,13 @@ def data() -> None:
 
 
 def _trained() -> Any:
-    """The skills with a recipe."""
+    """Return the skills with a recipe."""
     return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
 
 
 data.add_command(
     _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
+)
+data.add_command(
+    _forward("chunks", "humanclaw_train.own", "Make the chunks of a skill of your own from a folder of motion.")
 )

@@ -101,7 +101,8 @@ class Commands:
 
     @classmethod
     def of(cls, commands: Sequence[tuple[Trained, Mapping[str, float]]]) -> Commands:
-        """Raises HumanclawError for a parameter that a skill does not have and for a skill without gait."""
+        """Turn calls into commands. Raises HumanclawError for a parameter that a skill does not have and for a skill
+        without gait."""
         rows = [_row(skill, given) for skill, given in commands]
         numbers = {key: np.array([row[key] for row in rows], float) for key in ("x", "z", "yaw", "rise", "height")}
         gaits = [skill.recipe.gait for skill, _ in commands]

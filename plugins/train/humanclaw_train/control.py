@@ -46,7 +46,7 @@ class Adapter(nn.Module):
         return modulate_blocks(self.blocks, F.silu(base.time(tau)))
 
     def residual(self, condition: Tensor, modulations: Tensor) -> Residual:
-        """What this branch adds to each layer of the base."""
+        """Return what this branch adds to each layer of the base."""
 
         def add(layer: int, z: Tensor) -> Tensor:
             added: Tensor = self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))

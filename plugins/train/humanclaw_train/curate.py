@@ -33,7 +33,7 @@ _FEET, _HANDS, _SHOULDERS = (
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
 def travel(root: Array, rotations: Array) -> WindowTravel:
-    """What recipes judge windows by. Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    """Return what recipes judge windows by. Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     moved = root[:, -1] - root[:, HISTORY - 1]
     joints = forward_kinematics(root, rotations)[0]
     feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
@@ -89,7 +89,7 @@ _DROPS: Final = (("ankle", SOLE), ("foot", TOE_SOLE))
 
 # -- building ----------------------------------------------------------------------------------------------------------
 def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Chunks]:
-    """The real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at
+    """Return the real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at
     IDLE_SHARE."""
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
@@ -154,7 +154,7 @@ class Statistics:
 
 
 def statistics(chunks: Mapping[str, Chunks], stride: int = WINDOW_STRIDE) -> dict[str, Statistics]:
-    """What each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are
+    """Return what each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are
     counted."""
     return {skill: _statistics(found, stride) for skill, found in chunks.items()}
 

@@ -35,7 +35,7 @@ def cubic(u: Array, p0: Array, v0: Array | float, p1: Array, v1: Array | float) 
 
 
 def soft_minimum(a: Array, b: Array, width: Array) -> Array:
-    """The minimum with its corner rounded; exact where the two differ by more than width."""
+    """Return the minimum with its corner rounded; exact where the two differ by more than width."""
     return np.asarray(np.minimum(a, b) - np.maximum(width - np.abs(a - b), 0.0) ** 2 / (4 * width))
 
 

@@ -45,7 +45,7 @@ class ChunkTensors:
         return len(self.root)
 
     def to(self, device: torch.device) -> ChunkTensors:
-        """The same chunks on another device."""
+        """Return the same chunks on another device."""
         moved = (self.root.to(device), self.rotations.to(device), self.params.to(device))
         return replace(self, root=moved[0], rotations=moved[1], params=moved[2])
 

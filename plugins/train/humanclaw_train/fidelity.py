@@ -1,6 +1,7 @@
 """How faithfully the skills do what they are told: achieved over commanded (paper, table 1).
 
     humanclaw fidelity --rollouts 200 --simulated --baseline CHUNKS
+    humanclaw fidelity --skill FOLDER
 
 Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from
 standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
@@ -24,19 +25,21 @@ import numpy as np
 from tqdm import tqdm
 
 from humanclaw import CheckpointError, HumanclawError
-from humanclaw.measures import MEASURES, Measure, find, outcomes
+from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
 from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, roll
+from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, own, roll
 from humanclaw_train.simulated import Actor, roll_simulated
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
 NAN: Final = float("nan")
+REPORT: Final = "fidelity.json"
+"""Where the report lies: beside the base, or beside the adapter of a skill of your own."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,31 @@ def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else NAN
 
 
-def fidelity(generator: DiTGenerator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0) -> list[Row]:
-    """One row a skill, in the order given. Raises CheckpointError for an adapter that does not fit the base."""
+def fidelity(
+    generator: DiTGenerator,
+    paths: Mapping[str, Path],
+    rollouts: int = 200,
+    seed: int = 0,
+    before: Sequence[Command] = (),
+) -> list[Row]:
+    """One row a skill, in the order given. before: further skills that one may follow.
+
+    Raises CheckpointError for an adapter that does not fit the base.
+    """
     commands = [Command.of(skill, path) for skill, path in paths.items()]
-    return [_row(generator, command, others(command, commands), rollouts, seed) for command in commands]
+    known = [*commands, *before]
+    return [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+
+
+def live(generator: DiTGenerator, declaration: Declaration, rollouts: int = 24) -> Callable[[Path], str]:
+    """Make what tells, in one line, how an adapter does as it grows: achieved over commanded of a few rollouts."""
+
+    def look(adapter: Path) -> str:
+        command = Command.declared(declaration, adapter)
+        ratio = achieved(command, roll(generator, command, (), rollouts, seed=1))
+        return f"fidelity {_spread(ratio)}, mean error {_number(ratio.error, 1)} (cm, degrees)"
+
+    return look
 
 
 def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Row:
@@ -106,23 +130,29 @@ def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], r
 
 
 def simulated(
-    generator: DiTGenerator, simulator: Simulator, paths: Mapping[str, Path], rollouts: int = 200, seed: int = 0
+    generator: DiTGenerator,
+    simulator: Simulator,
+    paths: Mapping[str, Path],
+    rollouts: int = 200,
+    seed: int = 0,
+    before: Sequence[Command] = (),
 ) -> dict[str, Ratio]:
-    """Skill to its ratio in half-physics, for skills with parameters."""
+    """Skill to its ratio in half-physics, for skills with parameters. before: further skills that one may follow."""
     commands = [Command.of(skill, path) for skill, path in paths.items()]
+    known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
     actor, ratios = Actor(generator, simulator), {}
     with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
         for command in wanted:
             bar.set_description(command.skill)
-            rolled = roll_simulated(actor, command, others(command, commands), rollouts, seed, lambda: bar.update())
+            rolled = roll_simulated(actor, command, others(command, known), rollouts, seed, lambda: bar.update())
             ratios[command.skill] = achieved(command, rolled)
     return ratios
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
-    """What the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of this
-    skill.
+    """Return what the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of
+    this skill.
 
     The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
     there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
@@ -214,7 +244,7 @@ def _plain(value: Any) -> Any:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table, the paper's beside them."""
+    """Return the rows as a Markdown table, the paper's beside them."""
     heads = (
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
@@ -244,13 +274,25 @@ def _number(value: float, digits: int) -> str:
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
-def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulator] | None = None) -> int:
-    """The command line. simulator: makes what `--simulated` runs in; this module itself knows of none."""
+Installed = Callable[[], Mapping[str, Path]]
+"""Gives the adapters of the skills that are installed, by skill."""
+
+
+def main(
+    arguments: Sequence[str] | None = None,
+    simulator: Callable[[], Simulator] | None = None,
+    installed: Installed | None = None,
+) -> int:
+    """Run the command line.
+
+    simulator: makes what `--simulated` runs in. installed: finds the skills that one of your own may follow. This
+    module itself knows of neither.
+    """
     options = _parser().parse_args(arguments)
     try:
-        report = _measure(options, simulator)
-        if options.save:
-            report.save(options.save)
+        report = _measure(options, simulator, installed)
+        for path in [options.save] if options.save else [folder / REPORT for folder in options.skill]:
+            report.save(path)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -259,10 +301,14 @@ def main(arguments: Sequence[str] | None = None, simulator: Callable[[], Simulat
     return 0
 
 
-def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | None) -> FidelityReport:
+def _measure(
+    options: argparse.Namespace, simulator: Callable[[], Simulator] | None, installed: Installed | None
+) -> FidelityReport:
     generator = made_generator(options)
-    paths = adapters(options.adapters, options.skills)
-    rows = fidelity(generator, paths, options.rollouts, options.seed)
+    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills)
+    there = installed() if options.skill and installed else {}
+    before = [Command.of(skill, path) for skill, path in there.items() if skill not in paths]
+    rows = fidelity(generator, paths, options.rollouts, options.seed, before)
     if options.baseline:
         rows = [
             replace(row, baseline=baseline(options.baseline, Command.of(row.skill, paths[row.skill]))) for row in rows
@@ -270,7 +316,7 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
     if options.simulated:
         if simulator is None:
             raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --simulated")
-        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed)
+        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
     command = Command.of(first, paths[first])
@@ -282,7 +328,7 @@ def _measure(options: argparse.Namespace, simulator: Callable[[], Simulator] | N
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
-    """The generator that `generator_options` describe. Raises CheckpointError."""
+    """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
     return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
 
@@ -309,6 +355,14 @@ def _parser() -> argparse.ArgumentParser:
         "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders to take median clips from"
     )
     parser.add_argument("--save", type=Path, metavar="FILE", help="also write the table as JSON, for `humanclaw cards`")
+    parser.add_argument(
+        "--skill",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="a skill of your own, after those that are installed; the table is saved beside it",
+    )
     return parser
 
 

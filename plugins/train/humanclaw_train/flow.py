@@ -20,19 +20,19 @@ def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
 
 
 def target(clean: Tensor, noise: Tensor) -> Tensor:
-    """The velocity that carries this noise to this future."""
+    """Return the velocity that carries this noise to this future."""
     return clean - (1 - SIGMA_MIN) * noise
 
 
 def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """The velocity that a model's output means. tau (B,) below 1."""
+    """Return the velocity that a model's output means. tau (B,) below 1."""
     if prediction == "velocity":
         return output
     return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
 
 
 def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """The clean future that a model's output means."""
+    """Return the clean future that a model's output means."""
     if prediction == "clean":
         return output
     return (1 - (1 - SIGMA_MIN) * tau[:, None, None]) * output + (1 - SIGMA_MIN) * noisy

@@ -28,7 +28,7 @@ SWING: Final = LIFT + LAND
 
 # -- what speed decides ------------------------------------------------------------------------------------------------
 def cadence(speed: Array) -> Array:
-    """Steps a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6."""
+    """Return the steps a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6."""
     return np.asarray(1.57 * np.clip(speed, 0.3, 2.0) ** 0.45 * FUTURE / FPS)
 
 
@@ -103,7 +103,7 @@ class Cycle:
 
     @classmethod
     def of(cls, start: Array, rate: Array, end_rate: Array, speed: Array) -> Cycle:
-        """The rate changes evenly."""
+        """Return the rate changes evenly."""
         moved = rate[:, None] * GRID + (end_rate - rate)[:, None] * GRID**2 / 2
         return cls(start[:, None] + moved, rate, end_rate, speed)
 
@@ -122,7 +122,7 @@ class Cycle:
 
 
 def foot_of(passing: Ints) -> Ints:
-    """The foot that swings: left 0, right 1."""
+    """Return the foot that swings: left 0, right 1."""
     return (passing + 1) % 2
 
 

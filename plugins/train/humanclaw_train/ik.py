@@ -34,8 +34,8 @@ def foot_orientation(yaw: Array, pitch: Array) -> Array:
 
 
 def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Array:
-    """The ankle (..., 3) of a foot that rolls on the ground over the point `sole`, which lies below the ankle of the
-    flat foot.
+    """Return the ankle (..., 3) of a foot that rolls on the ground over the point `sole`, which lies below the ankle of
+    the flat foot.
 
     A raised heel (pitch > 0) pivots about the toe base, raised toes (pitch < 0) about the heel; within `blend` radians
     of flat the pivots pass into one another, so that the ankle's velocity is continuous.
@@ -64,7 +64,7 @@ class Feet:
         return ankle_over(self.sole, self.yaw, self.pitch + lift)
 
     def where(self, which: NDArray[np.bool_], other: Feet) -> Feet:
-        """These feet for the bodies in `which` (N,), the other ones elsewhere."""
+        """Return these feet for the bodies in `which` (N,), the other ones elsewhere."""
         pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
         return Feet(*(np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs))
 

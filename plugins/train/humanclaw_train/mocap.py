@@ -78,8 +78,8 @@ class SourceMotion:
         return replace(self, positions=self.positions[frames], rotations=self.rotations[frames])
 
     def with_reference_frame(self, frame: int) -> SourceMotion:
-        """The same motion, measured from the pose of one of its frames: for files whose zero angles are no natural
-        pose."""
+        """Return the same motion, measured from the pose of one of its frames: for files whose zero angles are no
+        natural pose."""
         return replace(self, rest=Rest(self.positions[frame], self.rotations[frame]))
 
 
@@ -220,7 +220,7 @@ class _Bone:
 
 
 def skeleton_of(amc: Path) -> Path:
-    """The ASF file beside an AMC: the one whose name is the longest prefix of it."""
+    """Return the ASF file beside an AMC: the one whose name is the longest prefix of it."""
     matches = [asf for asf in amc.parent.glob("*.asf") if amc.stem.startswith(asf.stem)]
     if not matches:
         raise MocapError(

@@ -33,7 +33,7 @@ import numpy as np
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
 from humanclaw.measures import MEASURES, Declaration, suited
-from humanclaw.motion import DiTGenerator
+from humanclaw.motion import Course, DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
@@ -175,7 +175,7 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
 
 
 def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """The real chunks of a skill, and synthetic ones where there is none."""
+    """Return the real chunks of a skill, and synthetic ones where there is none."""
     files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
     if not files:
         return None
@@ -273,19 +273,37 @@ def straight_walks(
     """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else
     nought."""
     values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
-    motions = [generator.start() for _ in range(bodies)]
+    motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
     for call in range(calls):
-        extend(generator, command, motions, np.arange(bodies), values, (seed, 11, call))
+        _hold_course(generator, command, motions, courses, values, (seed, 11, call))
     return motions
 
 
+def _hold_course(
+    generator: DiTGenerator,
+    command: Command,
+    motions: list[Motion],
+    courses: list[Course],
+    values: Array,
+    key: tuple[int, ...],
+) -> None:
+    """Let all bodies go on by one chunk, in place, as `humanclaw.Body` does: what was turned too little is owed."""
+    asked = [command.named(row) for row in values]
+    steered = [course.steer(command.declaration, row) for course, row in zip(courses, asked, strict=True)]
+    histories = [motion[-HISTORY:] for motion in motions]
+    rows = np.array([[row[name] for name in command.names] for row in steered])
+    extend(generator, command, motions, np.arange(len(motions)), rows, key)
+    for index, (history, row) in enumerate(zip(histories, asked, strict=True)):
+        courses[index] = courses[index].after(command.declaration, row, history, motions[index][-FUTURE:])
+
+
 def _ahead(command: Command) -> str:
-    """The parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
+    """Return the parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
     return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
 
 
 def walker(commands: Sequence[Command]) -> Command | None:
-    """The skill that walks: it commands travel ahead and heading at once."""
+    """Return the skill that walks: it commands travel ahead and heading at once."""
     for command in commands:
         if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
             return command
@@ -509,8 +527,8 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 
 
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
-    """A row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile over
-    seeds."""
+    """Return a row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile
+    over seeds."""
     heads = (
         "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
         "slower toe cm/s"
@@ -581,7 +599,7 @@ def sequences_table(found: Mapping[str, float]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     try:
         generator = made_generator(options)

@@ -80,8 +80,8 @@ _LEG: Final = float(
 
 
 def naming_of(source: SourceMotion) -> Mapping[str, str]:
-    """The convention that names the most of this source's joints; MocapError if limbs that the body needs have no name
-    in it."""
+    """Return the convention that names the most of this source's joints; MocapError if limbs that the body needs have
+    no name in it."""
     best = max(NAMINGS, key=lambda naming: sum(name in source.joints for name in naming.values()))
     missing = [f"{name} ({best.get(name, '-')})" for name in _NEEDED if best.get(name) not in source.joints]
     if missing:
@@ -104,7 +104,7 @@ def retarget(source: SourceMotion) -> Motion:
 
 
 def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
-    """The source at another rate: positions interpolated linearly, orientations along the chord of neighbouring
+    """Return the source at another rate: positions interpolated linearly, orientations along the chord of neighbouring
     frames."""
     times = np.arange(0.0, (len(source) - 1) / source.fps + 1e-9, 1.0 / fps) * source.fps
     low = np.minimum(times.astype(int), len(source) - 1)
@@ -273,7 +273,7 @@ class _Pose:
 
 
 def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: float = 0.02) -> NDArray[np.bool_]:
-    """The mask with gaps filled that are shorter than any step and in which the point hardly moves."""
+    """Return the mask with gaps filled that are shorter than any step and in which the point hardly moves."""
     filled = mask.copy()
     for gap in _runs(~mask, least=1):
         inner = gap.start > 0 and gap.stop < len(mask) and gap.stop - gap.start < frames
@@ -283,7 +283,7 @@ def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: fl
 
 
 def _runs(mask: NDArray[np.bool_], least: int = 3) -> list[slice]:
-    """The stretches of at least `least` frames in which the mask holds."""
+    """Return the stretches of at least `least` frames in which the mask holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [slice(first, last) for first, last in edges.reshape(-1, 2) if last - first >= least]
 
@@ -413,7 +413,8 @@ def _ground(runs: list[slice], heights: Array) -> Array:
 
 
 def _steady(points: Array, window: int = 2 * FPS) -> Array:
-    """The mean of a short stance; the moving average of a long one, so that slow drift of the capture does not tear."""
+    """Return the mean of a short stance; the moving average of a long one, so that slow drift of the capture does not
+    tear."""
     if len(points) <= window:
         return np.broadcast_to(points.mean(axis=0), points.shape)
     padded = np.pad(points, ((window // 2, window - window // 2 - 1), (0, 0)), mode="edge")

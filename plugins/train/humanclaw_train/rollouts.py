@@ -36,11 +36,16 @@ class Command:
 
     @classmethod
     def of(cls, skill: str, adapter: Path) -> Command:
-        """The range that the adapter was trained on, less a twentieth at either end.
+        """Return the range that the adapter was trained on, less a twentieth at either end.
 
         Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
         """
-        config, declaration = read_header(adapter)["adapter"], Declaration.read(_declared(skill, adapter))
+        return cls.declared(Declaration.read(declared(skill, adapter)), adapter)
+
+    @classmethod
+    def declared(cls, declaration: Declaration, adapter: Path) -> Command:
+        """Do the same for a skill whose declaration is at hand, wherever its adapter lies."""
+        config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
         return cls(declaration, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
@@ -75,7 +80,8 @@ class Command:
 
 
 def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Path]:
-    """The adapters below some folders by skill, or of them the wanted ones in that order. Raises CheckpointError."""
+    """Return the adapters below some folders by skill, or of them the wanted ones in that order. Raises
+    CheckpointError."""
     found = {
         path.parent.name: path
         for path in sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
@@ -87,8 +93,19 @@ def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Pat
     return {skill: found[skill] for skill in wanted or found}
 
 
-def _declared(skill: str, adapter: Path) -> Path:
-    """The folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
+def own(folders: Sequence[Path]) -> dict[str, Path]:
+    """Find the adapters of skill folders by skill. Raises CheckpointError for a folder without one."""
+    paths = {folder.resolve().name: folder.resolve() / "adapter.safetensors" for folder in folders}
+    for skill, path in paths.items():
+        if not path.is_file():
+            raise CheckpointError(
+                f"{path} is missing.", f"Train it with: humanclaw train adapter --skill {path.parent} ({skill})"
+            )
+    return paths
+
+
+def declared(skill: str, adapter: Path) -> Path:
+    """Return the folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
     repository."""
     if (adapter.parent / "schema.json").is_file():
         return adapter.parent
@@ -101,8 +118,8 @@ def file_digest(path: Path) -> str:
 
 
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
-    """The skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would be of
-    the two."""
+    """Return the skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would
+    be of the two."""
     seats = command.declaration.climbs
     return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
 

@@ -59,12 +59,12 @@ _TREAD, _SEATED = 0.28, 0.5
 
 
 def flat() -> Scene:
-    """A floor and nothing else."""
+    """Return a floor and nothing else."""
     return _scene("flat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0))])
 
 
 def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
-    """What a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0.
+    """Return what a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0.
 
     A skill that commands a rise or a drop of the hips gets stairs, one that sits a seat of the commanded height.
     """
@@ -113,7 +113,7 @@ def _scene(name: str, boxes: _Boxes) -> Scene:
 
 
 def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
-    """A box on y = 0."""
+    """Return a box on y = 0."""
     corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0.0, 1.0) for z in (-0.5, 0.5)]) * size
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
     faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]

@@ -138,7 +138,7 @@ _NAMES: Final = ("history", "noisy", "values", "tau", "blocks", "final", "branch
 
 
 def _exported(field: VelocityField, example: tuple[Tensor, ...]) -> bytes:
-    """The field as ONNX for the batch size of the example."""
+    """Return the field as ONNX for the batch size of the example."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of constants in the trace, which are meant, and of the exporter's age
         path = Path(folder) / "field.onnx"
@@ -158,7 +158,7 @@ RUNTIMES: Final[dict[str, tuple[tuple[str, ...], Callable[[VelocityField, tuple[
 
 
 def installed() -> list[str]:
-    """The runtimes that can be measured here."""
+    """Return the runtimes that can be measured here."""
     return [name for name, (needs, _) in RUNTIMES.items() if all(map(importlib.util.find_spec, needs))]
 
 
@@ -236,7 +236,7 @@ def markdown(timings: Sequence[Timing]) -> str:
 
 
 def verdict(timings: Sequence[Timing]) -> str:
-    """The best of each size with the default solver, against its goal."""
+    """Return the best of each size with the default solver, against its goal."""
     lines = []
     for size, goal in GOALS.items():
         fits = [t for t in timings if t.size == size and t.bodies == 1 and t.solver == SOLVERS[0]]
@@ -250,14 +250,14 @@ def verdict(timings: Sequence[Timing]) -> str:
 
 
 def _told(timings: Iterator[Timing]) -> Iterator[Timing]:
-    """The same, each told on the way: the whole takes minutes."""
+    """Yield the same, each told on the way: the whole takes minutes."""
     for timing in timings:
         print(timing, file=sys.stderr, flush=True)
         yield timing
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     runtimes = installed()
     timings: list[Timing] = []

@@ -132,7 +132,7 @@ class State:
         return np.asarray(values[np.arange(len(foot)), foot])
 
     def where(self, which: Mask, other: State) -> State:
-        """These bodies where `which` (N,), the other ones elsewhere."""
+        """Return these bodies where `which` (N,), the other ones elsewhere."""
         pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(State))
         return State(*(np.where(which.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs))
 
@@ -210,7 +210,7 @@ def seat_depth(height: Array) -> Array:
 
 
 def plan(state: State, c: Commands) -> StepPlan:
-    """What the commands ask of the bodies in this state."""
+    """Return what the commands ask of the bodies in this state."""
     step, seat, height = _displacement(state, c)
     x, z = step.T
     yaw, stair = np.nan_to_num(c.yaw), c.rise
@@ -281,7 +281,7 @@ def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: 
 
 
 def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) -> Ints:
-    """The foot that hangs or stands behind, but sideways and round the one on that side."""
+    """Return the foot that hangs or stands behind, but sideways and round the one on that side."""
     push = np.where(c.does("settle"), 0.0, x / 0.1 + yaw / 0.4)
     sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
     return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
@@ -359,7 +359,7 @@ class Swing:
         return np.clip(np.clip(self.distance / 0.15, 0, 1) + turn, 0, 1)
 
     def settled(self, tolerance: Array, free: Mask | bool = True) -> Swing:
-        """A foot that stands where it should, give or take, stays."""
+        """Return a foot that stands where it should, give or take, stays."""
         near = (self.distance < tolerance) & (np.abs(self.yaw1 - self.yaw0) < 0.15)
         stay = near & (np.abs(self.target - self.start)[:, 1] < AIRBORNE) & free
         return replace(
@@ -389,7 +389,8 @@ def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> t
 
 
 def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
-    """A first foot that stands has half a swing more to do; striding feet pass closer than standing ones are apart."""
+    """Time the steps: a first foot that stands has half a swing more to do; striding feet pass closer than standing
+    ones are apart."""
     m = Steps(*(c.gait[name] for name in Steps._fields))
     land = np.select([c.stairs & in_stance, p.wrong, in_stance], [0.5, 0.54, 0.52], m.land)
     lift = np.where(in_stance, np.where(c.rise > 0, 0.55, 0.61), m.lift)
@@ -458,7 +459,7 @@ def nosing(p: StepPlan, c: Commands, style: Style) -> Array:
 
 
 def _before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> StepPlan:
-    """The plan with the feet going further where one of them is past the riser that the step would have."""
+    """Return the plan with the feet going further where one of them is past the riser that the step would have."""
     toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
     past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
     further = np.where((c.rise > 0) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
@@ -472,7 +473,7 @@ NOSE: Final = 0.025
 def _cleared(
     state: State, p: StepPlan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array, Array, Array]:
-    """The track of a foot, lifted where it would cut the edge of a tread."""
+    """Return the track of a foot, lifted where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
     lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
@@ -565,7 +566,7 @@ def _leaving_pitch(swing: Swing, p: StepPlan, m: Steps, down: float) -> tuple[Ar
 
 
 def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
-    """The step cycle of who strides; of everybody else what is left of it fades at its own rate."""
+    """Return the step cycle of who strides; of everybody else what is left of it fades at its own rate."""
     end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
     rate = np.maximum(state.cadence, 0.5)
     return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
@@ -601,7 +602,7 @@ def _striding_foot(
 
 
 def swaying(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
-    """The path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
+    """Return the path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
 
     Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing
     foot.
@@ -760,7 +761,8 @@ def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
 
 
 def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
-    """The path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is left."""
+    """Return the path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is
+    left."""
     height = root[..., 1]
     need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
     skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
@@ -775,7 +777,7 @@ def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
 def _ended(
     p: StepPlan, stand: Feet, values: Array, steps: gait.Cycle, sway: Array, height: Array, lacking: Array
 ) -> State:
-    """The state that the next chunk starts from; only a foot in the air has a velocity."""
+    """Return the state that the next chunk starts from; only a foot in the air has a velocity."""
     phase = np.where(p.stride, steps.phase[:, -1] % 2, p.first)
     progress = steps.progress(np.ceil(phase - gait.LAND).astype(int))[:, -1]
     passing = np.ceil(phase - gait.LAND) + (progress > 0.92)  # a foot that is about to land has landed
@@ -798,7 +800,7 @@ def _ended(
 
 # -- whole motions -----------------------------------------------------------------------------------------------------
 def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
-    """The mean gait with a share of one walker's own, and gait parameters that differ as people do."""
+    """Return the mean gait with a share of one walker's own, and gait parameters that differ as people do."""
     which = rng.integers(1, len(profiles.gait), n)
     own = rng.uniform(0.0, 0.9, n)[:, None, None]
     gaits = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
@@ -814,8 +816,8 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
 
 
 def _eyes_level(pose: Array, down: float) -> Array:
-    """The pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in the
-    head."""
+    """Return the pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in
+    the head."""
     pose = pose.copy()
     missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
         -1

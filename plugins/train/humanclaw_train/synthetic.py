@@ -46,7 +46,7 @@ def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.
 
 
 def commands(skills: Sequence[Trained], call: Call) -> Commands:
-    """The call as synthesis takes it."""
+    """Return the call as synthesis takes it."""
     pairs = zip(call.skill.tolist(), call.values.tolist(), strict=True)
     return Commands.of([(skills[index], dict(zip(_names(skills[index]), row, strict=False))) for index, row in pairs])
 
@@ -76,7 +76,7 @@ def _draw(how: Draw, wide: NDArray[np.bool_], rng: np.random.Generator) -> Array
 
 
 def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.random.Generator) -> Array:
-    """The same command again, give or take; what is exactly nought stays so."""
+    """Return the same command again, give or take; what is exactly nought stays so."""
     values = values.copy()
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)

@@ -1,7 +1,12 @@
 """Train the prior or one skill's adapter (paper, section 3.3).
 
     python -m humanclaw_train.train base --data CHUNKS --out DIR
-    python -m humanclaw_train.train adapter walk --data CHUNKS --base base.safetensors --out DIR
+    python -m humanclaw_train.train adapter NAME --data CHUNKS --base base.safetensors --out DIR
+    python -m humanclaw_train.train adapter --skill FOLDER
+
+With --skill the folder's name is the skill's, chunks are looked for where `humanclaw data chunks` puts them, and the
+finished adapter goes into the folder. Whenever the run saves its state it also tells how faithful the adapter is by
+then, for a skill whose schema.json is at hand.
 
 A run saves its whole state every two minutes and, started again with the same --out, goes on from there. Every random
 number of a step depends on the seed and the step alone, so a run that was interrupted ends with the weights of one that
@@ -26,7 +31,19 @@ from torch import Tensor, nn
 
 from humanclaw import HumanclawError
 from humanclaw.body import N_JOINTS
-from humanclaw.motion import SIZES, AdapterConfig, Card, Encoder, Prediction, read_header, shipped_base
+from humanclaw.measures import Declaration
+from humanclaw.motion import (
+    PROFILES,
+    SIZES,
+    AdapterConfig,
+    Card,
+    DiTGenerator,
+    Encoder,
+    Prediction,
+    read_header,
+    shipped_base,
+)
+from humanclaw.motion import load_base as read_base
 from humanclaw.pose import CHUNK, FUTURE, HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_train import data, flow, kinematics
@@ -34,7 +51,11 @@ from humanclaw_train.checkpoint import Base, Normaliser, load_adapter, load_base
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
+from humanclaw_train.fidelity import live
+from humanclaw_train.rollouts import declared
 
+CHUNKS: Final = Path(".data/chunks")
+"""Where `humanclaw data` puts chunks."""
 _SAVE_SECONDS: Final = 120
 _REPORT_SECONDS: Final = 15
 
@@ -135,19 +156,26 @@ skills."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
-    """The flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a whole."""
+    """Return the flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a
+    whole."""
 
     def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
         future = normal[:, HISTORY:]
         noisy = flow.noised(future, noise, tau)
-        with torch.autocast(states.device.type, torch.bfloat16):
+        with torch.autocast(states.device.type, torch.bfloat16, enabled=_has_bfloat16(states.device)):
             output = forward(normal[:, :HISTORY], noisy, tau, condition)
         output = output.float()
         wanted = future if prediction == "clean" else flow.target(future, noise)
         return loss(output, wanted, flow.clean(prediction, output, noisy, tau), states)
 
     return torch.compile(value) if fast else value
+
+
+def _has_bfloat16(device: torch.device) -> bool:
+    """Whether bfloat16 pays: a processor without AVX-512 emulates it, thirteen times slower than float32 (measured on
+    AVX2)."""
+    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
 
 
 M = TypeVar("M", bound=nn.Module)
@@ -313,10 +341,12 @@ def train_adapter(
     device: torch.device,
     fast: bool = False,
     init: Path | None = None,
+    look: Callable[[Path], str] | None = None,
 ) -> Path:
     """Train the adapter of one skill on the frozen base; the path of its checkpoint, out/adapter.safetensors.
 
-    init: a checkpoint of this skill on this base to go on from, instead of a copy of the base's blocks.
+    init: a checkpoint of this skill on this base to go on from, instead of a copy of the base's blocks. look: told of
+    each checkpoint, says what to print of it.
     """
     chunks = data.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
@@ -336,6 +366,8 @@ def train_adapter(
 
     def export() -> None:
         save_adapter(path, trainer.mean, base.digest, _card(trainer, Weights(), skill))
+        if look is not None and trainer.step:
+            print(f"step {trainer.step:7d}  {look(path)}", flush=True)
 
     problem = objective(forward, Loss(normaliser, Weights()), frozen.config.prediction, fast)
     run(trainer, problem, adapter.condition, out, export)
@@ -343,7 +375,7 @@ def train_adapter(
 
 
 def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
-    """The encoder of a skill, centred and scaled to the range of its data."""
+    """Return the encoder of a skill, centred and scaled to the range of its data."""
     params, width = chunks.params, chunks.params.shape[1]
     # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
@@ -364,7 +396,7 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Return the command line."""
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
     device = torch.device(
@@ -381,20 +413,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.jitter,
         licences=tuple(options.licence),
     )
+    folders = options.data or [CHUNKS]
     try:
         if options.what == "base":
-            path = train_base(options.data, options.out, recipe, device, options.compile)
+            export = options.export
+            path = train_base(folders, options.out, recipe, device, options.compile)
         else:
-            base = load_base(options.base)
+            skill, declared = _named(options)
+            export = options.export or (options.folder / "adapter.safetensors" if options.folder else None)
             path = train_adapter(
-                options.skill, options.data, base, options.out, recipe, device, options.compile, options.init
+                skill,
+                folders,
+                load_base(options.base),
+                options.out or Path(".data") / skill,
+                recipe,
+                device,
+                options.compile,
+                options.init,
+                _live(options.base, declared),
             )
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    if options.export:
-        _copy(path, options.export)
+    if export:
+        _copy(path, export)
+        print(f"wrote {export}")
     return 0
+
+
+def _named(options: argparse.Namespace) -> tuple[str, Path]:
+    """Return the skill and the folder that declares it, if there is one.
+
+    Raises HumanclawError unless one of both is given.
+    """
+    if (options.skill is None) == (options.folder is None):
+        raise HumanclawError("Which skill is to be trained?", "Give its name or --skill FOLDER.")
+    if options.folder is not None:
+        return options.folder.resolve().name, options.folder
+    return options.skill, declared(options.skill, Path("adapter.safetensors"))
+
+
+def _live(base: Path, folder: Path) -> Callable[[Path], str] | None:
+    """None for a skill that nothing here declares, or that takes no parameters."""
+    if not (folder / "schema.json").is_file():
+        return None
+    declaration = Declaration.read(folder)
+    generator = DiTGenerator(read_base(base), PROFILES["default"])
+    return live(generator, declaration) if declaration.parameters else None
 
 
 def _copy(path: Path, to: Path) -> None:
@@ -410,15 +475,21 @@ def _parser() -> argparse.ArgumentParser:
     for name in ("base", "adapter"):
         one = what.add_parser(name)
         if name == "adapter":
-            one.add_argument("skill")
+            one.add_argument("skill", nargs="?", help="its name, or --skill")
+            one.add_argument("--skill", dest="folder", type=Path, metavar="FOLDER", help="folder of its schema.json")
             one.add_argument(
                 "--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default"
             )
             one.add_argument("--init", type=Path, help="adapter to go on from, instead of a copy of the base")
         one.add_argument(
-            "--data", type=Path, action="append", required=True, help="folder of chunks; may be given several times"
+            "--data", type=Path, action="append", help=f"folder of chunks; may be given several times ({CHUNKS})"
         )
-        one.add_argument("--out", type=Path, required=True, help="folder of the run; a run that is there goes on")
+        one.add_argument(
+            "--out",
+            type=Path,
+            required=name == "base",
+            help="folder of the run; a run that is there goes on (.data/SKILL)",
+        )
         one.add_argument("--export", type=Path, help="copy the finished checkpoint to this file")
         one.add_argument("--size", choices=list(SIZES), default="lite", help="shape of the base")
         one.add_argument("--minutes", type=float, default=40.0 if name == "base" else 8.0)

@@ -1,14 +1,9 @@
 """Readers of mocap files; every expected number is worked out by hand from the file's few lines."""
 
-from pathlib import Path
-
 import numpy as np
-import pybullet_data
 import pytest
 
 from humanclaw_train.mocap import MocapError, load
-
-HUMANOID3D = Path(pybullet_data.getDataPath()) / "data/motions/humanoid3d_walk.txt"
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -112,8 +107,8 @@ def test_an_amass_motion_is_turned_from_z_up_to_y_up(tmp_path):
     assert motion.fps == 60.0
 
 
-def test_a_humanoid3d_walk_goes_forward_with_its_left_at_plus_x():
-    motion = load(HUMANOID3D)
+def test_a_humanoid3d_walk_goes_forward_with_its_left_at_plus_x(humanoid3d):
+    motion = load(humanoid3d)
     left, right, pelvis = (motion.joints.index(name) for name in ("left_hip", "right_hip", "root"))
     assert motion.fps == 30.0
     assert np.all(motion.positions[:, left, 0] > motion.positions[:, right, 0])

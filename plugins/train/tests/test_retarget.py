@@ -3,10 +3,8 @@ hand."""
 
 import tarfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pybullet_data
 import pytest
 from declared import declaration
 
@@ -19,15 +17,14 @@ from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
 from humanclaw_train.mocap import MocapError, SourceMotion, load
 from humanclaw_train.retarget import leg_length, resample, retarget
 
-HUMANOID3D = Path(pybullet_data.getDataPath()) / "data/motions/humanoid3d_walk.txt"
 LEG = 0.405 + 0.415
 SKILLS = trained(Plugins.discover())
 WALK = declaration("walk").parameters
 
 
 @pytest.fixture(scope="module")
-def source():
-    return load(HUMANOID3D)
+def source(humanoid3d):
+    return load(humanoid3d)
 
 
 @pytest.fixture(scope="module")
@@ -132,16 +129,16 @@ def test_the_floor_lies_under_the_feet_however_high_the_capture_floats(source, w
 
 
 # -- clips -------------------------------------------------------------------------------------------------------------
-def pack(folder, notes):
+def pack(folder, humanoid3d, notes):
     with tarfile.open(folder / "some.tar.xz", "w:xz") as tar:
-        tar.add(HUMANOID3D, "some/walk.txt")
+        tar.add(humanoid3d, "some/walk.txt")
     header = "file,source,licence,subject,frames,fps,description,skill_tags,notes\n"
     (folder / "clips.csv").write_text(f"{header}some.tar.xz!some/walk.txt,Some,MIT,1,39,30.0,walk,base walk,{notes}\n")
     return folder
 
 
-def test_a_pack_gives_its_clips_with_their_spans(tmp_path, walk):
-    (clip,) = load_pack(pack(tmp_path, "frames walk 0-20 25-99; stop 3-3. a remark with 5-6"))
+def test_a_pack_gives_its_clips_with_their_spans(tmp_path, humanoid3d, walk):
+    (clip,) = load_pack(pack(tmp_path, humanoid3d, "frames walk 0-20 25-99; stop 3-3. a remark with 5-6"))
     assert (clip.name, clip.source, clip.licence, clip.real) == ("walk", "Some", "MIT", True)
     assert clip.spans == {"walk": ((0, 20), (25, 38)), "stop": (), "base": ((0, 38),)}
     np.testing.assert_allclose(clip.motion.root, walk.root)

@@ -12,7 +12,7 @@ from humanclaw_houses.style import Style
 
 
 def toilet(style: Style, name: str) -> Piece:
-    """A close-coupled toilet: bowl, seat, lid up or down, cistern at -Z."""
+    """Return a close-coupled toilet: bowl, seat, lid up or down, cistern at -Z."""
     m = Model()
     seat, z = style.between(0.4, 0.43), 0.1
     rim = seat - 0.03
@@ -49,7 +49,7 @@ def toilet(style: Style, name: str) -> Piece:
 
 
 def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
-    """The ring one sits on."""
+    """Add the ring one sits on."""
     outer, hole = (0.19, 0.245, 2.3), (0.12, 0.165, 2.1)
     rings = [
         Ring(low, *outer, z=z + 0.005),
@@ -61,7 +61,7 @@ def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
 
 
 def vanity(style: Style, name: str) -> Piece:
-    """A wash basin on a cupboard, with a tap."""
+    """Return a wash basin on a cupboard, with a tap."""
     m = Model()
     w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
     m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
@@ -87,7 +87,7 @@ def _tap(m: Model, style: Style, y: float, z: float) -> None:
 
 
 def bathtub(style: Style, name: str) -> Piece:
-    """A tub along a wall, filled with nothing."""
+    """Return a tub along a wall, filled with nothing."""
     m = Model()
     length, width, h = style.between(1.55, 1.7), 0.75, 0.56
     a, b = length / 2, width / 2
@@ -99,7 +99,7 @@ def bathtub(style: Style, name: str) -> Piece:
 
 
 def shower(style: Style, name: str) -> Piece:
-    """A tray in a corner with a riser, a head, and a curtain drawn back on its rail."""
+    """Return a tray in a corner with a riser, a head, and a curtain drawn back on its rail."""
     m, s = Model(), 0.9
     m.box((s, 0.06, s), (0, 0, 0), style.ceramic)
     m.add(box((s - 0.12, 0.003, s - 0.12), (0, 0.06, 0)), style.white)
@@ -115,7 +115,7 @@ def shower(style: Style, name: str) -> Piece:
 
 
 def _inside_out(shape: Shape) -> Shape:
-    """The other side of a sheet."""
+    """Return the other side of a sheet."""
     return Shape(tuple(replace(chart, faces=chart.faces[:, ::-1]) for chart in shape.charts))
 
 
@@ -128,7 +128,7 @@ def washing_machine(style: Style, name: str) -> Piece:
 
 
 def towel_rail(style: Style, name: str) -> Piece:
-    """A rail with a towel, hung on a wall."""
+    """Return a rail with a towel, hung on a wall."""
     m = Model()
     m.add(tube([(-0.3, 0.6, 0.05), (0.3, 0.6, 0.05)], 0.01), style.chrome)
     for x in (-0.3, 0.3):
@@ -138,7 +138,7 @@ def towel_rail(style: Style, name: str) -> Piece:
 
 
 def paper_holder(style: Style, name: str) -> Piece:
-    """A roll of paper on the wall."""
+    """Return a roll of paper on the wall."""
     m = Model()
     m.add(post(0.055, 0.1, segments=14).moved((0.05, 0.06, 0.06), (0, 0, 90)), style.white)
     m.add(box((0.09, 0.1, 0.003), (0, -0.02, 0.115)), style.white)

@@ -9,7 +9,7 @@ from humanclaw_houses.textures import Tile
 
 
 def bed(style: Style, name: str, double: bool = True) -> Piece:
-    """A made bed: frame, mattress, duvet turned back below the pillows, headboard at -Z."""
+    """Return a made bed: frame, mattress, duvet turned back below the pillows, headboard at -Z."""
     m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.cloth)
     width = style.between(1.4, 1.7) if double else style.between(0.9, 1.0)

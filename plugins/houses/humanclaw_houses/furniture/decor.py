@@ -24,7 +24,7 @@ def floor_lamp(style: Style, name: str) -> Piece:
 
 
 def table_lamp(style: Style, name: str) -> Piece:
-    """A lamp for a nightstand or a sideboard; it can be knocked over."""
+    """Return a lamp for a nightstand or a sideboard; it can be knocked over."""
     m = Model()
     m.add(
         turned([(0.07, 0), (0.075, 0.02), (0.03, 0.06), (0.06, 0.14), (0.02, 0.24)], segments=8), style.paint(), "box"
@@ -58,7 +58,7 @@ def rug(style: Style, name: str, width: float, depth: float) -> Piece:
 
 
 def picture(style: Style, name: str, width: float, height: float) -> Piece:
-    """A framed picture, to hang on a wall."""
+    """Return a framed picture, to hang on a wall."""
     m = Model()
     m.add(box((width, height, 0.025), (0, 0, 0.0125)), style.choice(style.wood, style.black, style.white, style.brass))
     face = sheet((-width / 2 + 0.025, 0.025, 0.0265), (width - 0.05, 0, 0), (0, height - 0.05, 0))

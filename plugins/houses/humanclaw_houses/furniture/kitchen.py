@@ -48,7 +48,7 @@ def counter(style: Style, name: str, fronts: Fronts, width: float) -> Piece:
 
 
 def sink(style: Style, name: str, fronts: Fronts) -> Piece:
-    """A unit with a steel basin and a tap."""
+    """Return a unit with a steel basin and a tap."""
     m = Model()
     w = 0.8
     _body(m, style, fronts, w)
@@ -63,7 +63,7 @@ def sink(style: Style, name: str, fronts: Fronts) -> Piece:
 
 
 def stove(style: Style, name: str) -> Piece:
-    """An oven with a glass door below a hob."""
+    """Return an oven with a glass door below a hob."""
     m = Model()
     body = style.choice(style.steel, style.white, style.black)
     m.box((0.6, HEIGHT, DEPTH - 0.02), (0, 0, -0.01), body)
@@ -104,7 +104,7 @@ def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece
 
 
 def hood(style: Style, name: str) -> Piece:
-    """An extractor above a hob."""
+    """Return an extractor above a hob."""
     m = Model()
     wide = [Ring(y, 0.3, 0.24, 40) for y in (0, 0.06)]
     m.add(loft([*wide, *(Ring(y, 0.13, 0.12, 40, z=-0.1) for y in (0.2, 0.8))], 20), style.steel)

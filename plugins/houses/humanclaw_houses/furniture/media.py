@@ -9,7 +9,7 @@ from humanclaw_houses.style import Style
 
 
 def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
-    """A flat screen whose bottom is at y and whose front is at z; its height."""
+    """Return a flat screen whose bottom is at y and whose front is at z; its height."""
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
     m.add(box((width * 0.55, height * 0.5, 0.03), (0, y + 0.06, z - 0.06)), style.black)
@@ -20,7 +20,7 @@ def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
 
 
 def tv(style: Style, name: str, width: float = 1.1) -> Piece:
-    """A television on its own foot."""
+    """Return a television on its own foot."""
     m = Model()
     _panel(m, style, width, 0.075, 0.06)
     m.add(box((0.09, 0.1, 0.03), (0, 0.012, 0.02)), style.black)
@@ -29,7 +29,7 @@ def tv(style: Style, name: str, width: float = 1.1) -> Piece:
 
 
 def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
-    """A television to hang on a wall: its back is the wall."""
+    """Return a television to hang on a wall: its back is the wall."""
     m = Model()
     _panel(m, style, width, 0.0, 0.09)
     m.box((0.3, 0.2, 0.06), (0, 0.15, 0.03), style.black, solid=False)
@@ -37,7 +37,7 @@ def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
 
 
 def floor_tv(style: Style, name: str, width: float = 1.1) -> Piece:
-    """A television on a mast with a round plate on the floor."""
+    """Return a television on a mast with a round plate on the floor."""
     m = Model()
     _panel(m, style, width, 0.7, 0.03)
     m.add(post(0.03, 1.0, (0, 0.02, -0.05)), style.steel)

@@ -15,7 +15,7 @@ POTS: tuple[t.Colour, ...] = ((186, 104, 72), (232, 230, 224), (70, 76, 84), (16
 
 
 def plant(style: Style, name: str, habit: int | None = None) -> Piece:
-    """A plant that stands on the floor, 0.7 to 1.6 m high; its pot and stem collide and its leaves give way."""
+    """Return a plant that stands on the floor, 0.7 to 1.6 m high; its pot and stem collide and its leaves give way."""
     m = Model()
     habit = int(style.rng.integers(5)) if habit is None else habit
     radius, height = style.between(0.14, 0.18), style.between(0.26, 0.34)

@@ -66,7 +66,7 @@ class _Cut:
 
 
 def couch(style: Style, name: str, seats: int = 3) -> Piece:
-    """A couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
+    """Return a couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
     return _sofa(style, name, "couch", seats)
 
 
@@ -97,7 +97,7 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
 
 
 def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
-    """The frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
+    """Add the frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
     m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.02), (0, cut.leg, cut.middle - 0.01)), cover)
     z = (cut.BACK_DEPTH - cut.depth) / 2
     width = cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02
@@ -126,7 +126,7 @@ def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
 
 
 def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
-    """A padded back drawn in by buttons: a quilt of small pads."""
+    """Add a padded back drawn in by buttons: a quilt of small pads."""
     columns, rows = 3, 2
     wide, high = cut.per_seat / columns, (cut.back - cut.seat + 0.02) / rows
     for i in range(columns):
@@ -153,7 +153,7 @@ def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -
 
 
 def dining_chair(style: Style, name: str) -> Piece:
-    """A wooden chair: slatted, ladder or upholstered back."""
+    """Return a wooden chair: slatted, ladder or upholstered back."""
     m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.black)
     w, d, seat, back = (
@@ -195,7 +195,7 @@ def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: flo
 
 
 def office_chair(style: Style, name: str) -> Piece:
-    """A swivel chair on a star of five castors."""
+    """Return a swivel chair on a star of five castors."""
     m = Model()
     cover = style.choice(style.black, style.cloth)
     seat = style.between(0.45, 0.48)
@@ -219,7 +219,7 @@ def office_chair(style: Style, name: str) -> Piece:
 
 
 def stool(style: Style, name: str) -> Piece:
-    """A round stool on four splayed legs."""
+    """Return a round stool on four splayed legs."""
     m = Model()
     seat = style.between(0.44, 0.48)
     m.add(post(0.17, 0.035, (0, seat - 0.035, 0), segments=16), style.wood, "hull")
@@ -231,7 +231,7 @@ def stool(style: Style, name: str) -> Piece:
 
 
 def bench(style: Style, name: str) -> Piece:
-    """A bench for the hall, with shoes' room below."""
+    """Return a bench for the hall, with shoes' room below."""
     m = Model()
     w, d, h = style.between(0.8, 1.1), 0.32, 0.44
     m.box((w, 0.04, d), (0, h - 0.06, 0), style.wood)

@@ -25,7 +25,7 @@ def bottle(style: Style, name: str) -> Piece:
 
 
 def vase(style: Style, name: str) -> Piece:
-    """A vase with a few flowers."""
+    """Return a vase with a few flowers."""
     m = Model()
     m.add(
         turned([(0.05, 0), (0.075, 0.08), (0.05, 0.17), (0.035, 0.2), (0.045, 0.23)], segments=14),
@@ -54,7 +54,7 @@ def book(style: Style, name: str) -> Piece:
 
 
 def bowl(style: Style, name: str) -> Piece:
-    """A bowl of fruit."""
+    """Return a bowl of fruit."""
     m = Model()
     m.add(
         turned([(0.06, 0), (0.12, 0.06), (0.14, 0.09), (0.13, 0.09), (0.09, 0.05)], segments=16), style.ceramic, "hull"
@@ -66,7 +66,7 @@ def bowl(style: Style, name: str) -> Piece:
 
 
 def pot(style: Style, name: str) -> Piece:
-    """A cooking pot with a lid."""
+    """Return a cooking pot with a lid."""
     m = Model()
     tile = style.choice(style.steel, style.black, style.paint())
     m.add(turned([(0.1, 0), (0.11, 0.02), (0.11, 0.13), (0.115, 0.135), (0.06, 0.16)], segments=16), tile, "hull")
@@ -77,7 +77,7 @@ def pot(style: Style, name: str) -> Piece:
 
 
 def carton(style: Style, name: str) -> Piece:
-    """A cardboard box with tape over its lid."""
+    """Return a cardboard box with tape over its lid."""
     m = Model()
     w, h, d = style.between(0.28, 0.42), style.between(0.22, 0.34), style.between(0.25, 0.34)
     m.box((w, h, d), (0, 0, 0), t.plain((190, 150, 104), style.rng, 0.03))
@@ -94,7 +94,7 @@ def toy_ball(style: Style, name: str) -> Piece:
 
 
 def basket(style: Style, name: str) -> Piece:
-    """A wicker basket with folded cloth in it."""
+    """Return a wicker basket with folded cloth in it."""
     m = Model()
     wicker = t.checks((190, 150, 100), (150, 112, 70), style.rng, 8)
     m.add(turned([(0.16, 0), (0.2, 0.28), (0.18, 0.28), (0.16, 0.2)], segments=16), wicker, "hull")
@@ -125,7 +125,7 @@ def shoe(style: Style, name: str) -> Piece:
 
 
 def teddy(style: Style, name: str) -> Piece:
-    """A bear that sits."""
+    """Return a bear that sits."""
     m, fur = Model(), t.carpet(t.pick(style.rng, ((156, 108, 66), (206, 170, 124), (120, 84, 60))), style.rng)
     m.add(ball(0.1, (0, 0, 0), (1, 1.1, 0.9), 10), fur)
     m.add(ball(0.075, (0, 0.19, 0), segments=10), fur)
@@ -157,7 +157,7 @@ def toy_car(style: Style, name: str) -> Piece:
 
 
 def clock(style: Style, name: str) -> Piece:
-    """An alarm clock."""
+    """Return an alarm clock."""
     m = Model()
     m.box((0.12, 0.09, 0.06), (0, 0, 0), style.paint())
     m.add(box((0.1, 0.07, 0.004), (0, 0.01, 0.03)), style.white)
@@ -167,7 +167,7 @@ def clock(style: Style, name: str) -> Piece:
 
 
 def soap(style: Style, name: str) -> Piece:
-    """A soap dispenser."""
+    """Return a soap dispenser."""
     m = Model()
     m.add(turned([(0.03, 0), (0.032, 0.1), (0.012, 0.13)], segments=10), style.paint(), "hull")
     m.add(tube([(0, 0.13, 0), (0, 0.16, 0), (0, 0.16, 0.035)], 0.006, 5), style.chrome)

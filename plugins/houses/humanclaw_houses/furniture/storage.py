@@ -60,7 +60,7 @@ def _row(m: Model, style: Style, w: float, y: float, d: float) -> None:
 
 
 def sideboard(style: Style, name: str) -> Piece:
-    """A long low cupboard on legs."""
+    """Return a long low cupboard on legs."""
     m = Model()
     w, h, d, gap = style.between(1.2, 1.6), style.between(0.72, 0.82), 0.42, 0.14
     tile = style.choice(style.wood, style.second_wood)
@@ -77,7 +77,7 @@ def sideboard(style: Style, name: str) -> Piece:
 
 
 def open_shelf(style: Style, name: str) -> Piece:
-    """A metal rack whose boards can be used."""
+    """Return a metal rack whose boards can be used."""
     m = Model()
     w, d, h = style.between(0.75, 0.95), 0.36, 1.6
     for x in (-1, 1):
@@ -91,7 +91,7 @@ def open_shelf(style: Style, name: str) -> Piece:
 
 
 def wall_shelf(style: Style, name: str) -> Piece:
-    """A board on brackets with a few books, hung on a wall."""
+    """Return a board on brackets with a few books, hung on a wall."""
     m = Model()
     w = style.between(0.6, 0.9)
     m.box((w, 0.03, 0.2), (0, 0, 0), style.wood)
@@ -103,7 +103,7 @@ def wall_shelf(style: Style, name: str) -> Piece:
 
 
 def coat_rack(style: Style, name: str) -> Piece:
-    """A board with hooks and two coats, hung on a wall."""
+    """Return a board with hooks and two coats, hung on a wall."""
     m = Model()
     m.add(box((0.8, 0.1, 0.02), (0, 0.9, 0.01)), style.wood)
     for k in range(4):

@@ -22,7 +22,7 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
 
 
 def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
-    """A table for two, four or six; a round one for four at times."""
+    """Return a table for two, four or six; a round one for four at times."""
     m = Model()
     tile = style.choice(style.wood, style.wood, style.second_wood)
     if seats == 4 and style.chance(0.3):
@@ -66,7 +66,7 @@ def side_table(style: Style, name: str) -> Piece:
 
 
 def nightstand(style: Style, name: str) -> Piece:
-    """A small chest beside a bed."""
+    """Return a small chest beside a bed."""
     m = Model()
     w, h, d = style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38
     _chest(m, style, (w, h, d), 2, 1, style.wood)
@@ -96,7 +96,7 @@ def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, 
 
 
 def desk(style: Style, name: str) -> Piece:
-    """A desk with drawers at its +X end; one sits at x = -0.19."""
+    """Return a desk with drawers at its +X end; one sits at x = -0.19."""
     m = Model()
     w, d, h = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74
     tile = style.choice(style.wood, style.second_wood, style.white)
@@ -113,14 +113,14 @@ def desk(style: Style, name: str) -> Piece:
 
 
 def console(style: Style, name: str) -> Piece:
-    """A narrow table for a hall."""
+    """Return a narrow table for a hall."""
     m = Model()
     _table(m, style, (style.between(0.7, 1.0), 0.8, 0.28), style.wood, 0.03)
     return m.piece(name, "console_table")
 
 
 def tv_stand(style: Style, name: str, width: float) -> Piece:
-    """A low board on legs, open below, so that feet go under it and one can step up to the screen."""
+    """Return a low board on legs, open below, so that feet go under it and one can step up to the screen."""
     m = Model()
     d, h, gap = 0.36, style.between(0.44, 0.52), 0.16
     tile = style.choice(style.wood, style.second_wood, style.white, style.black)
@@ -140,7 +140,7 @@ def tv_stand(style: Style, name: str, width: float) -> Piece:
 
 
 def cushion_block(style: Style, name: str) -> Piece:
-    """A pouffe."""
+    """Return a pouffe."""
     m = Model()
     m.add(soft_box((0.48, 0.36, 0.48), (0, 0, 0), 0.08, 0.02), style.second_cloth)
     m.solid((0.46, 0.36, 0.46), (0, 0, 0))

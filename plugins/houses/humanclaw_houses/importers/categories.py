@@ -22,7 +22,8 @@ def _table() -> Mapping[str, Any]:
 
 
 def category_of(name: str, group: str = "") -> str:
-    """The category of a model by its name, or by the collection's own category of it; empty if it is none of ours."""
+    """Return the category of a model by its name, or by the collection's own category of it; empty if it is none of
+    ours."""
     if _words(group).strip() in _table()["skip_groups"]:
         return ""
     for text in (name, group):
@@ -34,13 +35,14 @@ def category_of(name: str, group: str = "") -> str:
 
 
 def _words(name: str) -> str:
-    """A name in lower case with a space around each word; camel case is words."""
+    """Return a name in lower case with a space around each word; camel case is words."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return " " + re.sub(r"[^a-z]+", " ", apart).strip() + " "
 
 
 def otherwise(category: str, size: Vec3) -> str:
-    """What an object is that is called one thing and has the size of another: a table 0.4 m high is a coffee table."""
+    """Return what an object is that is called one thing and has the size of another: a table 0.4 m high is a coffee
+    table."""
     others = _table()["otherwise"].get(category, ())
     return next((other for other in (category, *others) if not misfit(other, size)), category)
 
@@ -71,7 +73,8 @@ def sits(category: str) -> bool:
 
 
 def scale_of(category: str, extent: Vec3) -> tuple[str, float] | None:
-    """The unit in which an extent in file units is a possible size, in words, and metres a unit; the first that fits.
+    """Return the unit in which an extent in file units is a possible size, in words, and metres a unit; the first that
+    fits.
 
     Toy-like kits are drawn too large here and too small there, so a little is made up for: 0.7 to 1.4 times a unit.
     """

@@ -61,7 +61,7 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
 
 
 def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
-    """The rows of a table by the model they are of; its paths are relative to the table or to the folder."""
+    """Return the rows of a table by the model they are of; its paths are relative to the table or to the folder."""
     try:
         with table.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))

@@ -15,7 +15,8 @@ EXPECTED = (
 
 
 def open_collection(source: Path, name: str = "", metadata: folder.FolderMetadata | None = None) -> list[Collection]:
-    """The collections at a path. Raises HumanclawError if there is nothing to import, and says what was expected."""
+    """Return the collections at a path. Raises HumanclawError if there is nothing to import, and says what was
+    expected."""
     if not source.exists():
         raise HumanclawError(f"there is nothing at {source}.", EXPECTED)
     if source.is_file():

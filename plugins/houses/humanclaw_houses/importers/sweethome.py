@@ -29,7 +29,7 @@ _LICENCES: Final = (
 
 
 def open_zip(path: Path, name: str = "") -> Collection:
-    """A library in one file. Raises HumanclawError if it is no such library."""
+    """Return a library in one file. Raises HumanclawError if it is no such library."""
     try:
         archive = zipfile.ZipFile(path)
         text = archive.read(CATALOGUE)
@@ -43,7 +43,7 @@ def open_zip(path: Path, name: str = "") -> Collection:
 
 
 def open_folder(path: Path, name: str = "") -> Collection:
-    """A library that was unpacked."""
+    """Return a library that was unpacked."""
     terms = (path / "LICENSE.TXT").read_text("latin-1") if (path / "LICENSE.TXT").is_file() else ""
     text = (path / CATALOGUE).read_bytes()
     return _collection(text, terms, name or path.name, lambda model: lambda _: _inside(path, model))
@@ -91,7 +91,7 @@ def _size(row: Mapping[str, str]) -> tuple[float, float, float] | None:
 
 
 def licence_of(text: str) -> str:
-    """The SPDX name of the licence that a text names; LicenseRef-unknown if it names none that is known."""
+    """Return the SPDX name of the licence that a text names; LicenseRef-unknown if it names none that is known."""
     found = (name for pattern, name in _LICENCES if re.search(pattern, text.lower()))
     return next(found, "LicenseRef-unknown")
 

@@ -1,0 +1,224 @@
+"""What eyes make of a house: points from depth, where the body has got to by them, and a map of what has been seen.
+
+Nothing here knows the scene or the pose of the body. Places are (..., 2) arrays of x (left) and z (ahead), metres, in
+the frame of the first view: odometry, which drifts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt, label
+from scipy.spatial import cKDTree
+
+from humanclaw.interfaces import BODY_ID, GAZE_PITCH, View, ego_camera
+from humanclaw.navigation import CELL, RADIUS, OccupancyGrid
+from humanclaw.pose import Array, Pose2D, rest_pose, wrap_angle
+
+STRIDE: Final = 2
+"""Every so manieth pixel is looked at."""
+FAR: Final = 6.0
+"""Beyond this the floor is too slanted to tell its cells apart, metres."""
+LEVEL: Final = 0.08
+"""What is so far above or below the floor is floor, metres."""
+HEADROOM: Final = 1.85
+"""What is higher than this over the floor is in nobody's way, metres."""
+EXTENT: Final = 40.0
+"""Side of the map, metres; the first view is in its middle."""
+SEAT_HEIGHTS: Final = (0.25, 0.62)
+"""Heights over the floor at which one can sit, metres."""
+CERTAIN: Final = 4
+"""So many views at most count for or against an obstacle, so that a few later ones can change its mind."""
+FEW_CELLS: Final = 8
+"""An edge of the known with fewer cells leads nowhere."""
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """One view as points. points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. ids: (N,)."""
+
+    points: Array
+    ids: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, view: View) -> Sight:
+        """Back-project a view of the ego camera; how high the eyes are is read off the floor."""
+        depth, ids = view.depth[::STRIDE, ::STRIDE].astype(float), view.ids[::STRIDE, ::STRIDE]
+        drawn = (ids != 0) & (ids != BODY_ID) & (depth > 0.05) & np.isfinite(depth)
+        rows, columns = np.nonzero(drawn)
+        half, ahead = len(view.depth) / 2, depth[drawn]
+        right, up = ((STRIDE * columns + 0.5) / half - 1) * ahead, (1 - (STRIDE * rows + 0.5) / half) * ahead
+        sine, cosine = np.sin(GAZE_PITCH), np.cos(GAZE_PITCH)
+        standing = rest_pose()
+        eye = ego_camera(standing).position - standing.root[-1] * [1, 0, 1]
+        points = np.stack([-right, eye[1] + ahead * sine + up * cosine, eye[2] + ahead * cosine - up * sine], -1)
+        floor = (np.abs(points[:, 1]) < 2 * LEVEL) & (points[:, 2] < 3.0)
+        points[:, 1] -= np.median(points[floor, 1]) if floor.sum() > 100 else 0.0
+        return cls(points, ids[drawn])
+
+    def near(self, most: float = FAR) -> Mask:
+        """Return (N,) which points are near enough to be believed."""
+        return np.asarray(np.hypot(self.points[:, 0], self.points[:, 2]) < most)
+
+    def obstacles(self) -> Array:
+        """Return (M, 2) of what stands in the way, a point for each 5 cm."""
+        high = (np.abs(self.points[:, 1]) > LEVEL) & (self.points[:, 1] < HEADROOM) & self.near()
+        return _thinned(self.points[high][:, [0, 2]])
+
+
+def _thinned(points: Array) -> Array:
+    """Keep one of the (N, 2) points of each 5 cm, on a raster."""
+    keys = np.unique(np.round(points / CELL).astype(int) @ [1 << 20, 1] + (1 << 19))
+    return np.stack([keys >> 20, (keys & ((1 << 20) - 1)) - (1 << 19)], -1) * CELL
+
+
+# -- where one is ------------------------------------------------------------------------------------------------------
+def placed(pose: Pose2D, points: Array) -> Array:
+    """Return (..., 2) points of the body's frame in the map's."""
+    sine, cosine = np.sin(pose.yaw), np.cos(pose.yaw)
+    left, ahead = points[..., 0], points[..., 1]
+    return np.stack([pose.x + cosine * left + sine * ahead, pose.z - sine * left + cosine * ahead], -1)
+
+
+def moved(pose: Pose2D, left: float, ahead: float, turn: float) -> Pose2D:
+    """Return the pose after a displacement in the body's frame and a turn to the left."""
+    x, z = placed(pose, np.array([left, ahead]))
+    return Pose2D(float(x), float(z), float(wrap_angle(pose.yaw + turn)))
+
+
+def aligned(points: Array, landmarks: Any, guess: Pose2D) -> tuple[Pose2D, float]:
+    """Find the pose near a guess from which (N, 2) points fit the landmarks, a k-d tree.
+
+    Iterated closest points (Besl and McKay 1992). Returns it with the mean distance that is left, at most 0.25 m each;
+    the guess and infinity where too little fits.
+    """
+    pose = guess
+    for _ in range(12):
+        distances, partners = landmarks.query(placed(pose, points), distance_upper_bound=0.25)
+        fits = np.isfinite(distances)
+        if fits.sum() < 30:
+            return guess, float("inf")
+        pose = _fitted(points[fits], landmarks.data[partners[fits]])
+    return pose, float(np.minimum(distances, 0.25).mean())
+
+
+def _fitted(points: Array, goals: Array) -> Pose2D:
+    """Return the pose that takes (N, 2) points of the body's frame to (N, 2) places with the least squares left."""
+    p, q = points - points.mean(0), goals - goals.mean(0)
+    sine = float((p[:, 1] * q[:, 0] - p[:, 0] * q[:, 1]).sum())
+    yaw = float(np.arctan2(sine, float((p * q).sum())))
+    x, z = goals.mean(0) - placed(Pose2D(0.0, 0.0, yaw), points.mean(0))
+    return Pose2D(float(x), float(z), yaw)
+
+
+# -- what has been seen ------------------------------------------------------------------------------------------------
+@dataclass(eq=False)
+class SeenMap:
+    """A grid of 5 cm that holds what views have shown, and nothing else. It grows with every view."""
+
+    known: Mask
+    """Cells whose floor was seen."""
+    evidence: NDArray[np.int8]
+    """Views that showed an obstacle there less those that showed floor."""
+    bumped: Mask
+    """Cells where something was felt and not seen."""
+    target: Array
+    """Height of the highest point of a target in each cell, metres; 0 without one."""
+    origin: tuple[float, float] = field(default=(-EXTENT / 2, -EXTENT / 2))
+
+    @classmethod
+    def empty(cls) -> Self:
+        shape = (round(EXTENT / CELL),) * 2
+        fresh = cls(np.zeros(shape, bool), np.zeros(shape, np.int8), np.zeros(shape, bool), np.zeros(shape))
+        fresh.known |= fresh.disk(np.zeros(2), 0.8)  # One stands there, and the eyes see nothing so near.
+        return fresh
+
+    def disk(self, point: Array, radius: float) -> Mask:
+        """Return the cells within a radius of a (2,) point."""
+        mask = np.zeros(self.known.shape, bool)
+        reach = round(radius / CELL)
+        (i, j), span = self.cell(point), np.arange(-reach, reach + 1)
+        near = np.add.outer(span**2, span**2) <= reach**2
+        mask[i - reach : i + reach + 1, j - reach : j + reach + 1] = near
+        return mask
+
+    def cell(self, points: Array) -> NDArray[np.int64]:
+        """Return (..., 2) indices of (..., 2) points, held inside the map."""
+        index = np.floor((points - np.array(self.origin)) / CELL).astype(np.int64)
+        return np.clip(index, 40, len(self.known) - 41)
+
+    def add(self, sight: Sight, pose: Pose2D, targets: frozenset[int]) -> None:
+        """Enter a view that was seen from a pose. targets: ids of what is looked for."""
+        cells = self.cell(placed(pose, sight.points[:, [0, 2]]))
+        heights, near = sight.points[:, 1], sight.near()
+        floor, blocked = (np.zeros(self.known.shape, bool) for _ in range(2))
+        low, high = near & (np.abs(heights) <= LEVEL), near & (np.abs(heights) > LEVEL) & (heights < HEADROOM)
+        floor[tuple(cells[low].T)], blocked[tuple(cells[high].T)] = True, True
+        self.known |= floor
+        change = blocked.astype(np.int8) - (floor & ~blocked).astype(np.int8)
+        self.evidence = np.clip(self.evidence + change, -CERTAIN, CERTAIN)
+        mine = np.isin(sight.ids, list(targets)) & sight.near(2 * FAR)
+        np.maximum.at(self.target, tuple(cells[mine].T), np.maximum(heights[mine], 0.01))
+
+    def bump(self, point: Array) -> None:
+        """Remember that there is something at a (2,) point that was not seen."""
+        self.bumped |= self.disk(point, 0.12)
+
+    def locate(self, sight: Sight, guesses: list[Pose2D]) -> Pose2D:
+        """Find the pose from which a view fits the map best.
+
+        guesses: the first is believed unless another fits clearly better.
+        """
+        cells, points = np.argwhere(self.evidence > 0), sight.obstacles()
+        if len(cells) < 30 or len(points) < 30:
+            return guesses[0]
+        tree = cKDTree((cells + 0.5) * CELL + self.origin)
+        found = [aligned(points, tree, guess) for guess in guesses]
+        best, left = min(found, key=lambda one: one[1])
+        first, residue = found[0]
+        return first if residue < left + 0.004 else best
+
+    def grid(self) -> OccupancyGrid:
+        """Return what is known as a floor to plan on, cut to where something is known."""
+        blocked = (self.evidence > 0) | self.bumped
+        known = binary_closing(self.known, iterations=3) | self.known
+        rows, columns = (np.flatnonzero((known | blocked).any(axis)) for axis in (1, 0))
+        part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        origin = self.origin[0] + rows[0] * CELL, self.origin[1] + columns[0] * CELL
+        shape = known[part].shape
+        none, ground = np.zeros(shape), np.where(known | blocked, 0.0, np.nan)[part]
+        return OccupancyGrid(
+            origin, blocked[part], none > 0, none.astype(np.int32), none, (none + np.inf, none), ground
+        )  # fmt: skip
+
+    def heights(self, grid: OccupancyGrid) -> Array:
+        """Return the target's heights in the cells of a grid that was cut from this map."""
+        i, j = np.round((np.array(grid.origin) - self.origin) / CELL).astype(int)
+        rows, columns = grid.blocked.shape
+        return self.target[i : i + rows, j : j + columns]
+
+
+def edges(grid: OccupancyGrid) -> list[Array]:
+    """Return (N, 2) places where what is known and free ends, an array for each stretch (frontiers, Yamauchi 1997)."""
+    unknown = ~np.isfinite(grid.ground)
+    border = np.pad(unknown, 1, constant_values=True)
+    edge = grid.fits(RADIUS) & binary_dilation(border, iterations=2)[1:-1, 1:-1]
+    groups, count = label(edge, np.ones((3, 3)))
+    found = (np.argwhere(groups == k) for k in range(1, count + 1))
+    return [grid.point(cells) for cells in found if len(cells) >= FEW_CELLS]
+
+
+def seats(heights: Array) -> Mask:
+    """Return the cells of a target that one could sit on; none if there are too few."""
+    low, high = SEAT_HEIGHTS
+    mask = (heights > low) & (heights < high)
+    return np.asarray(mask if mask.sum() > FEW_CELLS else mask & False)
+
+
+def gap_to(mask: Mask) -> Array:
+    """Return the distance of every cell from a mask, metres; infinite for an empty one."""
+    return np.asarray(distance_transform_edt(~mask) * CELL if mask.any() else np.full(mask.shape, np.inf))

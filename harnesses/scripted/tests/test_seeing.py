@@ -1,0 +1,115 @@
+"""The agent that sees: what it makes of its views, and that it gets along without map and pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rooms import two_rooms
+from scipy.spatial import cKDTree
+from walker import PICTURE, SKILLS, Walker
+
+from humanclaw import Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
+from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
+from humanclaw.pose import Pose2D, rest_pose
+from humanclaw.records import Feedback
+from humanclaw.scene import distance_to_box
+from humanclaw_scripted.seeing import SeeingAgent, WanderingAgent
+from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
+
+WALL = 3.0
+"""Distance of a wall across the way from the eyes, metres."""
+
+
+def before_a_wall() -> View:
+    """What one sees of a level floor and a wall: each pixel's ray meets the nearer of the two."""
+    size, eye = 512, float(ego_camera(rest_pose()).position[1])
+    up = 1 - 2 * (np.arange(size) + 0.5) / size
+    rise = np.sin(GAZE_PITCH) + up * np.cos(GAZE_PITCH)
+    ahead = np.cos(GAZE_PITCH) - up * np.sin(GAZE_PITCH)
+    with np.errstate(divide="ignore"):
+        floor = np.where(rise < 0, -eye / rise, np.inf)
+    depth = np.minimum(floor, WALL / ahead)
+    ids = np.where(floor < WALL / ahead, 1, 2)
+    rows = [np.repeat(column[:, None], size, 1) for column in (depth, ids)]
+    return View(np.zeros((size, size, 3), np.uint8), rows[0].astype(np.float32), rows[1].astype(np.int32))
+
+
+def test_depth_becomes_points_on_the_floor_and_on_the_wall() -> None:
+    sight = Sight.of(before_a_wall())
+    offset = float(ego_camera(rest_pose()).position[2])
+    assert np.abs(sight.points[sight.ids == 1][:, 1]).max() < 1e-3
+    assert sight.points[sight.ids == 2][:, 2] == pytest.approx(WALL + offset, abs=1e-3)
+    assert sight.obstacles()[:, 1] == pytest.approx(WALL + offset, abs=0.03)
+
+
+def test_the_map_knows_the_floor_up_to_the_wall_and_nothing_behind_it() -> None:
+    seen = SeenMap.empty()
+    seen.add(Sight.of(before_a_wall()), Pose2D(), frozenset({2}))
+    grid = seen.grid()
+    at = lambda values, x, z: values[tuple(grid.cell(np.array([x, z])))]  # noqa: E731
+    assert at(np.isfinite(grid.ground), 0.0, 2.0)
+    assert at(grid.blocked, 0.5, 3.12)
+    assert not at(grid.blocked, 0.5, 2.5)
+    assert float(at(gap_to(seen.heights(grid) > 0), 0.0, 2.1)) == pytest.approx(1.0, abs=0.06)
+    # The floor ends unseen to both sides, never at the wall.
+    ends = np.concatenate(edges(grid))
+    assert (ends[:, 1] < 3.0).all()
+    assert {-1.0, 1.0} <= set(np.sign(ends[:, 0]))
+
+
+def test_a_view_of_a_corner_tells_how_far_the_body_really_went() -> None:
+    rng = np.random.default_rng(0)
+    corner = np.concatenate([np.stack([np.linspace(-2, 2, 200), np.full(200, 3.0)], -1),
+                             np.stack([np.full(200, 2.0), np.linspace(-1, 3, 200)], -1)])  # fmt: skip
+    truth, asked = Pose2D(0.05, 0.31, 0.1), moved(Pose2D(), 0.0, 0.4, 0.15)
+    away = corner - [truth.x, truth.z]
+    local = np.linalg.solve(placed(Pose2D(0, 0, truth.yaw), np.eye(2)).T, away.T).T + rng.normal(0, 0.01, away.shape)
+    found, left = aligned(local, cKDTree(corner), asked)
+    assert (found.x, found.z, found.yaw) == pytest.approx((truth.x, truth.z, truth.yaw), abs=0.02)
+    assert left < 0.02
+
+
+def test_it_needs_its_view_and_nothing_else() -> None:
+    spec = EpisodeSpec(id="x", instruction="Find a tv.", scene="test:rooms", target_category="tv", target_ids=(21,))
+    with pytest.raises(HumanclawError, match="needs its view"):
+        SeeingAgent().begin(EpisodeContext(spec, SKILLS, 0))
+
+
+@pytest.mark.parametrize(("category", "target"), [("couch", 20)])
+def test_it_finds_a_seat_in_another_room_without_map_or_pose(category: str, target: int) -> None:
+    walker = Walker(two_rooms(), (target,), 0)
+    renderer = Plugins.discover().make("renderers", "raster")
+    renderer.load(walker.scene)
+    look = lambda: renderer.render(walker.state(), ego_camera(walker.state().body))  # noqa: E731
+    spec = EpisodeSpec(
+        id="x",
+        instruction="Find a seat.",
+        scene="test:rooms",
+        target_category=category,
+        target_ids=(target,),
+        interact=True,
+    )
+    agent, history = SeeingAgent(), []
+    agent.begin(EpisodeContext(spec, SKILLS, 0, view=look))
+    for step in range(60):
+        decision = agent.decide(Observation(step, spec.instruction, PICTURE), history)
+        call = Call(decision.calls[0].skill, SKILLS[decision.calls[0].skill].check(decision.calls[0].params))
+        walker.execute(call)
+        history.append(HistoryEntry(step, decision, Feedback(call), PICTURE))
+        if call.skill == "stop":
+            break
+    assert call.skill == "stop"
+    assert walker.sat
+    assert distance_to_box(walker.state().body.joints()[-1], *walker.scene.aabb(target)).min() < 0.2
+    assert "A couch is in view" in " ".join(past.decision.visible_state for past in history)
+
+
+def test_who_wanders_never_stops_and_claims_nothing() -> None:
+    agent = WanderingAgent()
+    spec = EpisodeSpec(id="x", instruction="Find a tv.", scene="test:rooms", target_category="tv", target_ids=(21,))
+    agent.begin(EpisodeContext(spec, SKILLS, 3))
+    said = [agent.decide(Observation(step, "Find a tv.", PICTURE), ()) for step in range(100)]
+    roles = {SKILLS[decision.calls[0].skill].role for decision in said}
+    assert roles == {"locomotion"}
+    assert len({str(decision.calls[0]) for decision in said}) > 50
+    assert not any(decision.visible_state for decision in said)

@@ -1,0 +1,196 @@
+"""Chunks of one skill of your own from a folder of motion: what its adapter learns from.
+
+    humanclaw data chunks --skill FOLDER --clips DIR
+
+FOLDER holds the skill's schema.json, which says what each parameter commands: every window of every clip is measured by
+that, and those within the bounds are kept. A recipe.py beside it may narrow down which windows show the skill.
+DIR holds .bvh files, .amc files with their .asf, AMASS .npz files, or the motion.npz of recorded episodes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from humanclaw import HumanclawError, Motion
+from humanclaw.measures import Declaration, outcomes
+from humanclaw.motion import load_base, shipped_base
+from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
+from humanclaw.recipes import Recipe
+from humanclaw_train import mocap
+from humanclaw_train.build import histograms, table
+from humanclaw_train.chunks import Chunks, Clip, cut, load_pack
+from humanclaw_train.commands import Trained
+from humanclaw_train.curate import WINDOW_STRIDE, sane, travel
+from humanclaw_train.mocap import MocapError
+from humanclaw_train.retarget import retarget
+from humanclaw_train.retimed import retimed
+
+CHUNKS: Final = Path(".data/chunks")
+"""Where chunks are kept, and looked for."""
+RETIMED: Final = "retimed"
+"""The source of chunks that are a clip's poses at another pace."""
+_ROW: Final = 16
+"""Half seconds in a row that a clip is passed through."""
+_BEYOND: Final = 0.15
+"""Share of its range by which a parameter of a chunk may lie outside the schema's bounds: at the very edge of what it
+has seen, a model is least true."""
+
+
+# -- what is given -----------------------------------------------------------------------------------------------------
+def of_folder(folder: Path) -> Trained:
+    """Read a skill's declaration and recipe from its folder; where there is no recipe.py, every window may show it.
+
+    Raises PluginError for a schema.json that cannot be read, HumanclawError for a recipe.py without RECIPE.
+    """
+    folder = folder.resolve()
+    declaration, path = Declaration.read(folder), folder / "recipe.py"
+    if not path.is_file():
+        return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration)
+    spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.skill}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    recipe = getattr(module, "RECIPE", None)
+    if not isinstance(recipe, Recipe):
+        raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.recipes.Recipe.")
+    return Trained(recipe, declaration)
+
+
+def clips_of(folder: Path) -> list[Clip]:
+    """Load every clip of a folder and of those in it, retargeted to our body. What cannot be read is told and left out.
+
+    Raises MocapError if there is none that can be read.
+    """
+    if (folder / "clips.csv").is_file():
+        return load_pack(folder)
+    files = sorted(file for file in folder.glob("**/*") if file.suffix.lower() in (".amc", ".bvh", ".npz"))
+    found = []
+    for file in tqdm(files, unit="clip", disable=None):
+        try:
+            found.append(_clip(file, folder))
+        except MocapError as error:
+            tqdm.write(f"left out: {error}", file=sys.stderr)
+    if not found:
+        raise MocapError(f"{folder} holds no motion.", "Give a folder of .bvh, .amc with .asf, or .npz files.")
+    return found
+
+
+def _clip(file: Path, folder: Path) -> Clip:
+    recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
+    motion = retarget(mocap.load(file)) if recorded is None else recorded
+    name = str(file.relative_to(folder).with_suffix(""))
+    return Clip(name, motion, {}, folder.resolve().name, "", real=recorded is None)
+
+
+def _recorded(file: Path) -> Motion | None:
+    """Return what the body did in a recorded episode, or None for another kind of file. Nobody was captured for it."""
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            if "simulated_root" not in arrays:
+                return None
+            return Motion(arrays["simulated_root"].astype(float), arrays["simulated_rotations"].astype(float))
+    except (OSError, ValueError) as error:
+        raise MocapError(f"{file} cannot be read: {error}.", "Is it complete?") from error
+
+
+# -- what is made of it ------------------------------------------------------------------------------------------------
+def chunks_of(
+    skill: Trained, clips: Sequence[Clip], seconds: float, seed: int, standing: Motion | None = None
+) -> Chunks:
+    """Cut the skill's chunks: windows of the clips and their mirror images, with the parameters that they realise.
+
+    seconds: of clips at other paces besides, where the recipe asks for them. standing: of the prior.
+    Raises HumanclawError if no window shows the skill, PluginError for a measure that nothing here measures.
+    """
+    shown = [part for clip in clips if len(part := _of_windows(skill, clip))]
+    if not shown:
+        raise HumanclawError(
+            f"None of the {len(clips)} clips shows {skill.name} within the bounds of its schema.json.",
+            "Widen the bounds, mend x-measure, or give other clips.",
+        )
+    parts = list(shown)
+    if skill.recipe.retimed and standing is not None:
+        origins = {part.source[0] for part in shown}
+        parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
+    whole = Chunks.join(parts)
+    return Chunks.join([whole, whole.mirrored()])
+
+
+def _source(clip: Clip) -> str:
+    return f"{clip.source}: {clip.name}"
+
+
+def _of_windows(skill: Trained, clip: Clip) -> Chunks:
+    starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
+    return _kept(skill, *cut(clip.motion, starts), _source(clip), clip.real)
+
+
+def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool) -> Chunks:
+    parameters = skill.declaration.parameters
+    mask = sane(root, rotations, flat=not skill.declaration.climbs) & _within(skill, root, rotations)
+    if skill.recipe.windows is not None:
+        mask &= skill.shown(travel(root, rotations))
+    return Chunks.of(parameters, root[mask], rotations[mask], source, real)
+
+
+def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
+    """Return (N,) whether what a chunk realises of each parameter is about within the schema's bounds."""
+    parameters = skill.declaration.parameters
+    found = outcomes(parameters, root, rotations)
+    low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))
+    slack = _BEYOND * np.where(np.isfinite(high - low), high - low, 0.0)
+    return np.asarray(((found >= low - slack) & (found <= high + slack)).all(1))
+
+
+def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: float, seed: int) -> Iterator[Chunks]:
+    """Cut half of the chunks from one call to the next, half from anywhere in between."""
+    random = np.random.default_rng(seed)
+    wanted = seconds * 2 / 2  # two a second, and as many again by mirroring
+    for index in tqdm(range(-(-int(wanted) // (2 * _ROW))), unit="row", disable=None):
+        motion = retimed(clips[index % len(clips)].motion, standing, _ROW, random)
+        loose = random.integers(0, len(motion) - CHUNK + 1, _ROW)
+        starts = np.concatenate([np.arange(_ROW) * FUTURE, loose])
+        yield _kept(skill, *cut(motion, starts), RETIMED, False)
+
+
+# -- the command line --------------------------------------------------------------------------------------------------
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    options = _parser().parse_args(arguments)
+    try:
+        skill = of_folder(options.skill)
+        standing = load_base(options.base or shipped_base())
+        start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
+        clips = clips_of(options.clips)
+        chunks = chunks_of(skill, clips, options.seconds, options.seed, start[HISTORY - 1 :])
+        chunks.save(options.out / f"{skill.name}.npz")
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw data chunks", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--skill", type=Path, required=True, metavar="FOLDER", help="folder that holds schema.json")
+    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of motion")
+    parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
+    parser.add_argument("--seconds", type=float, default=4000.0, help="of clips at other paces, for a posture")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--base", type=Path, help="base checkpoint, for how it stands (default: the shipped one)")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

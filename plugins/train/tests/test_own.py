@@ -1,0 +1,180 @@
+"""A skill of one's own, from a folder of motion to a model card: on squats that the test makes, with a small prior."""
+
+import json
+
+import numpy as np
+import pytest
+
+from humanclaw import HumanclawError, Motion
+from humanclaw.body import JOINT_INDEX
+from humanclaw.motion import read_header
+from humanclaw.pose import HISTORY, forward_kinematics, rest_pose, support_height
+from humanclaw_train import cards, fidelity, own
+from humanclaw_train.chunks import Chunks
+from humanclaw_train.mocap import MocapError
+
+SCHEMA = {
+    "description": "Crouch.",
+    "x-role": "posture",
+    "type": "object",
+    "properties": {
+        "h_cm": {"type": "integer", "minimum": 60, "maximum": 85, "x-measure": "hips.height", "description": "Height."}
+    },
+    "required": ["h_cm"],
+    "additionalProperties": False,
+}
+
+
+def squat(seconds: float = 2.0, depth: float = 1.0) -> Motion:
+    """Down and up once: thighs forward, shins back, and level soles on the floor."""
+    still = rest_pose(int(30 * seconds))
+    bend = depth * np.sin(np.pi * np.linspace(0, 1, len(still))) ** 2
+    for side in ("left", "right"):
+        for joint, share in (("hip", -1), ("knee", 2), ("ankle", -1)):
+            still.rotations[:, JOINT_INDEX[f"{side}_{joint}"], 0] = share * bend
+    low = support_height(still.joints())
+    ankles = still.joints()[:, JOINT_INDEX["left_ankle"], 2]
+    return Motion(still.root - np.stack([0 * low, low, ankles - ankles[0]], 1), still.rotations)
+
+
+def record(folder, motion: Motion, name: str = "motion.npz") -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez(folder / name, simulated_root=motion.root, simulated_rotations=motion.rotations)
+
+
+def amass(folder, motion: Motion) -> None:
+    """The same as somebody else would have captured it: Z up, 60 Hz."""
+    folder.mkdir(parents=True, exist_ok=True)
+    twice = np.repeat(np.arange(len(motion)), 2)
+    poses = motion.rotations[twice].reshape(len(twice), -1).copy()
+    poses[:, :3] = [np.pi / 2, 0, 0]
+    root = motion.root[twice][:, [0, 2, 1]] * [1, -1, 1]
+    np.savez(folder / "squat.npz", poses=poses, trans=root, mocap_framerate=60.0)
+
+
+@pytest.fixture
+def skill(tmp_path):
+    folder = tmp_path / "crouch"
+    folder.mkdir()
+    (folder / "schema.json").write_text(json.dumps(SCHEMA))
+    return folder
+
+
+def make(skill, clips, tmp_path, *more: str) -> Chunks:
+    out = tmp_path / "chunks"
+    arguments = ["--skill", str(skill), "--clips", str(clips), "--out", str(out), *more]
+    assert own.main(arguments) == 0
+    return Chunks.load(out / "crouch.npz")
+
+
+def test_a_window_is_measured_by_what_the_schema_declares(skill, tmp_path):
+    record(tmp_path / "clips", squat())
+    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    assert chunks.names.tolist() == ["h"]
+    assert np.allclose(chunks.params[:, 0], chunks.root[:, -1, 1], atol=1e-6)
+
+
+def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(skill, tmp_path):
+    record(tmp_path / "clips", squat(depth=1.4))
+    assert squat(depth=1.4).root[:, 1].min() < 0.45
+    heights = make(skill, tmp_path / "clips", tmp_path).params[:, 0]
+    assert heights.min() > 0.6 - 0.15 * 0.25 - 1e-6
+    assert heights.max() < 0.85 + 0.15 * 0.25 + 1e-6
+
+
+def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(skill, tmp_path):
+    amass(tmp_path / "clips", squat())
+    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "100")
+    retimed = chunks[~chunks.real]
+    rises = retimed.root[:, -1, 1] - retimed.root[:, HISTORY - 1, 1]
+    assert (rises < -0.1).sum() > 10
+    assert (rises > 0.1).sum() > 10
+    toes = forward_kinematics(retimed.root, retimed.rotations)[0][:, :, JOINT_INDEX["left_foot"]]
+    assert np.ptp(toes[..., [0, 2]], axis=1).max() < 0.01
+
+
+def test_chunks_of_captured_motion_are_real_and_no_others(skill, tmp_path):
+    amass(tmp_path / "studio", squat())
+    chunks = make(skill, tmp_path / "studio", tmp_path, "--seconds", "40")
+    real = set(chunks.source[chunks.real].tolist())
+    assert real == {"studio: squat"}
+    assert own.RETIMED in set(chunks.source[~chunks.real].tolist())
+
+
+def test_what_a_body_did_in_an_episode_is_not_real(skill, tmp_path):
+    record(tmp_path / "run" / "one", squat())
+    assert not make(skill, tmp_path / "run", tmp_path, "--seconds", "0").real.any()
+
+
+def test_a_recipe_narrows_down_what_shows_the_skill(skill, tmp_path):
+    recipe = 'from humanclaw.recipes import Recipe\nRECIPE = Recipe(name="crouch", windows=lambda w: w.up < -0.05)\n'
+    (skill / "recipe.py").write_text(recipe)
+    record(tmp_path / "clips", squat())
+    chunks = make(skill, tmp_path / "clips", tmp_path)
+    assert ((chunks.root[:, -1, 1] - chunks.root[:, HISTORY - 1, 1]) < -0.05).all()
+    assert own.RETIMED not in chunks.source
+
+
+def test_a_file_that_holds_no_motion_is_told_and_left_out(skill, tmp_path, capsys):
+    record(tmp_path / "clips", squat())
+    np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
+    make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    assert "prices.npz is no AMASS motion" in capsys.readouterr().err
+
+
+def test_clips_that_do_not_show_the_skill_are_refused(skill, tmp_path, capsys):
+    record(tmp_path / "clips", rest_pose(60))
+    assert own.main(["--skill", str(skill), "--clips", str(tmp_path / "clips")]) == 2
+    assert "None of the 1 clips shows crouch" in capsys.readouterr().err
+
+
+def test_a_folder_without_motion_is_refused(tmp_path):
+    with pytest.raises(MocapError, match="holds no motion"):
+        own.clips_of(tmp_path)
+
+
+def test_a_recipe_that_is_none_is_refused(skill):
+    (skill / "recipe.py").write_text("RECIPES = []\n")
+    with pytest.raises(HumanclawError, match="no RECIPE"):
+        own.of_folder(skill)
+
+
+def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, capsys):
+    pytest.importorskip("torch")
+    from humanclaw_train import train
+
+    base = tmp_path / "base.safetensors"
+    still_base(base)
+    amass(tmp_path / "studio", squat())
+    make(skill, tmp_path / "studio", tmp_path, "--seconds", "40", "--base", str(base))
+    given = ["--data", str(tmp_path / "chunks"), "--out", str(tmp_path / "run"), "--base", str(base)]
+    more = ["--steps", "3", "--batch", "8", "--licence", "studio: CC0", "--device", "cpu"]
+    assert train.main(["adapter", "--skill", str(skill), *given, *more]) == 0
+    assert "step       3  fidelity " in capsys.readouterr().out
+    assert read_header(skill / "adapter.safetensors")["adapter"]["skill"] == "crouch"
+    assert fidelity.main(["--skill", str(skill), "--base", str(base), "--rollouts", "4"]) == 0
+    (row,) = fidelity.FidelityReport.load(skill / fidelity.REPORT).rows
+    assert row.generated.chunks == 12
+    assert np.isfinite(row.generated.mean)
+    assert cards.main(["--skill", str(skill), "--base", str(base)]) == 0
+    card = " ".join((skill / cards.CARD).read_text().split())
+    assert f"| generated | {row.generated.mean:.3f}" in card
+    assert "| studio |" in card
+    assert "| CC0 |" in card
+    assert "real poses of the real clips in another time" in card
+    assert "sitting" not in card
+    assert "nan" not in card
+
+
+def test_training_asks_for_a_skill_and_no_more_than_one(skill, capsys):
+    pytest.importorskip("torch")
+    from humanclaw_train import train
+
+    assert train.main(["adapter"]) == 2
+    assert train.main(["adapter", "crouch", "--skill", str(skill)]) == 2
+    assert capsys.readouterr().err.count("Which skill is to be trained?") == 2
+
+
+def test_a_skill_without_an_adapter_is_told_how_to_get_one(skill, capsys):
+    assert fidelity.main(["--skill", str(skill)]) == 2
+    assert f"humanclaw train adapter --skill {skill}" in capsys.readouterr().err

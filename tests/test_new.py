@@ -1,0 +1,136 @@
+"""`humanclaw new`: what it writes works as it stands, and our own packages are what it writes."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from wheels import distributions
+
+from humanclaw.cli.new import _TRAINED as TRAINED
+from humanclaw.cli.new import KINDS, Distribution, new
+
+ROOT = Path(__file__).parents[1]
+MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}
+slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and an index: HUMANCLAW_SLOW=1")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("made")
+    for kind, name in MADE.items():
+        what = ("skill", name, "--trained") if kind == "trained" else (kind, name)
+        done = CliRunner().invoke(new, [*what, "--out", str(folder / kind)])
+        assert done.exit_code == 0, done.output
+    return {kind: folder / kind for kind in MADE}
+
+
+def _as_installed(folder: Path) -> None:
+    """What pip leaves of an editable installation: a name, a version and the entry point."""
+    project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
+    info = folder / f"{project['name'].replace('-', '_')}-0.1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 0.1.0\n")
+    points = "".join(f"{key} = {value}\n" for key, value in project["entry-points"]["humanclaw"].items())
+    (info / "entry_points.txt").write_text(f"[humanclaw]\n{points}")
+
+
+def test_the_tests_of_every_kind_pass_once_it_is_installed(made):
+    for folder in made.values():
+        _as_installed(folder)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, made.values()))}
+    command = [sys.executable, "-m", "pytest", "-q", "--import-mode=importlib", *(f"{f}/tests" for f in made.values())]
+    done = subprocess.run(
+        command, cwd=made["skill"].parent, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_what_it_writes_is_tidy(made):
+    for check in ("check", "format --check"):
+        command = [sys.executable, "-m", "ruff", *check.split(), "--config", str(ROOT / "pyproject.toml")]
+        done = subprocess.run([*command, *map(str, made.values())], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@slow
+@pytest.mark.parametrize("kind", MADE)
+def test_what_it_writes_is_typed(made, kind):
+    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
+    command = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), str(package)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_nothing_of_the_template_is_left(made, kind):
+    for file in made[kind].rglob("*"):
+        if file.is_file() and file.name != "LICENSE" and ".dist-info" not in str(file):
+            told = f"{file.name} {file.read_text('utf-8')}"
+            assert not [word for word in ("example", "Example", "DESCRIPTION", "AUTHOR") if word in told], file
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_it_is_complete(made, kind):
+    project = tomllib.loads((made[kind] / "pyproject.toml").read_text("utf-8"))["project"]
+    assert (made[kind] / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+    assert project["name"] in (made[kind] / "README.md").read_text()
+    assert (made[kind] / ".github/workflows/test.yml").is_file()
+    assert (made[kind] / ".gitignore").is_file()
+    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
+    assert (package / "py.typed").is_file()
+    assert list(project["entry-points"]["humanclaw"].values()) == [package.name]
+
+
+OURS = [folder for folder in distributions() if folder.parent.name == "skills" and folder.name != "climb"]
+"""Climb holds two skills, and a module that they share."""
+
+
+@pytest.mark.parametrize("folder", OURS, ids=lambda folder: folder.name)
+def test_our_own_skills_are_what_it_writes(folder):
+    project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
+    (skill,) = (schema.parent.name for schema in folder.glob("*/*/schema.json"))
+    about = project["description"].removeprefix("HumanCLAW skill: ")
+    made = Distribution.of(TRAINED, folder.name, skill, about, project["authors"][0]["name"]).files()
+    assert {path for path in made if not path.startswith(".")} - _of_the_skill(made) <= _paths(folder)
+    for path in ("pyproject.toml", "LICENSE", f"tests/test_skill_{folder.name}.py"):
+        assert (folder / path).read_bytes() == made[path], path
+    package = f"humanclaw_skill_{folder.name}/__init__.py"
+    assert (folder / package).read_bytes() == made[package]
+
+
+def _paths(folder: Path) -> set[str]:
+    return {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+
+
+def _of_the_skill(made: dict[str, bytes]) -> set[str]:
+    """What a skill may do without."""
+    return {path for path in made if path.endswith("checklist.toml")}
+
+
+def test_a_folder_in_which_there_is_something_is_left_alone(tmp_path):
+    (tmp_path / "work").write_text("of days")
+    done = CliRunner().invoke(new, ["skill", "nod", "--out", str(tmp_path)])
+    assert "is there already" in str(done.exception)
+    assert [file.name for file in tmp_path.iterdir()] == ["work"]
+
+
+@pytest.mark.parametrize("name", ["Nod", "2steps", "a b", "../nod", "nod/"])
+def test_a_name_that_no_package_can_have_is_refused(tmp_path, name):
+    done = CliRunner().invoke(new, ["skill", name, "--out", str(tmp_path / "nod")])
+    assert "is no name" in str(done.exception)
+    assert not (tmp_path / "nod").exists()
+
+
+@slow
+@pytest.mark.parametrize("kind", MADE)
+def test_it_installs_and_its_wheel_holds_all_of_it(made, kind, tmp_path):
+    environment = tmp_path / "environment"
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", str(environment)], check=True)
+    python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
+    subprocess.run([str(python), "-m", "pip", "install", "-q", "--no-deps", str(made[kind])], check=True)
+    done = subprocess.run([str(python), "-m", "pytest", "-q", "tests"], cwd=made[kind], check=False)
+    assert done.returncode == 0

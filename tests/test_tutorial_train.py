@@ -1,0 +1,72 @@
+"""Every command of docs/tutorial-train.md, as it stands there. Slow, and it needs the clips that the page names:
+
+HUMANCLAW_SLOW=1 HUMANCLAW_HDM05=FOLDER pytest tests/test_tutorial_train.py
+
+HUMANCLAW_TUTORIAL_DATA: a `.data` folder of an earlier run, whose training is gone on with.
+"""
+
+import json
+import os
+import re
+import shutil
+import site
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PAGE = Path(__file__).parents[1] / "docs" / "tutorial-train.md"
+CLIPS = os.environ.get("HUMANCLAW_HDM05", "")
+SKILL = Path("humanclaw-skill-crouch/humanclaw_skill_crouch/crouch")
+slow = pytest.mark.skipif(
+    not (os.environ.get("HUMANCLAW_SLOW") and CLIPS),
+    reason="trains for minutes: HUMANCLAW_SLOW=1 HUMANCLAW_HDM05=FOLDER",
+)
+
+
+def commands() -> list[str]:
+    blocks = re.findall(r"```console\n(.*?)```", PAGE.read_text("utf-8"), re.S)
+    return [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """One of its own that sees all that is installed here, so that what the page installs does not stay."""
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    here = [path for path in sys.path if path.endswith("-packages")] + site.getsitepackages()
+    (packages,) = folder.glob("[Ll]ib/**/site-packages")
+    lines = [f"import site; site.addsitedir({path!r})" for path in dict.fromkeys(here)]
+    (packages / "here.pth").write_text("\n".join(lines))
+    binaries = folder / ("Scripts" if os.name == "nt" else "bin")
+    for name, module in (("humanclaw", "humanclaw"), ("pytest", "pytest")):
+        (binaries / name).write_text(f'#!/bin/sh\nexec "{binaries}/python" -m {module} "$@"\n')
+        (binaries / name).chmod(0o755)
+    return os.environ | {"PATH": f"{binaries}{os.pathsep}{os.environ['PATH']}", "OMP_NUM_THREADS": "1"}
+
+
+def test_the_page_leads_from_a_distribution_to_a_wheel():
+    told = " ".join(commands())
+    for step in ("humanclaw new", "data chunks", "train adapter", "fidelity", "cards", "pip wheel", "humanclaw skills"):
+        assert step in told
+
+
+@slow
+def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
+    environment = _environment(tmp_path / "environment")
+    shutil.copytree(CLIPS, tmp_path / "HDM05")
+    folder, told = tmp_path, ""
+    for command in commands()[1:]:  # Of the first one this environment is the result.
+        if command.startswith("cd "):
+            folder = folder / command[3:]
+            if earlier := os.environ.get("HUMANCLAW_TUTORIAL_DATA"):
+                shutil.copytree(earlier, folder / ".data")
+            continue
+        done = subprocess.run(command, shell=True, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
+        assert done.returncode == 0, f"{command}\n{done.stdout}"
+        told = done.stdout
+    assert '"crouch"' in told
+    (row,) = json.loads((tmp_path / SKILL / "fidelity.json").read_text())["rows"]
+    assert abs(row["generated"]["mean"] - 1) < 0.05
+    assert row["generated"]["std"] < 0.06
+    assert row["generated"]["error"] < 3.0
+    assert f"{row['generated']['mean']:.3f}" in (tmp_path / SKILL / "README.md").read_text()
