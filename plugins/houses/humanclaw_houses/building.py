@@ -62,7 +62,7 @@ def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
 
 
 def _zones(plan: FloorPlan) -> dict[str, int]:
-    """Number the areas; those between which there is no wall have the same number, and so the same paint."""
+    """Return a number for each area; those between which there is no wall have the same, and so the same paint."""
     zone = {area.name: number for number, area in enumerate(plan.areas)}
     for wall in plan.walls:
         if any(opening.kind == "open" for opening in wall.openings):

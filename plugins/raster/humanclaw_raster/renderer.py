@@ -40,8 +40,10 @@ class RasterRenderer:
     """
 
     def __init__(self, samples: int = 1) -> None:
-        """Hold no scene yet. samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its
-        middle, whatever the colours take."""
+        """Hold no scene yet.
+
+        samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its middle.
+        """
         self._samples = samples
         self._loaded: _LoadedScene | None = None
 
