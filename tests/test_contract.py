@@ -13,7 +13,7 @@ import pytest
 from humanclaw import Control, Keyframes, Skill, skill
 from humanclaw.errors import CallError, PluginError
 from humanclaw.pose import FUTURE, rest_pose
-from humanclaw.tools import publish
+from humanclaw.tools import publish, tool_spec
 
 EIGHT = {
     "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
@@ -171,7 +171,8 @@ def test_what_is_published_is_what_is_checked():
     """A bound beside a reference: JSON Schema holds a value to both, so one of them alone must not be told."""
     skill = made_with({"A": {"type": "integer", "maximum": 80}}, part={"$ref": "#/$defs/A", "maximum": 100})
     with pytest.raises(PluginError, match="'maximum' both of its own and by reference"):
-        publish([skill], "openai")
+        tool_spec(skill)
+    assert publish([skill], "openai") == []
 
 
 def made_with(defs=None, **properties):
@@ -179,11 +180,11 @@ def made_with(defs=None, **properties):
     return Skill("made", "", schema, lambda params: None)
 
 
-@pytest.mark.parametrize("seconds", [1e9, 60.5, float("inf"), float("nan"), -1.0])
+@pytest.mark.parametrize("seconds", [1e9, 10.5, float("inf"), float("nan"), -1.0])
 def test_keyframes_are_bounded_in_time(seconds):
-    with pytest.raises(ValueError, match=r"at most 60 s|must start at 0 and increase"):
+    with pytest.raises(ValueError, match=r"at most 10 s|must start at 0 and increase"):
         Keyframes((0.0, seconds), {"head": ((0.0, 0.0, 0.0),) * 2})
-    with pytest.raises(ValueError, match="at most 60 s"):
+    with pytest.raises(ValueError, match=r"at most 10 s|more than 0 s|key times"):
         Keyframes.cycle("head", "x", 10, seconds)
-    with pytest.raises(ValueError, match="at most 60 s"):
+    with pytest.raises(ValueError, match=r"at most 10 s|more than 0 s|key times"):
         Keyframes.cycle("head", "x", 10, 0.5, times=10**12)

@@ -3,12 +3,18 @@
 import importlib.metadata
 import sys
 import textwrap
+import types
 from dataclasses import replace
 
+import click
 import pytest
+from click.testing import CliRunner
 
-from humanclaw import Keyframes, Plugins, hookimpl, skill
+from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
+from humanclaw._recorder import skill_infos
+from humanclaw.cli import build
 from humanclaw.errors import PluginError
+from humanclaw.hookspecs import API_VERSION
 
 
 @skill()
@@ -41,7 +47,7 @@ def site(tmp_path, monkeypatch):
 
 def test_a_plugin_that_fails_to_import_is_named_and_disabled(site):
     write_distribution(site, "humanclaw-broken", "hc_broken_import", "import a_module_that_nobody_has")
-    info = next(info for info in Plugins.discover().infos if info.name == "hc_broken_import")
+    info = next(info for info in Plugins.discover().infos if info.name == "humanclaw-broken")
     assert "No module named 'a_module_that_nobody_has'" in info.error
     assert (info.origin, info.version) == ("humanclaw-broken", "1.0")
 
@@ -138,7 +144,7 @@ def test_a_run_that_needs_a_broken_plugin_is_told_why(site):
 
 def test_a_plugin_made_for_another_version_is_disabled(site):
     write_distribution(site, "humanclaw-old", "hc_old", "", requires="humanclaw<0.0.5")
-    info = next(info for info in Plugins.discover().infos if info.name == "hc_old")
+    info = next(info for info in Plugins.discover().infos if info.name == "humanclaw-old")
     assert "needs humanclaw<0.0.5" in info.error
 
 
@@ -184,9 +190,13 @@ def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
     plugins.add(Rival(), "second")
     assert {name: plugins.owner(name) for name in plugins.skills} == {"wave": "first", "shrug": "second"}
     assert plugins.skill("wave") is wave
-    reason = plugins.infos[-1].disabled["wave"]
-    assert "skill 'wave' of plugin 'second' is already registered by 'first'. Uninstall one of the two" in reason
-    assert plugins.disabled == {}
+    reason = plugins.infos[-1].duplicates[0]
+    assert (
+        "skill 'wave' of plugin 'second' is already registered by 'first'. Choose it with --prefer second:wave"
+        in reason
+    )
+    assert (plugins.disabled, plugins.overridden("wave")) == ({}, ("second",))
+    assert plugins.skill("second:wave") is not None
 
 
 def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
@@ -195,8 +205,11 @@ def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
     plugins.add(other, "second")
     assert plugins.make("agents", "quiet", {}) is one
     assert plugins.make("agents", f"quiet {id(other)}", {}) is other
-    (told,) = plugins.infos[-1].duplicates
-    assert "agent 'quiet' of plugin 'second' is already registered by 'first'" in told
+    assert plugins.make("agents", "second:quiet", {}) is other
+    assert any(
+        "agent 'quiet' of plugin 'second' is already registered by 'first'" in told
+        for told in plugins.infos[-1].duplicates
+    )
 
 
 def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
@@ -222,6 +235,182 @@ def test_an_observer_of_a_plugin_that_fails_hears_nothing():
         plugins.add(fails, "fails")
     plugins.tell("humanclaw_step", episode=None, step=7)
     assert (fails.heard, plugins.skills, plugins.infos) == ([], {}, ())
+
+
+def test_the_hooks_that_a_plugin_specifies_go_with_it_if_it_fails():
+    specs = types.ModuleType("specs")
+    exec("from humanclaw.hookspecs import hookspec\n@hookspec\ndef humanclaw_hats(register): ...", vars(specs))
+
+    class Fails:
+        @hookimpl
+        def humanclaw_hookspecs(self, register):
+            register(specs)
+            raise TypeError("no hats")
+
+    class Hatter:
+        @hookimpl
+        def humanclaw_hats(self, register):
+            register("top", 1)
+
+    plugins = Plugins()
+    with pytest.raises(PluginError, match="no hats"):
+        plugins.add(Fails(), "fails")
+    with pytest.raises(PluginError, match="unknown hook 'humanclaw_hats'"):
+        plugins.add(Hatter(), "hatter")
+    assert plugins.registered("hats") == ()
+
+
+# -- naming and choice -------------------------------------------------------------------------------------------------
+BOW = """
+from humanclaw import Keyframes, hookimpl, skill
+
+
+@skill()
+def bow() -> Keyframes:
+    "{says}"
+    return Keyframes.cycle("spine1", axis="x", degrees=30, seconds=1)
+
+
+@hookimpl
+def humanclaw_skills(register):
+    register(bow)
+"""
+
+
+def test_a_package_that_calls_its_entry_point_humanclaw_leaves_the_command_line_alone(site):
+    write_distribution(site, "zz-bow", "zz_bow", BOW.format(says="Bow."))
+    (site / "zz_bow-1.0.dist-info" / "entry_points.txt").write_text("[humanclaw]\nhumanclaw = zz_bow\n")
+    plugins = Plugins.discover()
+    assert (plugins.owner("bow"), plugins.owner("walk")) == ("zz-bow", "humanclaw-skill-walk")
+    assert [info.name for info in plugins.infos if info.error] == []
+    done = CliRunner().invoke(build(lambda: plugins), ["skills", "--help"])
+    assert done.exit_code == 0, done.output
+
+
+def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
+    class Runs:
+        @hookimpl
+        def humanclaw_commands(self, cli):
+            cli.add_command(click.Command("skills", callback=lambda: click.echo("mine")))
+            cli.add_command(click.Command("hats", callback=lambda: click.echo("hats")))
+
+    plugins = Plugins.discover()
+    plugins.add(Runs(), "runs")
+    command = build(lambda: plugins)
+    assert CliRunner().invoke(command, ["skills"]).output != "mine\n"
+    assert CliRunner().invoke(command, ["hats"]).output == "hats\n"
+    assert "command 'skills'" in caplog.text
+
+
+@pytest.fixture
+def bows(site):
+    """Two distributions with a skill of one name, and a file with a third."""
+    for name in ("aa", "bb"):
+        write_distribution(site, f"{name}-bow", f"{name}_bow", BOW.format(says=f"Bow as {name}."))
+    (site / "mine.py").write_text(BOW.format(says="Bow as I do."))
+    return site / "mine.py"
+
+
+def said(plugins, name="bow"):
+    return plugins.skill(name).description
+
+
+def test_of_equal_names_the_first_is_meant_and_its_owner_names_either(bows):
+    plugins = Plugins.discover()
+    assert [said(plugins, name) for name in ("bow", "aa-bow:bow", "bb-bow:bow")] == [
+        "Bow as aa.", "Bow as aa.", "Bow as bb.",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("wanted", ["bb-bow", "BB_Bow", "bb-bow:bow"])
+def test_what_is_preferred_goes_first(bows, wanted):
+    plugins = Plugins.discover(choice=Choice(prefer=(wanted,)))
+    assert (said(plugins), plugins.overridden("bow")) == ("Bow as bb.", ("aa-bow",))
+
+
+@pytest.mark.parametrize("left", ["aa-bow", "aa-bow:bow"])
+def test_what_is_left_out_gives_way(bows, left):
+    assert said(Plugins.discover(choice=Choice(without=(left,)))) == "Bow as bb."
+
+
+def test_a_skill_left_out_by_name_is_nobodys(bows):
+    assert "bow" not in Plugins.discover(choice=Choice(without=("bow",))).skills
+
+
+def test_only_the_skills_that_are_named_can_be_called_in_their_order(bows):
+    plugins = Plugins.discover(choice=Choice(skills=("walk", "bb-bow:bow")))
+    assert list(plugins.skills) == ["walk", "bow"]
+    assert said(plugins) == "Bow as bb."
+
+
+def test_a_file_with_a_name_that_is_taken_asks_which_one_is_meant(bows):
+    with pytest.raises(PluginError, match="--prefer mine:bow or --prefer aa-bow:bow"):
+        Plugins.discover([bows])
+    assert said(Plugins.discover([bows], Choice(prefer=("mine",)))) == "Bow as I do."
+    assert said(Plugins.discover([bows], Choice(prefer=("aa-bow",)))) == "Bow as aa."
+
+
+@pytest.mark.parametrize("choice", [Choice(prefer=("aa-bwo",)), Choice(without=("nobody",)), Choice(skills=("wlak",))])
+def test_a_misspelt_choice_is_not_passed_over(choice):
+    with pytest.raises(PluginError, match=r"names nothing|Did you mean walk"):
+        Plugins.discover(choice=choice)
+
+
+def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
+    plugins = Plugins.discover([bows], Choice(prefer=("mine",)))
+    info = skill_infos(plugins)["bow"]
+    assert (info.owner, info.origin, info.overrides) == ("mine", str(bows), ("aa-bow", "bb-bow"))
+    walk = skill_infos(plugins)["walk"]
+    assert (walk.origin, walk.version) == ("humanclaw-skill-walk", importlib.metadata.version("humanclaw"))
+    before = info.digest
+    bows.write_text(bows.read_text().replace("degrees=30", "degrees=31"))
+    again = skill_infos(Plugins.discover([bows], Choice(prefer=("mine",))))["bow"]
+    assert again.digest != before
+
+
+# -- the plugin API ----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("made_for", "said"),
+    [("2.0", "Run `pip install --upgrade humanclaw`"), ("1.9", "upgrade humanclaw"), ("0.9", "upgrade old"),
+     ("soon", "which is no version")],
+)  # fmt: skip
+def test_a_plugin_made_for_another_api_is_refused_with_what_to_upgrade(made_for, said):
+    plugin = Waving()
+    plugin.HUMANCLAW_API = made_for
+    with pytest.raises(PluginError, match=said):
+        Plugins().add(plugin, "old")
+
+
+def test_a_plugin_made_for_this_api_is_used():
+    plugins, plugin = Plugins(), Waving()
+    plugin.HUMANCLAW_API = API_VERSION
+    plugins.add(plugin, "waving")
+    assert set(plugins.skills) == {"wave"}
+
+
+def test_a_hook_on_its_way_out_is_told_of_and_still_works():
+    specs = types.ModuleType("specs")
+    code = (
+        "import pluggy\n@pluggy.HookspecMarker('humanclaw')(warn_on_impl=DeprecationWarning('use humanclaw_caps'))\n"
+        "def humanclaw_hats(register): ..."
+    )
+    exec(code, vars(specs))
+
+    class Hatter:
+        @hookimpl
+        def humanclaw_hats(self, register):
+            register("top", 1)
+
+    class Hats:
+        @hookimpl
+        def humanclaw_hookspecs(self, register):
+            register(specs)
+
+    plugins = Plugins()
+    plugins.add(Hats(), "hats")
+    plugins.add(Hatter(), "hatter")
+    assert plugins.infos[-1].notes == ("use humanclaw_caps",)
+    assert [one.name for one in plugins.registered("hats")] == ["top"]
 
 
 def test_a_second_plugin_of_one_name_is_refused_and_the_first_still_hears():

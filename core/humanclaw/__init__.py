@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from humanclaw.limits import Meter
     from humanclaw.loop import run_episode
-    from humanclaw.plugins import Plugins
+    from humanclaw.plugins import Choice, Plugins
     from humanclaw.pose import Motion
     from humanclaw.records import (
         Attempt,
@@ -68,6 +68,7 @@ _HOMES = {
     "CallError": "errors",
     "Check": "contract",
     "CheckpointError": "errors",
+    "Choice": "plugins",
     "Chunk": "embodiment",
     "Control": "contract",
     "Decision": "records",
@@ -115,6 +116,7 @@ __all__ = [
     "CallError",
     "Check",
     "CheckpointError",
+    "Choice",
     "Chunk",
     "Control",
     "Decision",

@@ -99,6 +99,8 @@ class Feedback:
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """None without the sense; empty if nothing was touched."""
+    cancelled: bool = False
+    """Whether the call was broken off."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -115,7 +117,7 @@ class Feedback:
 
     def _action(self) -> str:
         if self.replaced is None:
-            return f"Executed {self.executed}."
+            return f"Executed {self.executed}{', and broke it off' if self.cancelled else ''}."
         why = "; ".join(answer.note or answer.check for answer in self.failed)
         return (
             f"{self.replaced} was not executed: the check before execution failed ({why}). "

@@ -18,7 +18,7 @@ from humanclaw import _pictures as pictures
 from humanclaw.contract import Skill
 from humanclaw.embodiment import Body, Chunk
 from humanclaw.interfaces import DistanceFn, Execution, View, WorldState
-from humanclaw.plugins import Plugins
+from humanclaw.plugins import PluginInfo, Plugins
 from humanclaw.pose import HISTORY, Array, Motion
 from humanclaw.records import Contact, EpisodeRecord, EpisodeSpec, SkillInfo, Vec3
 from humanclaw.scene import GROUND, Scene, distance_to_nearest
@@ -75,7 +75,8 @@ def begin_record(
         options: of the run, as they were given.
         settings: what is in force of agent, verifier and limits; empty ones are left out.
     """
-    in_force = {**settings, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
+    chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
+    in_force = {**settings, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
@@ -98,13 +99,17 @@ def begin_record(
 
 def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
     """Describe every skill that can be called, by name."""
-    versions = {info.name: info.version for info in plugins.infos}
-    return {name: _info(skill, plugins.owner(name), versions) for name, skill in sorted(plugins.skills.items())}
+    infos = {info.name: info for info in plugins.infos}
+    return {name: _info(skill, plugins, infos) for name, skill in sorted(plugins.skills.items())}
 
 
-def _info(skill: Skill, owner: str, versions: Mapping[str, str]) -> SkillInfo:
+def _info(skill: Skill, plugins: Plugins, infos: Mapping[str, PluginInfo]) -> SkillInfo:
     commands = {one.key: one.measure for one in skill.parameters if one.measure}
-    return SkillInfo(skill.role, owner, versions.get(owner, ""), _digest(skill), commands)
+    owner = plugins.owner(skill.name)
+    found = infos[owner]
+    return SkillInfo(
+        skill.role, owner, found.version, _digest(skill), found.origin, plugins.overridden(skill.name), commands
+    )
 
 
 def _digest(skill: Skill) -> str:
@@ -113,6 +118,8 @@ def _digest(skill: Skill) -> str:
     if skill.adapter and skill.trained:
         found = skill.adapter.stat()
         state.update(_file_digest(skill.adapter, found.st_mtime_ns, found.st_size))
+    if skill.source and skill.source.is_file():
+        state.update(skill.source.read_bytes())
     return state.hexdigest()
 
 

@@ -1,24 +1,105 @@
-"""The contract of a skill, checked: by the plugin host where a skill is registered, and by
-humanclaw.testing.check_skill.
+"""The contract of a skill, as named checks of what it says of itself: by the plugin host where a skill is registered,
+and by humanclaw.testing.check_skill, which plays it too.
 
-One check for both, the adapter's weights included: a skill that is listed as ready can run.
+One table for both, the adapter's weights included: a skill that is listed as ready can run.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from math import inf, isfinite
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
 from typing import Any, Final, get_args
 
 import jsonschema
 
-from humanclaw.contract import OFFLINE, Skill
-from humanclaw.errors import CheckpointError, PluginError
-from humanclaw.measures import MEASURES, Measure, Parameter, from_si, si_unit
-from humanclaw.motion.checkpoint import check_checkpoint
-from humanclaw.tools import Format, parameter_schema, publish
+from humanclaw.contract import OFFLINE, Skill, read_checks, refusals
+from humanclaw.errors import CheckpointError, ContractError, PluginError
+from humanclaw.measures import MEASURES, Measure, Parameter, from_si, read_schema, si_unit
+from humanclaw.motion.checkpoint import check_adapter, check_checkpoint
+from humanclaw.tools import REASONING_FIELDS, Format, parameter_schema, unpublishable
 
+CHECKS: Final[Mapping[str, str]] = {
+    # What a skill is called, and its schema.
+    "loads": "its file or folder can be read, and raises nothing",
+    "name": "its name has letters, digits, _ and - alone, 64 at most",
+    "name-reserved": "its name is no tool that a harness has: look, reset, verdict",
+    "schema-file": "schema.json is there and holds a JSON object",
+    "schema-object": "its schema is of type object",
+    "schema-valid": "its schema is JSON Schema 2020-12",
+    "references": "its schema refers to its own $defs alone",
+    "role": "its role is one of those that the benchmark knows",
+    "properties": "each parameter has a schema of its own",
+    "types": "each parameter has one flat type, which every provider keeps",
+    "reasoning-names": "no parameter has the name of a reasoning field",
+    "closed": "calls with parameters that it does not declare are refused",
+    "told": "nothing holds for its calls that no model is told",
+    "described": "it says in words what it does",
+    "parameters-described": "its parameters say in words what they are",
+    "bounds-order": "no minimum is above its maximum",
+    "bounds-finite": "bounds are finite numbers, those of integers whole",
+    "choices": "each enum offers something, each choice of the parameter's type",
+    "required-declared": "what it requires it declares",
+    "defaults-given": "what may be left out has a default",
+    "defaults-legal": "defaults are values that the schema takes",
+    "publish-openai": "it can be a tool of OpenAI's interface",
+    "publish-anthropic": "it can be a tool of Anthropic's interface",
+    "publish-gemini": "it can be a tool of Gemini's interface",
+    "publish-mcp": "it can be a tool of an MCP server",
+    # What it asks before execution.
+    "checklist-file": "checklist.toml is TOML",
+    "checklist-words": "checklist.toml holds [[check]] tables alone",
+    "checklist-tables": "each check is a table of the texts id and question",
+    "checks-unique": "no two checks have one id",
+    "checks-named": "each check has an id",
+    "checks-questions": "each check is a question, or a sentence to agree with",
+    # What its parameters command.
+    "units": "parameters of a trained skill name their unit, _cm or _deg",
+    "integers": "parameters of a trained skill are integers",
+    "bounded": "parameters of a trained skill have both bounds",
+    "names-unique": "no two parameters differ in their unit alone",
+    "measures-known": "each parameter of a trained skill commands a measure",
+    "measures-units": "a parameter and its measure are in one unit",
+    # Its adapter.
+    "adapter-there": "its adapter is there",
+    "adapter-readable": "its adapter is a checkpoint of this format",
+    "adapter-finite": "no weight is NaN or infinite",
+    "adapter-width": "every weight has the shape that the prior needs",
+    "adapter-header": "the header names the range of each parameter in finite numbers",
+    "adapter-skill": "its adapter was trained for it, or for the skill that x-adapter names",
+    "adapter-base": "its adapter was trained on this prior",
+    "adapter-parameters": "the schema declares what the adapter was trained on",
+    "adapter-measures": "the schema commands the measures that the adapter was trained on",
+    "adapter-bounds": "bounds lie in the range that the adapter was trained on",
+    # Its calls and its motion, by playing it.
+    "accepts-bounds": "its schema takes the minima and the maxima of its parameters",
+    "refuses-unknown": "a parameter that it does not declare is refused",
+    "refuses-types": "a value of another type is refused",
+    "refuses-nan": "NaN and infinity are refused",
+    "refuses-beyond": "a value beyond a bound is refused",
+    "plan-runs": "it plans every legal call and raises nothing",
+    "plan-kind": "it returns a Control, Keyframes or a sequence of them",
+    "plan-repeats": "one call has one plan",
+    "duration": "a call lasts 10 s at most, whatever its numbers",
+    "control-adapter": "adapters that it names are there and fit the prior",
+    "control-values": "a Control has a value for each parameter of its adapter",
+    "control-finite": "values of a Control are finite numbers",
+    "control-range": "values of a Control lie in the range that its adapter was trained on",
+    "keyframes-joints": "keyframes name joints of the body",
+    "keyframes-times": "key times begin at 0 and increase, a key for each",
+    "keyframes-finite": "keys are three finite numbers each",
+    "joint-limits": "no joint turns further than a body's",
+    "joint-speed": "no joint turns faster than a body's",
+    "body-plays": "a body without dynamics plays it",
+    "body-repeats": "the same call at the same moment is the same motion",
+    "engine-plays": "every installed engine plays it",
+    "engine-finite": "where the body ends on an engine is a place",
+}
+"""Name of each check to what holds for a skill that passes it."""
+_FORMATS: Final = frozenset(f"publish-{form}" for form in get_args(Format))
 _SLACK: Final = 0.05
 """Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the
 data."""
@@ -27,9 +108,42 @@ _TOP_LEVEL: Final = frozenset(
 )
 """Words of a schema that reach every provider, or that need not: any other would be held against a model that is not
 told it."""
+Faults = Iterator[ContractError]
 
 
-def skill_faults(skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "") -> tuple[PluginError, ...]:
+class Draft(Skill):
+    """What says that it is a skill and may be none: everything that is wrong with it is told at once."""
+
+    def __post_init__(self) -> None:
+        """Refuse nothing."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A skill with what it is held to. base: digest of the prior that its adapter has to fit; empty to leave that
+    open."""
+
+    skill: Skill
+    measures: Mapping[str, Measure]
+    base: str = ""
+
+    @cached_property
+    def properties(self) -> Mapping[str, Any]:
+        return self.skill.schema.get("properties", {})  # type: ignore[no-any-return]
+
+    @property
+    def owner(self) -> str:
+        """The skill that its adapter was trained for."""
+        return str(self.skill.schema.get("x-adapter", self.skill.name))
+
+    @property
+    def train(self) -> str:
+        return f"Train it again with `humanclaw train adapter {self.skill.name}`."
+
+
+def skill_faults(
+    skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "", formats: bool = False
+) -> tuple[ContractError, ...]:
     """Everything in which a skill breaks the contract, each with what mends it; nothing for a skill that keeps it.
 
     Whatever a skill's schema or adapter holds, this raises nothing: what cannot be checked is a fault.
@@ -38,200 +152,278 @@ def skill_faults(skill: Skill, measures: Mapping[str, Measure] = MEASURES, base:
         skill: one without an adapter's file is held to its schema and checklist alone.
         measures: what parameters may command.
         base: digest of the prior that its adapter has to fit; empty to leave that open.
+        formats: also tell of tool formats in which it cannot be published; elsewhere it can be used.
     """
+    found, broken = [], []
+    for find in _FINDERS:
+        try:
+            found += find(Subject(skill, measures, base))
+        except Exception as error:
+            broken.append(error)
+    if broken and not found:  # Else what was found is the reason.
+        reason = f"skill {skill.name!r} cannot be checked: {type(broken[0]).__name__}: {broken[0]}."
+        found.append(ContractError("loads", reason, "Mend its schema.json."))
+    return tuple(fault for fault in found if formats or fault.check not in _FORMATS)
+
+
+def read_draft(folder: Path) -> tuple[Draft | None, tuple[ContractError, ...]]:
+    """Return a skill's folder as it stands, and what in it cannot be read; None without a schema."""
+    checks, faults = read_checks(folder / "checklist.toml")
     try:
-        odd = (*_odd_properties(skill), *_unpublishable(skill))
-        return odd or tuple(_faults(skill, measures, base))
-    except Exception as error:
-        reason = f"skill {skill.name!r} cannot be checked: {type(error).__name__}: {error}."
-        return (PluginError(reason, "Mend its schema.json."),)
-
-
-def _faults(skill: Skill, measures: Mapping[str, Measure], base: str) -> Iterator[PluginError]:
-    yield from _bad_texts(skill)
-    yield from _bad_checks(skill)
-    yield from _open_ended(skill)
-    yield from _bad_bounds(skill)
-    yield from _bad_defaults(skill)
-    yield from _undefined(skill)
-    if skill.adapter is None:
-        return
-    yield from _bad_conditions(skill, measures)
-    if skill.adapter.is_file():
-        yield from _misfits(skill, base)
-
-
-def _properties(skill: Skill) -> Mapping[str, Any]:
-    return skill.schema.get("properties", {})  # type: ignore[no-any-return]
-
-
-def _train(skill: Skill) -> str:
-    return f"Train it again with `humanclaw train adapter {skill.name}`."
+        schema = read_schema(folder)
+    except PluginError as error:
+        return None, (ContractError("schema-file", error.message, error.remedy or "Write a JSON schema."), *faults)
+    return Draft.of_schema(folder.name, schema, checks, folder / "adapter.safetensors"), faults
 
 
 # -- the schema --------------------------------------------------------------------------------------------------------
-def _odd_properties(skill: Skill) -> Iterator[PluginError]:
+def _refused(subject: Subject) -> Faults:
+    yield from refusals(subject.skill)
+
+
+def _odd_properties(subject: Subject) -> Faults:
     """JSON Schema allows true and false for a schema; nobody could call such a parameter."""
-    for key, part in _properties(skill).items():
+    for key, part in subject.properties.items():
         if not isinstance(part, Mapping):
-            yield PluginError(f"parameter {key!r} of skill {skill.name!r} is {part!r}.", "Give it a type.")
+            odd = f"parameter {key!r} of skill {subject.skill.name!r} is {part!r}."
+            yield ContractError("properties", odd, "Give it a type.")
 
 
-def _unpublishable(skill: Skill) -> Iterator[PluginError]:
+def _unpublishable(subject: Subject) -> Faults:
     try:
-        for form in get_args(Format):
-            publish([skill], form)
+        clash = sorted(set(parameter_schema(subject.skill)) & set(REASONING_FIELDS))
     except PluginError as error:
-        yield error
+        yield ContractError("types", error.message, error.remedy)
+        return
+    for key in clash:
+        told = f"skill {subject.skill.name!r} has a parameter {key!r}, the name of a reasoning field."
+        yield ContractError("reasoning-names", told, "Rename it.")
+    if not clash:
+        for form in get_args(Format):
+            if why := unpublishable(subject.skill, form):
+                yield ContractError(f"publish-{form}", why.message, why.remedy)
 
 
 def _is_told(text: object) -> bool:
     return isinstance(text, str) and bool(text.strip())
 
 
-def _bad_texts(skill: Skill) -> Iterator[PluginError]:
+def _bad_texts(subject: Subject) -> Faults:
+    skill = subject.skill
     if not _is_told(skill.description):
         message = f"skill {skill.name!r} has the description {skill.description!r}."
-        yield PluginError(message, "Describe it for a model, in a sentence or more.")
-    for key, part in _properties(skill).items():
+        yield ContractError("described", message, "Describe it for a model, in a sentence or more.")
+    for key, part in subject.properties.items():
         # The arguments of a function may speak for themselves; centimetres along which axis, they do not.
         if "description" in part or skill.adapter is not None:
             text = part.get("description", "")
             if not _is_told(text):
                 message = f"parameter {key!r} of skill {skill.name!r} has the description {text!r}."
-                yield PluginError(message, "Describe it for a model.")
+                yield ContractError("parameters-described", message, "Describe it for a model.")
 
 
-def _bad_checks(skill: Skill) -> Iterator[PluginError]:
+def _bad_checks(subject: Subject) -> Faults:
+    skill = subject.skill
     for name, count in Counter(check.id for check in skill.checks).items():
         if count > 1:
-            yield PluginError(f"skill {skill.name!r} has {count} checks with the id {name!r}.", "Rename them.")
+            message = f"skill {skill.name!r} has {count} checks with the id {name!r}."
+            yield ContractError("checks-unique", message, "Rename them.")
     for check in skill.checks:
-        if not check.question.rstrip().endswith(("?", ".")):
+        if not _is_told(check.id):
+            message = f"skill {skill.name!r} has a check with the id {check.id!r}."
+            yield ContractError("checks-named", message, "Name it in a word.")
+        if not str(check.question).rstrip().endswith(("?", ".")):
             message = f"check {check.id!r} of skill {skill.name!r} asks {check.question!r}."
-            yield PluginError(message, "Write a question, or a sentence to agree with.")
+            yield ContractError("checks-questions", message, "Write a question, or a sentence to agree with.")
 
 
-def _open_ended(skill: Skill) -> Iterator[PluginError]:
-    """Yield what the schema says of calls beside its properties, and providers are not told."""
+def _open_ended(subject: Subject) -> Faults:
+    """Return what the schema says of calls beside its properties, and providers are not told."""
+    skill = subject.skill
     for word in skill.schema:
         if word not in _TOP_LEVEL and not word.startswith("x-"):
             message = f"the schema of skill {skill.name!r} has {word!r} beside its properties, which no model is told."
-            yield PluginError(message, "Say it with type, bounds, required and default of each property.")
+            yield ContractError("told", message, "Say it with type, bounds, required and default of each property.")
     if skill.schema.get("additionalProperties") is not False:
         message = f"the schema of skill {skill.name!r} lets calls have parameters that it does not declare."
-        yield PluginError(message, "Set additionalProperties to false.")
+        yield ContractError("closed", message, "Set additionalProperties to false.")
 
 
-def _bad_bounds(skill: Skill) -> Iterator[PluginError]:
-    for key, part in parameter_schema(skill).items():
+def _bad_bounds(subject: Subject) -> Faults:
+    for key, part in parameter_schema(subject.skill).items():
+        where = f"parameter {key!r} of skill {subject.skill.name!r}"
         low, high = part.get("minimum"), part.get("maximum")
+        for bound in (low, high):
+            if bound is not None and (not isfinite(bound) or (part.get("type") == "integer" and bound != int(bound))):
+                message = f"{where} has the bound {bound}."
+                yield ContractError("bounds-finite", message, "Give it a finite bound, a whole one to an integer.")
         if low is not None and high is not None and low > high:
-            message = f"parameter {key!r} of skill {skill.name!r} may be {low} to {high}, which no number is."
-            yield PluginError(message, "Swap minimum and maximum.")
+            message = f"{where} may be {low} to {high}, which no number is."
+            yield ContractError("bounds-order", message, "Swap minimum and maximum.")
+        yield from _bad_choices(part, where)
 
 
-def _bad_defaults(skill: Skill) -> Iterator[PluginError]:
-    for key, part in _properties(skill).items():
+def _bad_choices(part: Mapping[str, Any], where: str) -> Faults:
+    if "enum" not in part:
+        return
+    plain = {word: value for word, value in part.items() if word in ("type", "minimum", "maximum")}
+    validator = jsonschema.Draft202012Validator(plain)
+    odd = [choice for choice in part["enum"] if not validator.is_valid(choice)]
+    if odd or not part["enum"]:
+        message = f"{where} offers {odd[0]!r}, which its type refuses." if odd else f"{where} offers no choice."
+        yield ContractError("choices", message, "Mend its enum.")
+
+
+def _bad_defaults(subject: Subject) -> Faults:
+    defs = {"$defs": subject.skill.schema.get("$defs", {})}
+    for key, part in subject.properties.items():
         if "default" not in part:
             continue
-        validator = jsonschema.Draft202012Validator({"$defs": skill.schema.get("$defs", {}), **part}, registry=OFFLINE)
+        validator = jsonschema.Draft202012Validator({**defs, **part}, registry=OFFLINE)
         for fault in validator.iter_errors(part["default"]):
-            message = f"the default of {key!r} of skill {skill.name!r} is refused by its own schema: {fault.message}."
-            yield PluginError(message, "Mend the default or the bounds.")
+            where = f"the default of {key!r} of skill {subject.skill.name!r}"
+            message = f"{where} is refused by its own schema: {fault.message}."
+            yield ContractError("defaults-legal", message, "Mend the default or the bounds.")
 
 
-def _undefined(skill: Skill) -> Iterator[PluginError]:
-    required, known = set(skill.schema.get("required", ())), _properties(skill)
+def _undefined(subject: Subject) -> Faults:
+    required, known = set(subject.skill.schema.get("required", ())), subject.properties
     for key in sorted(required - set(known)):
-        yield PluginError(f"skill {skill.name!r} requires {key!r}, which its properties do not declare.", "Declare it.")
+        message = f"skill {subject.skill.name!r} requires {key!r}, which its properties do not declare."
+        yield ContractError("required-declared", message, "Declare it.")
     for key, part in known.items():
         if key not in required and "default" not in part:
-            message = f"parameter {key!r} of skill {skill.name!r} may be left out and has no default."
-            yield PluginError(message, "Give it a default, or list it under required.")
+            message = f"parameter {key!r} of skill {subject.skill.name!r} may be left out and has no default."
+            yield ContractError("defaults-given", message, "Give it a default, or list it under required.")
 
 
 # -- a trained skill ---------------------------------------------------------------------------------------------------
-def _bad_conditions(skill: Skill, measures: Mapping[str, Measure]) -> Iterator[PluginError]:
+def _bad_conditions(subject: Subject) -> Faults:
+    skill = subject.skill
+    if skill.adapter is None:
+        return
     for one in skill.parameters:
-        where, part = f"parameter {one.key!r} of skill {skill.name!r}", _properties(skill)[one.key]
+        where, part = f"parameter {one.key!r} of skill {skill.name!r}", subject.properties[one.key]
         if one.name == one.key:
-            yield PluginError(f"{where} does not name its unit.", "End its name in _cm or _deg.")
+            yield ContractError("units", f"{where} does not name its unit.", "End its name in _cm or _deg.")
         if part.get("type") != "integer":
-            yield PluginError(
-                f"{where} is no integer; decoders do not keep the bounds of floats.", "Make it an integer."
-            )
+            message = f"{where} is no integer; decoders do not keep the bounds of floats."
+            yield ContractError("integers", message, "Make it an integer.")
         if not {"minimum", "maximum"} <= set(part):
-            yield PluginError(f"{where} has no bounds.", "Give it a minimum and a maximum.")
-        yield from _bad_measure(one, where, measures)
+            yield ContractError("bounded", f"{where} has no bounds.", "Give it a minimum and a maximum.")
+        yield from _bad_measure(one, where, subject.measures)
     for name, count in Counter(one.name for one in skill.parameters).items():
         if count > 1:
-            yield PluginError(f"skill {skill.name!r} has {count} parameters {name!r} but for the unit.", "Rename them.")
+            message = f"skill {skill.name!r} has {count} parameters {name!r} but for the unit."
+            yield ContractError("names-unique", message, "Rename them.")
 
 
-def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) -> Iterator[PluginError]:
+def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) -> Faults:
     if not isinstance(one.measure, str) or one.measure not in measures:
         message = f"{where} commands {one.measure or 'no measure'!r}."
-        yield PluginError(message, f"Set its x-measure to one of: {', '.join(measures)}.")
+        yield ContractError("measures-known", message, f"Set its x-measure to one of: {', '.join(measures)}.")
     elif (unit := si_unit(one.key)) and measures[one.measure].unit != unit:
         message = f"{where} is in {unit}, and {one.measure!r}, which it commands, is in {measures[one.measure].unit}."
-        yield PluginError(message, "Mend its x-measure, or end its name in _cm for metres and in _deg for radians.")
+        remedy = "Mend its x-measure, or end its name in _cm for metres and in _deg for radians."
+        yield ContractError("measures-units", message, remedy)
 
 
-def _misfits(skill: Skill, base: str) -> Iterator[PluginError]:
-    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
-    assert skill.adapter is not None
-    try:
-        header = check_checkpoint(skill.adapter, "adapter", _train(skill))
-        config = header["adapter"]
-        trained = {name: (centre, scale) for name, centre, scale in _columns(config)}
-        unusable = [name for name, (centre, scale) in trained.items() if not (isfinite(centre) and 0 < scale < inf)]
-    except CheckpointError as error:
-        yield PluginError(error.message, error.remedy)
+def _misfits(subject: Subject) -> Faults:
+    """Return what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no
+    numbers."""
+    skill = subject.skill
+    if skill.adapter is None or not skill.adapter.is_file():
         return
-    except (AttributeError, KeyError, TypeError, ValueError):
-        yield PluginError(f"{skill.adapter} is not the checkpoint of an adapter.", _train(skill))
+    header, faults = adapter_header(skill.adapter, subject.train, subject.base)
+    yield from faults
+    if not header:
         return
-    if unusable:
-        message = f"{skill.adapter} has no finite centre and positive scale of {', '.join(unusable)}."
-        yield PluginError(message, _train(skill))
-        return
-    if config.get("skill") != skill.name:
-        yield PluginError(
-            f"{skill.adapter} is the adapter of {config.get('skill')!r}, not of {skill.name!r}.", _train(skill)
-        )
-    if base and header.get("base") != base:
-        trained_on = f"the adapter of skill {skill.name!r} was trained against base {header.get('base')}"
-        yield PluginError(f"{trained_on}, and this base is {base}.", _train(skill))
+    config, trained = header["adapter"], ranges(header)
+    if config.get("skill") != subject.owner:
+        message = f"{skill.adapter} is the adapter of {config.get('skill')!r}, not of {subject.owner!r}."
+        remedy = f'{subject.train} Or say whose it is: "x-adapter": "{config.get("skill")}" in schema.json.'
+        yield ContractError("adapter-skill", message, remedy)
     if {one.name for one in skill.parameters} != set(trained):
-        yield _other_names(skill, trained)
+        yield _other_names(subject, trained)
         return
+    commanded = measures_in(header)
     for one in skill.parameters:
-        yield from _beyond(skill, one, *trained[one.name])
+        yield from _beyond(subject, one, *trained[one.name])
+        if commanded and commanded[one.name] != one.measure:
+            where = f"parameter {one.key!r} of skill {skill.name!r} commands {one.measure!r}"
+            message = f"{where}, and its adapter was trained on {commanded[one.name]!r}."
+            yield ContractError("adapter-measures", message, f"Mend its x-measure. {subject.train}")
 
 
-def _columns(config: Mapping[str, Any]) -> Iterator[tuple[str, float, float]]:
-    return zip(config["params"], config["centre"], config["scale"], strict=True)
+def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, Any], tuple[ContractError, ...]]:
+    """Return the header of an adapter, empty if there is nothing to read in it, and what is wrong with it and its
+    weights."""
+    try:
+        header = check_checkpoint(path, "adapter", remedy)
+        ranged = [name for name, edges in ranges(header).items() if not all(map(isfinite, edges)) or edges[1] <= 0]
+    except CheckpointError as error:
+        name = "adapter-finite" if "NaN" in error.message else "adapter-readable"
+        return {}, (ContractError(name, error.message, error.remedy),)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return {}, (ContractError("adapter-header", f"{path} is not the checkpoint of an adapter.", remedy),)
+    if ranged:
+        message = f"{path} has no finite centre and positive scale of {', '.join(ranged)}."
+        return {}, (ContractError("adapter-header", message, remedy),)
+    return header, tuple(_unfit(path, header, remedy, base))
 
 
-def _other_names(skill: Skill, trained: Mapping[str, Any]) -> PluginError:
-    declared = ", ".join(one.name for one in skill.parameters) or "none"
-    return PluginError(
-        f"the adapter of skill {skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, and its "
-        "schema.json "
-        f"declares {declared}.",
-        f"Mend schema.json (z_cm and z_deg are the adapter's z). {_train(skill)}",
+def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Faults:
+    """Return an adapter of another prior, or of another width."""
+    if not base:
+        return
+    if header.get("base") != base:
+        message = f"{path} was trained against base {header.get('base')}, and this base is {base}."
+        yield ContractError("adapter-base", message, remedy)
+    try:
+        check_adapter(path, remedy)
+    except CheckpointError as error:
+        yield ContractError("adapter-width", error.message, error.remedy)
+
+
+def ranges(header: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Centre and half-width of what each parameter of an adapter was trained on, SI."""
+    config = header["adapter"]
+    columns = zip(config["params"], config["centre"], config["scale"], strict=True)
+    return {name: (float(centre), float(scale)) for name, centre, scale in columns}
+
+
+def measures_in(header: Mapping[str, Any]) -> dict[str, str]:
+    """Return what each parameter of an adapter commands; empty for an adapter whose header does not say."""
+    config = header["adapter"]
+    told = config.get("measures") or ()
+    return dict(zip(config["params"], told, strict=False)) if len(told) == len(config["params"]) else {}
+
+
+def within(value: float, centre: float, scale: float) -> bool:
+    """Whether a value lies in what an adapter was trained on, give or take what percentiles leave out."""
+    return abs(value - centre) <= (1 + _SLACK) * scale
+
+
+def _other_names(subject: Subject, trained: Mapping[str, Any]) -> ContractError:
+    declared = ", ".join(one.name for one in subject.skill.parameters) or "none"
+    return ContractError(
+        "adapter-parameters",
+        f"the adapter of skill {subject.skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, "
+        f"and its schema.json declares {declared}.",
+        f"Mend schema.json (z_cm and z_deg are the adapter's z). {subject.train}",
     )
 
 
-def _beyond(skill: Skill, one: Parameter, centre: float, scale: float) -> Iterator[PluginError]:
-    slack = (1 + _SLACK) * scale
-    if one.low < centre - slack or one.high > centre + slack:
+def _beyond(subject: Subject, one: Parameter, centre: float, scale: float) -> Faults:
+    if not (within(one.low, centre, scale) and within(one.high, centre, scale)):
         least, most = (from_si(one.key, edge) for edge in (centre - scale, centre + scale))
         low, high = (from_si(one.key, edge) for edge in (one.low, one.high))
-        message = (
-            f"parameter {one.key!r} of skill {skill.name!r} may be {low:.0f} to {high:.0f}, and its adapter was "
-            "trained on "
-            f"{least:.0f} to {most:.0f}."
-        )
-        yield PluginError(message, f"Narrow the bounds in schema.json. {_train(skill)}")
+        asked = f"parameter {one.key!r} of skill {subject.skill.name!r} may be {low:.0f} to {high:.0f}"
+        message = f"{asked}, and its adapter was trained on {least:.0f} to {most:.0f}."
+        yield ContractError("adapter-bounds", message, f"Narrow the bounds in schema.json. {subject.train}")
+
+
+_FINDERS: Final[tuple[Callable[[Subject], Faults], ...]] = (
+    _refused, _odd_properties, _unpublishable, _bad_texts, _bad_checks, _open_ended, _bad_bounds, _bad_defaults,
+    _undefined, _bad_conditions, _misfits,
+)  # fmt: skip

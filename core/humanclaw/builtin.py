@@ -20,9 +20,18 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import new, physics, run, show
+    from humanclaw.cli import check, new, physics, run, show
 
-    commands = (run.run, show.skills, show.plugins_command, show.tools, physics.physics, physics.bench_world, new.new)
+    commands = (
+        run.run,
+        check.check,
+        show.skills,
+        show.plugins_command,
+        show.tools,
+        physics.physics,
+        physics.bench_world,
+        new.new,
+    )
     for command in commands:
         cli.add_command(command)
 

@@ -1,18 +1,19 @@
 """The skill contract: a name, a role, a JSON schema, a checklist, and a way from parameters to motion.
 
 A skill is atomic and body-local (paper, section 3.3). It never sees a scene. It turns its parameters into a Control,
-for the motion model with this skill's adapter, or into Keyframes, played as they are.
+for the motion model with an adapter, into Keyframes, played as they are, or into a sequence of both.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import jsonschema
 import numpy as np
@@ -20,8 +21,8 @@ from pydantic import TypeAdapter
 from referencing import Registry
 
 from humanclaw.body import JOINT_INDEX
-from humanclaw.errors import CallError, PluginError
-from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, role_of, si_name, to_si
+from humanclaw.errors import CallError, ContractError, PluginError
+from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, si_name, to_si
 from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
 NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
@@ -30,8 +31,8 @@ RESERVED: Final = frozenset({"look", "reset", "verdict"})
 OFFLINE: Final[Registry[Any]] = Registry()
 """For jsonschema, which would otherwise fetch what a $ref names."""
 _LONGEST_FAULT: Final = 300
-_LONGEST_PLAY: Final = 60.0
-"""Seconds of keyframes that one call may play."""
+LONGEST_CALL: Final = 10.0
+"""Seconds that one call may last: for as long nobody decides anew."""
 _LOCAL: Final = re.compile(r"#/\$defs/[\w.-]+")
 _NO_WORDS: Final = frozenset({"$id", "$anchor", "$dynamicRef", "$dynamicAnchor", "$recursiveRef"})
 
@@ -54,11 +55,19 @@ class Control:
     """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.measures.si_name)."""
 
 
+class MotionError(ValueError):
+    """Motion that cannot be played. check: the name of the check of skills that finds it."""
+
+    def __init__(self, check: str, message: str) -> None:
+        super().__init__(message)
+        self.check = check
+
+
 @dataclass(frozen=True)
 class Keyframes:
     """Rotations laid over the pose in which the body is, played without the motion model.
 
-    times: seconds, increasing from 0 to at most 60. rotations: joint name to one rotation vector (radians, joint frame)
+    times: seconds, increasing from 0 to at most 10. rotations: joint name to one rotation vector (radians, joint frame)
     a time.
     """
 
@@ -68,33 +77,39 @@ class Keyframes:
     def __post_init__(self) -> None:
         unknown = sorted(set(self.rotations) - set(JOINT_INDEX))
         if unknown:
-            raise ValueError(f"unknown joint {unknown[0]!r}; the joints are {', '.join(JOINT_INDEX)}")
+            known = ", ".join(JOINT_INDEX)
+            raise MotionError("keyframes-joints", f"unknown joint {unknown[0]!r}; the joints are {known}")
         if len(self.times) < 2 or self.times[0] != 0 or not all(np.diff(self.times) > 0):
-            raise ValueError(f"key times must start at 0 and increase; got {self.times[:9]}")
-        if not self.times[-1] <= _LONGEST_PLAY:  # Also NaN.
-            raise ValueError(f"keyframes last at most {_LONGEST_PLAY:g} s; got {self.times[-1]:g} s")
+            raise MotionError("keyframes-times", f"key times must start at 0 and increase; got {self.times[:9]}")
+        _check_duration(self.times[-1], "keyframes")
         for joint, keys in self.rotations.items():
             if len(keys) != len(self.times):
-                raise ValueError(f"{joint} has {len(keys)} keys for {len(self.times)} times")
-            if not np.isfinite(keys).all():
-                raise ValueError(f"{joint} has keys that are not finite")
+                raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
+            if np.shape(keys) != (len(keys), 3) or not np.isfinite(keys).all():
+                raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
 
     @classmethod
     def cycle(cls, joint: str, axis: str, degrees: float, seconds: float, times: int = 1) -> Keyframes:
         """Turn one joint about its own x, y or z axis and back again, `times` times, `seconds` each."""
         if axis not in ("x", "y", "z"):
             raise ValueError(f"axis must be x, y or z; got {axis!r}")
-        if not 0 < seconds * times <= _LONGEST_PLAY:
-            raise ValueError(f"keyframes last more than 0 s and at most {_LONGEST_PLAY:g} s; got {seconds * times:g} s")
+        if not seconds * times > 0:
+            raise MotionError("keyframes-times", f"keyframes last more than 0 s; got {seconds * times:g} s")
+        _check_duration(seconds * times, "keyframes")
         peak = tuple(np.radians(degrees) * (name == axis) for name in "xyz")
         rest = (0.0, 0.0, 0.0)
         marks = tuple(seconds / 2 * index for index in range(2 * times + 1))
         keys = tuple(peak if index % 2 else rest for index in range(2 * times + 1))
         return cls(marks, {joint: keys})
 
+    @property
+    def frames(self) -> int:
+        """As many as the keys last, rounded up to whole 15-frame chunks."""
+        return -(-int(np.ceil(self.times[-1] * FPS - 1e-9)) // FUTURE) * FUTURE
+
     def over(self, pose: Motion) -> Motion:
-        """Play on the last frame of a motion: as many frames as the keys last, rounded up to whole 15-frame chunks."""
-        frames = -(-int(np.ceil(self.times[-1] * FPS - 1e-9)) // FUTURE) * FUTURE
+        """Play on the last frame of a motion, a frame of `frames` each."""
+        frames = self.frames
         clock = np.minimum(np.arange(1, frames + 1) / FPS, self.times[-1])
         root = np.repeat(pose.root[-1:], frames, axis=0)
         rotations = np.repeat(pose.rotations[-1:], frames, axis=0)
@@ -114,7 +129,24 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
     return keys[index] * (1 - ease) + keys[index + 1] * ease
 
 
-Plan = Control | Keyframes
+Part = Control | Keyframes
+Plan = Part | Sequence[Part]
+"""What a call plays: one part, or a sequence of them, each begun where the one before it has left the body."""
+
+
+def parts(plan: Plan) -> tuple[Part, ...]:
+    """Return what a plan plays, in order. Raises MotionError if it is no plan, or lasts more than 10 s."""
+    found = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
+    if not found or not all(isinstance(part, Part) for part in found):
+        expected = "a skill returns a Control, Keyframes or a sequence of them"
+        raise MotionError("plan-kind", f"{expected}; got {str(plan)[:_LONGEST_FAULT]!r}")
+    _check_duration(sum(part.frames if isinstance(part, Keyframes) else FUTURE for part in found) / FPS, "a call")
+    return found
+
+
+def _check_duration(seconds: float, what: str) -> None:
+    if not seconds <= LONGEST_CALL:  # Also NaN.
+        raise MotionError("duration", f"{what} may last at most {LONGEST_CALL:g} s; got {seconds:g} s")
 
 
 @dataclass(frozen=True)
@@ -133,23 +165,12 @@ class Skill:
     role: Role = "gesture"
     """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
 
+    source: Path | None = field(default=None, compare=False)
+    """The folder or the Python file that it was read from."""
+
     def __post_init__(self) -> None:
-        if not NAME_PATTERN.fullmatch(self.name):
-            raise PluginError(f"skill name {self.name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
-        if self.name in RESERVED:
-            raise PluginError(
-                f"skill name {self.name!r} is taken: a harness has a tool of that name.", "Rename the skill."
-            )
-        if self.schema.get("type") != "object":
-            raise PluginError(f"the schema of skill {self.name!r} must have type 'object'.", "Mend its schema.json.")
-        if self.role not in ROLES:
-            raise PluginError(f"skill {self.name!r} has the role {self.role!r}.", f"Choose from: {', '.join(ROLES)}.")
-        try:
-            jsonschema.Draft202012Validator.check_schema(dict(self.schema))
-        except jsonschema.SchemaError as error:
-            raise PluginError(f"the schema of skill {self.name!r} is not valid: {error.message}.") from error
-        if foreign := next(_foreign(self.schema), ""):
-            raise PluginError(f"the schema of skill {self.name!r} has {foreign}.", "Refer to #/$defs/NAME alone.")
+        for fault in refusals(self):
+            raise fault
 
     @property
     def trained(self) -> bool:
@@ -178,6 +199,8 @@ class Skill:
         if faults:
             lines = "; ".join(_explain(fault) for fault in faults)
             raise CallError(f"{self.name} was not executed: {lines}. {self.usage()}")
+        if odd := [key for key, value in filled.items() if not _is_finite(value)]:
+            raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
         return {key: filled[key] for key in properties if key in filled}
 
     def usage(self) -> str:
@@ -189,35 +212,66 @@ class Skill:
         return f"Call {self.name} with {{{', '.join(parts)}}}."
 
     @classmethod
-    def from_folder(cls, folder: Path) -> Skill:
+    def from_folder(cls, folder: Path) -> Self:
         """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the
         skill."""
         schema = read_schema(folder)
-        role = role_of(folder.name, schema)
-        adapter, checks = folder / "adapter.safetensors", _load_checks(folder / "checklist.toml")
-        description = schema.pop("description", "")
-        schema.pop("x-role", None)
+        adapter, (checks, faults) = folder / "adapter.safetensors", read_checks(folder / "checklist.toml")
+        for fault in faults:
+            raise fault
+        return cls.of_schema(folder.name, schema, checks, adapter)
+
+    @classmethod
+    def of_schema(cls, name: str, schema: Mapping[str, Any], checks: tuple[Check, ...], adapter: Path) -> Self:
+        """Make a skill whose parameters are those of its adapter, as schema.json declares them."""
 
         def plan(params: Mapping[str, Any]) -> Control:
             return Control(adapter, {si_name(key): to_si(key, value) for key, value in params.items()})
 
-        return cls(folder.name, description, schema, plan, checks, adapter, role)
+        rest = {word: value for word, value in schema.items() if word not in ("description", "x-role")}
+        role = schema.get("x-role", "gesture")
+        return cls(name, schema.get("description", ""), rest, plan, checks, adapter, role, adapter.parent)
 
 
-def _load_checks(path: Path) -> tuple[Check, ...]:
-    """Read `[[check]]` tables of id and question. Raises PluginError for anything else, which would go unasked."""
+def refusals(skill: Skill) -> Iterator[ContractError]:
+    """Why something is no skill at all: nothing can be made of a name or a schema like that."""
+    name, schema = skill.name, skill.schema
+    if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+        yield ContractError("name", f"skill name {name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
+    if name in RESERVED:
+        taken = f"skill name {name!r} is taken: a harness has a tool of that name."
+        yield ContractError("name-reserved", taken, "Rename the skill.")
+    if schema.get("type") != "object":
+        wrong = f"the schema of skill {name!r} must have type 'object'."
+        yield ContractError("schema-object", wrong, "Mend its schema.json.")
+    if skill.role not in ROLES:
+        known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
+    try:
+        jsonschema.Draft202012Validator.check_schema(dict(schema))
+    except jsonschema.SchemaError as error:
+        invalid = f"the schema of skill {name!r} is not valid: {error.message}."
+        yield ContractError("schema-valid", invalid, "Mend its schema.json.")
+    for foreign in dict.fromkeys(_foreign(schema)):
+        leads = f"the schema of skill {name!r} has {foreign}."
+        yield ContractError("references", leads, "Refer to #/$defs/NAME alone.")
+
+
+def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:
+    """Read `[[check]]` tables of id and question, and tell of anything else, which would go unasked."""
     if not path.exists():
-        return ()
+        return (), ()
     try:
         content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        raise _bad_checklist(path, str(error)) from error
-    if unknown := sorted(set(content) - {"check"}):
-        raise _bad_checklist(path, f"it has {unknown[0]!r}")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return (), (_bad_checklist("checklist-file", path, str(error)),)
+    faults = [_bad_checklist("checklist-words", path, f"it has {word!r}") for word in sorted(set(content) - {"check"})]
     entries = content.get("check", [])
-    if not isinstance(entries, list) or not all(_is_check(entry) for entry in entries):
-        raise _bad_checklist(path, "a check is not a table of the texts id and question")
-    return tuple(Check(**entry) for entry in entries)
+    entries = entries if isinstance(entries, list) else [entries]
+    wrong = sum(not _is_check(entry) for entry in entries) or not isinstance(content.get("check", []), list)
+    if wrong:
+        faults.append(_bad_checklist("checklist-tables", path, "a check is not a table of the texts id and question"))
+    return tuple(Check(**entry) for entry in entries if _is_check(entry)), tuple(faults)
 
 
 def _is_check(entry: object) -> bool:
@@ -226,11 +280,20 @@ def _is_check(entry: object) -> bool:
     return all(isinstance(text, str) for text in entry.values())
 
 
-def _bad_checklist(path: Path, why: str) -> PluginError:
-    return PluginError(
+def _bad_checklist(check: str, path: Path, why: str) -> ContractError:
+    return ContractError(
+        check,
         f"skill folder {path.parent.name!r}: checklist.toml is not valid: {why}.",
         'Write one table a check: [[check]], id = "...", question = "...".',
     )
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether all numbers in a value are: JSON Schema holds NaN to no bound."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    return all(map(_is_finite, inner))
 
 
 def _foreign(schema: Any) -> Iterator[str]:
@@ -276,9 +339,8 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
             item if isinstance(item, Check) else Check(f"{title}_{number}", item)
             for number, item in enumerate(checks, start=1)
         )
-        return Skill(
-            title, inspect.getdoc(function) or "", schema, lambda params: function(**params), listed, None, role
-        )
+        told, source = inspect.getdoc(function) or "", Path(inspect.getfile(function))
+        return Skill(title, told, schema, lambda params: function(**params), listed, None, role, source)
 
     return wrap
 

@@ -8,15 +8,16 @@ observation = body.call("walk", z_cm=40)
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
 from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
-from humanclaw.contract import Control, Plan, Skill
+from humanclaw.contract import Control, Part, Skill, parts
 from humanclaw.errors import CheckpointError, blaming
 from humanclaw.interfaces import (
     Execution,
@@ -28,10 +29,11 @@ from humanclaw.interfaces import (
     WorldState,
     ego_camera,
 )
+from humanclaw.measures import Declaration
 from humanclaw.motion import Course
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
-from humanclaw.records import Call
+from humanclaw.records import Call, PlayedPart
 from humanclaw.scene import Scene
 from humanclaw.sensors import proprioception, tactile
 
@@ -44,6 +46,10 @@ class Chunk:
     execution: Execution
 
 
+Watcher = Callable[[Chunk], bool]
+"""Told of each chunk once it has been played; false leaves out the rest of the call."""
+
+
 @dataclass(frozen=True)
 class SkillExecution:
     """What one executed call did: at least one chunk, and the wall time of its parts in seconds."""
@@ -54,11 +60,15 @@ class SkillExecution:
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """What sensors other than vision tell of it; None for one that is off."""
+    parts: tuple[PlayedPart, ...] = ()
+    """What was played of a sequence, in order; empty for a call of one part."""
+    cancelled: bool = False
+    """Whether some of it was left out."""
 
     @property
     def feedback(self) -> Feedback:
         """What its agent is told."""
-        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile)
+        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
 
 
 class Body:
@@ -139,25 +149,37 @@ class Body:
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
 
-    def execute(self, call: Call) -> SkillExecution:
-        """Carry out a call that has been checked already."""
+    def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
+        """Carry out a call that has been checked already, chunk by chunk.
+
+        watch: told of each chunk, between which the body can be looked at; when it says false, the rest is left out.
+        """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
-            plan = skill.plan(call.params)
+            plan = parts(skill.plan(call.params))
         before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
-        moment = time.perf_counter()
-        for commanded in self._chunks(skill, plan):
+        played: list[int] = []
+        cancelled, moment = False, time.perf_counter()
+        for number, commanded, left in self._chunks(skill, plan):
             seconds["generate"] += time.perf_counter() - moment
             moment = time.perf_counter()
-            execution = self._simulator.execute(commanded)
-            self._state = self._simulator.state()
-            self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
-            chunks.append(Chunk(commanded, execution))
+            chunks.append(self._simulate(commanded))
+            played.append(number)
             seconds["simulate"] += time.perf_counter() - moment
+            if watch is not None and not watch(chunks[-1]) and left:
+                cancelled = True
+                break
             moment = time.perf_counter()
         self.step += 1
-        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks))
+        told = _played(plan, played) if len(plan) > 1 else ()
+        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
         return self.last
+
+    def _simulate(self, commanded: Motion) -> Chunk:
+        execution = self._simulator.execute(commanded)
+        self._state = self._simulator.state()
+        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
+        return Chunk(commanded, execution)
 
     def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
         told = [(chunk.commanded, chunk.execution) for chunk in chunks]
@@ -166,19 +188,42 @@ class Body:
             tactile([execution for _, execution in told]) if "touch" in self.sensors else None,
         )
 
-    def _chunks(self, skill: Skill, plan: Plan) -> Iterator[Motion]:
-        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended."""
-        if isinstance(plan, Control):
-            require_trained(skill)
-            values = self._course.steer(skill.declaration, plan.values)
-            motion = self._generator.generate(self._history, plan.adapter, values, (self.seed, self.step))
-            self._course = self._course.after(skill.declaration, plan.values, self._history, motion)
-            yield motion
+    def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
+        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended.
+
+        Yields the number of the part, the motion, and whether more follows.
+        """
+        index = 0
+        for number, part in enumerate(plan):
+            for commanded, left in self._pieces(skill, part, index):
+                yield number, commanded, left or number + 1 < len(plan)
+                index += 1
+
+    def _pieces(self, skill: Skill, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
+        """Yield the chunks of one part, the first of which is that of this index in the call."""
+        if isinstance(part, Control):
+            if part.adapter == skill.adapter:
+                require_trained(skill)
+            key = (self.seed, self.step, index)
+            yield self._generated(self._declared(skill, part.adapter), part, key), False
             return
-        motion = plan.over(self._history)
+        motion = part.over(self._history)
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
-            yield _moved(piece, _offset(self._history[-1:], piece))
+            yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
+
+    def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
+        """Generate the motion of a control, on the course of the calls before it."""
+        values = part.values if declared is None else self._course.steer(declared, part.values)
+        motion = self._generator.generate(self._history, part.adapter, values, key)
+        if declared is not None:
+            self._course = self._course.after(declared, part.values, self._history, motion)
+        return motion
+
+    def _declared(self, skill: Skill, adapter: Path) -> Declaration | None:
+        """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
+        owners = (skill, *self.plugins.skills.values())
+        return next((one.declaration for one in owners if one.adapter == adapter), None)
 
     def close(self) -> None:
         self._simulator.close()
@@ -189,6 +234,17 @@ class Body:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:
+    """Return what was played of each part, of whose chunks these are the numbers."""
+    return tuple(
+        PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
+        if isinstance(part, Control)
+        else PlayedPart("keyframes", numbers.count(number), ", ".join(part.rotations))
+        for number, part in enumerate(plan)
+        if number in numbers
+    )
 
 
 def require_trained(skill: Skill) -> None:

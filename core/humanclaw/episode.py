@@ -34,7 +34,7 @@ from humanclaw._recorder import (
     vec3,
     yaw,
 )
-from humanclaw.embodiment import Body, SkillExecution
+from humanclaw.embodiment import Body, Chunk, SkillExecution
 from humanclaw.errors import (
     CallError,
     HumanclawError,
@@ -90,12 +90,16 @@ class Episode:
             replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and
                 the episode goes on from there.
             meter: the limits of the run, one meter for all of its episodes.
-            attempts: so many refused decisions in a row cost a step.
+            attempts: so many refused decisions in a row cost a step; at least 1.
 
         Raises:
+            HumanclawError: no attempt is left for any decision.
             SceneError: the scene is not the one that the episode was made for.
-            ReplayError: the world does not do as it did.
+            ReplayError: the world does not do as it did, or steps follow the end of the episode.
         """
+        if attempts < 1:
+            raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
+        _check_replay(replay, spec)
         reset(body, spec)
         self.body, self.spec = body, spec
         self._agent = None if isinstance(agent, str) else agent
@@ -123,7 +127,7 @@ class Episode:
         self._steps: list[StepRecord] = []
         self._history: list[HistoryEntry] = []
         self._feedback = Feedback()
-        self._stopping = False
+        self._stopping = self._cancelling = False
         self._asked: float | None = None
         """When the open question was put; None if none is open."""
         self._begin_step()
@@ -204,7 +208,8 @@ class Episode:
         Raises HumanclawError if the episode has ended, LimitError if a limit was crossed, which ends it.
         """
         if self.done:
-            raise HumanclawError(f"the episode has ended ({self.outcome.replace('_', ' ')}).", "Begin another one.")
+            ended = "stopped from outside" if self.outcome == "running" else self.outcome.replace("_", " ")
+            raise HumanclawError(f"the episode has ended ({ended}).", "Begin another one.")
         self._look()
         decision = recordable(decision)
         with self._closing():
@@ -218,8 +223,14 @@ class Episode:
             return self._keep(self._execute(call, verdict))
 
     def stop(self) -> None:
-        """Take no further decision. May be called from another thread or a signal handler."""
+        """Take no further decision, and break off the call under way. May be called from another thread or a signal
+        handler."""
         self._stopping = True
+
+    def cancel(self) -> None:
+        """Break off the call under way after the chunk that is being played: a step, recorded as cancelled. May be
+        called from another thread or an observer; does nothing between two calls."""
+        self._cancelling = True
 
     def close(self) -> None:
         """Close the record; an episode that has not ended is recorded as interrupted."""
@@ -296,10 +307,16 @@ class Episode:
         before = self.body.state()
         if self._stops(call):
             return self._measure(before, call, verdict)
-        done = self.body.execute(call)
+        self._cancelling = False
+        done = self.body.execute(call, self._watch)
         self._trajectory.add(done.chunks)
         self._seconds |= done.seconds
         return self._measure(before, call, verdict, done)
+
+    def _watch(self, chunk: Chunk) -> bool:
+        """Tell the observers of a chunk; whether the call goes on."""
+        self.body.plugins.tell("humanclaw_chunk", episode=self._record, step=len(self._steps), chunk=chunk)
+        return not (self._cancelling or self._stopping)
 
     def _measure(
         self,
@@ -322,6 +339,9 @@ class Episode:
             target_pixels={key: int((ids == key).sum()) for key in targets},
             frame_file=self._frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
+            parts=done.parts if done else (),
+            cancelled=done.cancelled if done else False,
+            waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),
             yaw_start=yaw(before),
@@ -361,7 +381,8 @@ class Episode:
         self._look()
         self._replay_decisions(step)
         if step.call and step.status != "stopped":
-            self._trajectory.add(self.body.execute(step.call).chunks)
+            left = iter(range(step.chunks - 1, -1, -1))
+            self._trajectory.add(self.body.execute(step.call, lambda chunk: next(left) > 0).chunks)
         after = self.body.state()
         if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):
             raise ReplayError(
@@ -450,6 +471,14 @@ class Episode:
         began = time.perf_counter()
         yield
         self._seconds[part] = self._seconds.get(part, 0.0) + time.perf_counter() - began
+
+
+def _check_replay(steps: Sequence[StepRecord], spec: EpisodeSpec) -> None:
+    """Nothing follows an active stop, nor the last step that an episode has. Raises ReplayError."""
+    ends = [index for index, step in enumerate(steps, 1) if step.status == "stopped" or index == spec.max_steps]
+    if ends and ends[0] < len(steps):
+        told = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
+        raise ReplayError(told, "Remove its folder, or give back the specification that it was begun with.")
 
 
 def _origin(decider: object) -> str:

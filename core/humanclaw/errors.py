@@ -19,6 +19,15 @@ class PluginError(HumanclawError):
     """A plugin that cannot be used, and why."""
 
 
+class ContractError(PluginError):
+    """A skill that breaks the contract. check: the name of the check that it fails, as `humanclaw check --list` has
+    it."""
+
+    def __init__(self, check: str, message: str, remedy: str = "") -> None:
+        super().__init__(message, remedy)
+        self.check = check
+
+
 class SceneError(HumanclawError):
     """A scene that is unknown, malformed or not what its digest says."""
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.contract import Skill
+    from humanclaw.embodiment import Chunk
     from humanclaw.interfaces import Agent, MotionGenerator, Renderer, Reporter, Simulator, Verifier
     from humanclaw.measures import Measure
     from humanclaw.recipes import Recipe
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from humanclaw.scene import Scene
 
 PROJECT: Final = "humanclaw"
+API_VERSION: Final = "1.0"
+"""Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
+docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
+minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 F = TypeVar("F", contravariant=True)
@@ -127,6 +132,11 @@ def humanclaw_reports(register: Register[ReporterFactory]) -> None:
 @hookspec
 def humanclaw_commands(cli: click.Group) -> None:
     """Add commands to the command line."""
+
+
+@hookspec
+def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
+    """Hear of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
 
 
 @hookspec

@@ -1,8 +1,10 @@
 """The plugin host: finds plugins, keeps broken ones apart, and answers by name.
 
 A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file.
-Each is loaded in its own try: one that cannot be used is named and disabled, and only a run that needs it fails. A
-plugin can extend the host with hooks of its own (hook humanclaw_hookspecs).
+It is known by its distribution, or by its file. Each is loaded in its own try: one that cannot be used is named and
+disabled, and only a run that needs it fails. Where two register one name, both stay: the first is meant by the name
+alone, either by owner:name, and a Choice says otherwise. A plugin can extend the host with hooks of its own (hook
+humanclaw_hookspecs).
 """
 
 from __future__ import annotations
@@ -13,9 +15,11 @@ import importlib.util
 import inspect
 import logging
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, TypeVar
@@ -45,10 +49,37 @@ FIRST: Final = (EXTENSION, "humanclaw_measures")
 
 
 @dataclass(frozen=True)
+class Choice:
+    """Which plugins and skills are wanted, of those that are there.
+
+    An owner is a distribution, with or without `humanclaw-`, or the name of a plugin file without .py.
+    """
+
+    prefer: tuple[str, ...] = ()
+    """owner or owner:name: what goes before others of the same name."""
+    without: tuple[str, ...] = ()
+    """owner, owner:name, or the name of a skill: what is left out."""
+    skills: tuple[str, ...] = ()
+    """name or owner:name: the skills that can be called, and no others; empty for all."""
+
+    def rank(self, one: Registration) -> int:
+        """How far in front something goes; less is further."""
+        wanted = (*(name for name in self.skills if ":" in name), *self.prefer)
+        return next((place for place, text in enumerate(wanted) if _means(text, one)), len(wanted))
+
+    def drops(self, one: Registration, kind: str) -> bool:
+        """Whether something of a plugin is left out."""
+        return any(
+            (":" in text and _means(text, one)) or (kind == "skills" and text == one.name) for text in self.without
+        )
+
+
+@dataclass(frozen=True)
 class PluginInfo:
     """A plugin as `humanclaw plugins` lists it."""
 
     name: str
+    """Its distribution, or its file without .py: the owner of what it registers."""
     version: str
     origin: str
     """The distribution or file it came from."""
@@ -56,10 +87,11 @@ class PluginInfo:
     error: str = ""
     """Why it is disabled; empty if it is in use."""
     disabled: Mapping[str, str] = field(default_factory=dict)
-    """Of its skills those that break the contract or that another plugin has, by name, and why. The others are in
-    use."""
+    """Of its skills those that break the contract, by name, and why. The others are in use."""
     duplicates: tuple[str, ...] = ()
-    """Of what else it registers those that another plugin has, each told with both owners."""
+    """Of what it registers that for which another plugin goes first, each told with both owners."""
+    notes: tuple[str, ...] = ()
+    """What of it is deprecated, and what takes its place."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +112,12 @@ class Registry:
     found: dict[str, list[Registration]] = field(default_factory=dict)
     """By kind: the name of the hook without `humanclaw_`."""
     disabled: dict[str, str] = field(default_factory=dict)
-    """Skills that break the contract or that another plugin has, by name, and why."""
-    duplicates: list[str] = field(default_factory=list)
-    """What else another plugin has, each told with both owners."""
+    """Skills that break the contract, by name, and why."""
+    faulty: list[Registration] = field(default_factory=list)
+    """The same as they were registered."""
+    left_out: list[Registration] = field(default_factory=list)
+    """What is not wanted."""
+    notes: tuple[str, ...] = ()
 
     def register(self, kind: str) -> Callable[..., None]:
         """Return the argument `register` of a hook. It takes a name, a value and a description, or a value that has
@@ -109,41 +144,29 @@ class Registry:
         except Exception as error:
             if not isinstance(given, Path):
                 raise
-            self.disabled[given.name] = str(error) if isinstance(error, PluginError) else _reason(error)
+            self._disable(given.name, given, str(error) if isinstance(error, PluginError) else _reason(error))
             return None
+
+    def _disable(self, name: str, value: Skill | Path, reason: str) -> None:
+        self.disabled[name] = reason
+        self.faulty.append(Registration(name, self.owner, value))
 
     def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
         """Hold each skill to the contract, and take out those that break it."""
         kept = []
         for one in self.found.get("skills", []):
             if faults := skill_faults(one.value, measures, base):
-                self.disabled[one.name] = " ".join(map(str, faults))
+                self._disable(one.name, one.value, " ".join(map(str, faults)))
             else:
                 kept.append(one)
         self.found["skills"] = kept
 
-    def drop_duplicates(self, kind: str, taken: Mapping[str, Registration]) -> None:
-        """Leave a name to whoever registered it first, and say who both are."""
-        kept: dict[str, Registration] = {}
-        for one in self.found.get(kind, []):
-            if first := taken.get(one.name) or kept.get(one.name):
-                self._tell_duplicate(kind, one, first)
-            else:
-                kept[one.name] = one
-        self.found[kind] = list(kept.values())
-
-    def _tell_duplicate(self, kind: str, one: Registration, first: Registration) -> None:
-        told = f"{noun(kind)} {one.name!r} of plugin {self.owner!r} is already registered by {first.owner!r}."
-        reason = f"{told} Uninstall one of the two or rename it."
-        if kind == "skills":
-            self.disabled[one.name] = reason
-        else:
-            self.duplicates.append(reason)
-
-    @property
-    def provides(self) -> tuple[str, ...]:
-        """Such as "skill walk" and "motion generator dit"."""
-        return tuple(f"{noun(kind)} {one.name}" for kind, found in self.found.items() for one in found)
+    def keep(self, choice: Choice) -> None:
+        """Leave out what is not wanted, and what a plugin names twice."""
+        for kind, found in self.found.items():
+            wanted = [one for one in found if not choice.drops(one, kind)]
+            self.left_out += [one for one in found if choice.drops(one, kind)]
+            self.found[kind] = list({one.name: one for one in reversed(wanted)}.values())[::-1]
 
 
 def _skill(given: Skill | Path) -> Skill:
@@ -158,61 +181,149 @@ def _skill(given: Skill | Path) -> Skill:
 class Plugins:
     """All that is installed, by name. An object, not a global: two of them never influence each other."""
 
-    def __init__(self) -> None:
+    def __init__(self, choice: Choice = Choice()) -> None:
+        self.choice = choice
+        self._specs: list[ModuleType] = []
+        self._members: list[tuple[str, object]] = []
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
         self._infos: list[PluginInfo] = []
+        self._offered: dict[str, list[Registration]] = {}
+        """All that can be used, by kind, in the order in which it was registered."""
+        self._faulty: list[Registration] = []
+        self._left_out: list[Registration] = []
         self._found: dict[str, dict[str, Registration]] = {}
+        """What a name alone means, by kind."""
         self._extend(hookspecs)
-        self._found["measures"] = {
-            name: Registration(name, hookspecs.PROJECT, one, one.description) for name, one in MEASURES.items()
-        }
+        self._take(
+            "measures", [Registration(k, hookspecs.PROJECT, one, one.description) for k, one in MEASURES.items()]
+        )
         self._base: str = read_header(shipped_base())["digest"]
 
     @classmethod
-    def discover(cls, files: Sequence[Path] = ()) -> Plugins:
-        """Every installed plugin, and then the given files. A file that cannot be used raises, since it was asked for
-        by name."""
-        host = cls()
-        points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
-        loaded = [(point, host._load(point)) for point in sorted(points, key=lambda point: point.name)]
+    def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice()) -> Plugins:
+        """Every installed plugin that is wanted, and then the given files.
+
+        Raises PluginError for a file that cannot be used, since it was asked for by name, and for one that has a name
+        in common with another plugin while the choice says nothing of either.
+        """
+        host = cls(choice)
+        points = sorted(importlib.metadata.entry_points(group=hookspecs.PROJECT), key=lambda point: _origin(point)[0])
+        loaded = [(point, host._load(point)) for point in points]
         # The core first, then those that others may extend or measure with.
         loaded.sort(
-            key=lambda pair: (pair[0].name != hookspecs.PROJECT, not any(hasattr(pair[1], hook) for hook in FIRST))
+            key=lambda pair: (
+                _origin(pair[0])[2] != hookspecs.PROJECT,
+                not any(hasattr(pair[1], hook) for hook in FIRST),
+            )
         )
         for point, plugin in loaded:
             if plugin is not None:
-                host._try(point, partial(host.add, plugin, *_origin(point)))
+                name, version, origin = _origin(point)
+                host._try(point, partial(host.add, plugin, host._free(name, point.name), version, origin))
         for path in files:
-            host.add(load_file(path), path.stem, origin=str(path))
-            for reason in (*host._infos[-1].disabled.values(), *host._infos[-1].duplicates):
-                raise PluginError(f"plugin file {path}: {reason}")
+            host._add_file(path)
+        host._check_choice()
         return host
 
-    def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
-        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers, if it cannot be
-        used.
+    def _free(self, name: str, part: str) -> str:
+        """Return the name of a plugin: its distribution's, with the entry point where that has several."""
+        return name if not self._manager.has_plugin(name) else f"{name}/{part}"
 
-        What another plugin has registered under the same name is left to that one. A plugin with the hook
-        humanclaw_hookspecs comes before those that implement what it specifies.
+    def _add_file(self, path: Path) -> None:
+        number, name = 1, path.stem
+        while self._manager.has_plugin(name):
+            number, name = number + 1, f"{path.stem}-{number + 1}"
+        self.add(load_file(path), name, origin=str(path))
+        for reason in self._infos[-1].disabled.values():
+            raise PluginError(f"plugin file {path}: {reason}")
+        for found in self._offered.values():
+            for one in found:
+                first = next(other for other in found if other.name == one.name)
+                wanted = {self.choice.rank(each) for each in found if each.name == one.name}
+                if one.owner == name and first is not one and len(wanted) == 1:
+                    told = f"plugin file {path}: {one.name!r} is also that of {first.owner!r}."
+                    either = f"--prefer {name}:{one.name} or --prefer {first.owner}:{one.name}"
+                    raise PluginError(told, f"Say which one you mean: {either}.")
+
+    def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
+        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers and its hooks,
+        if it cannot be used.
+
+        What another plugin has registered under the same name goes first, unless the choice prefers this one. A plugin
+        with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
             raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")
+        specs = list(self._specs)
         try:
+            check_api(getattr(plugin, "HUMANCLAW_API", hookspecs.API_VERSION), name)
             registry = self._gather(plugin, name)
         except BaseException as error:
-            if self._manager.has_plugin(name):
-                self._manager.unregister(name=name)
+            hint = self._hint(error)
+            self._rebuild(specs)
             if isinstance(error, PluginError | KeyboardInterrupt):
                 raise
-            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", self._hint(error)) from error
+            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.", hint) from error
+        self._members.append((name, plugin))
         for kind, found in registry.found.items():
-            self._found[kind] |= {one.name: one for one in found}
-        refused = registry.disabled, tuple(registry.duplicates)
-        self._infos.append(PluginInfo(name, version, origin, registry.provides, "", *refused))
+            self._take(kind, found)
+        self._faulty += registry.faulty
+        self._left_out += registry.left_out
+        self._infos.append(PluginInfo(name, version, origin, (), "", registry.disabled, (), registry.notes))
+
+    def _rebuild(self, specs: list[ModuleType]) -> None:
+        """Go back to these specifications and to the plugins that are in use: pluggy cannot forget a specification."""
+        self._manager = pluggy.PluginManager(hookspecs.PROJECT)
+        self._specs = []
+        for module in specs:
+            self._extend(module)
+        for kind in self._found.keys() - set(chain.from_iterable(map(_kinds, specs))):
+            del self._found[kind], self._offered[kind]
+        for name, plugin in self._members:
+            self._manager.register(plugin, name)
+
+    def _take(self, kind: str, found: Sequence[Registration]) -> None:
+        """Offer what a plugin registers. Of equal names that goes first which is preferred, or else was there first."""
+        self._offered[kind] += found
+        for one in found:
+            same = [other for other in self._offered[kind] if other.name == one.name]
+            self._found[kind][one.name] = min(same, key=self.choice.rank)
+
+    def _check_choice(self) -> None:
+        """Raise PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
+        told = [(one.owner, one.name) for found in self._offered.values() for one in found]
+        told += [(one.owner, one.name) for one in (*self._faulty, *self._left_out)] + [
+            (info.name, "") for info in self._infos
+        ]
+        for option, texts in (("prefer", self.choice.prefer), ("without", self.choice.without)):
+            for text in texts:
+                if any(_means(text, Registration(name, of, None)) for of, name in told):
+                    continue
+                if option == "without" and any(text == name for _, name in told):
+                    continue
+                near = difflib.get_close_matches(text, {owner for owner, _ in told}, n=1, cutoff=0.4)
+                hint = f" Did you mean {near[0]}?" if near else ""
+                raise PluginError(
+                    f"--{option} {text} names nothing that is installed.", f"See `humanclaw plugins`.{hint}"
+                )
+        for name in self.choice.skills:
+            self.skill(name)
 
     @property
     def infos(self) -> tuple[PluginInfo, ...]:
-        return tuple(self._infos)
+        """Every plugin that was found, with what of it is in use."""
+        return tuple(self._told(info) for info in self._infos)
+
+    def _told(self, info: PluginInfo) -> PluginInfo:
+        mine = [(k, one) for k, found in self._offered.items() for one in found if one.owner == info.name]
+        provides = tuple(f"{noun(kind)} {one.name}" for kind, one in mine if self._found[kind][one.name] is one)
+        second = tuple(self._gives_way(kind, one) for kind, one in mine if self._found[kind][one.name] is not one)
+        return replace(info, provides=provides, duplicates=second)
+
+    def _gives_way(self, kind: str, one: Registration) -> str:
+        first = self._found[kind][one.name].owner
+        told = f"{noun(kind)} {one.name!r} of plugin {one.owner!r} is already registered by {first!r}."
+        return f"{told} Choose it with --prefer {one.owner}:{one.name}, or call it {one.owner}:{one.name}."
 
     def tell(self, hook: str, **event: Any) -> None:
         """Call a hook of every plugin that has it. One that raises is told of in the log; the others hear of it all the
@@ -240,14 +351,35 @@ class Plugins:
 
     @property
     def skills(self) -> dict[str, Skill]:
-        return {name: one.value for name, one in self._found["skills"].items()}
+        """The skills that can be called, by name: all, or those that the choice names."""
+        if not self.choice.skills:
+            return {name: one.value for name, one in self._found["skills"].items()}
+        return {self._find("skills", name).name: self.skill(name) for name in self.choice.skills}
 
     def owner(self, skill: str) -> str:
-        return self._found["skills"][skill].owner
+        """Return the plugin that a skill is of."""
+        return self._find("skills", skill).owner
+
+    def overridden(self, skill: str) -> tuple[str, ...]:
+        """Return the other plugins that have a skill of this name."""
+        first = self._find("skills", skill)
+        return tuple(one.owner for one in self._offered["skills"] if one.name == first.name and one is not first)
+
+    def info(self, owner: str) -> PluginInfo:
+        """Return what is known of a plugin."""
+        return next(info for info in self.infos if info.name == owner)
 
     def skill(self, name: str) -> Skill:
-        """Return the skill of that name. Raises PluginError with the nearest names if there is no such skill."""
+        """Return the skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
         return self._find("skills", name).value  # type: ignore[no-any-return]
+
+    def offered(self, kind: str, name: str) -> Any:
+        """Return what a name means, be it disabled. Raises PluginError with the nearest names if there is none."""
+        if kind == "skills" and name not in self._found[kind]:
+            for one in self._faulty:
+                if name == one.name or _means(name, one):
+                    return one.value
+        return self._find(kind, name).value
 
     def registered(self, kind: str) -> tuple[Registration, ...]:
         """All that is registered through the hook `humanclaw_<kind>`; none if no plugin specifies such a hook."""
@@ -270,7 +402,7 @@ class Plugins:
 
     def require(self, *wanted: tuple[str, str]) -> None:
         """Raise PluginError for all (kind, name) that are not there, with the one line that installs them."""
-        missing = [(kind, name) for kind, name in wanted if name not in self._found.get(kind, {})]
+        missing = [(kind, name) for kind, name in wanted if self._get(kind, name) is None]
         bringing = [distributions.bringing(kind, name) for kind, name in missing]
         if len(missing) > 1 and all(bringing):
             told = [f"{noun(kind)} {name!r}" for kind, name in missing]
@@ -280,14 +412,22 @@ class Plugins:
             self._find(kind, name)
 
     def scene(self, reference: str) -> Any:
-        """Return the scene that `source:argument` names."""
+        """Return the scene that `source:argument` or `owner:source:argument` names."""
         source, _, argument = reference.partition(":")
+        longer, _, rest = argument.partition(":")
+        if source not in self._found["scenes"] and self._get("scenes", f"{source}:{longer}"):
+            source, argument = f"{source}:{longer}", rest
         return self.make("scenes", source, argument)
 
+    def _get(self, kind: str, name: str) -> Registration | None:
+        """Return what name or owner:name means, if it means anything."""
+        if name in self._found.get(kind, {}):
+            return self._found[kind][name]
+        return next((one for one in self._offered.get(kind, ()) if ":" in name and _means(name, one)), None)
+
     def _find(self, kind: str, name: str) -> Registration:
-        known = self._found.get(kind, {})
-        if name in known:
-            return known[name]
+        if one := self._get(kind, name):
+            return one
         if kind == "skills" and name in self.disabled:
             raise PluginError(f"skill {name!r} is disabled: {self.disabled[name]}")
         disabled = [f"{info.name} ({info.error})" for info in self._infos if info.error]
@@ -308,8 +448,12 @@ class Plugins:
         return f"Known: {', '.join([*known, *more]) or 'none'}."
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
-        """Return the plugin's module; None, and the reason among the infos, if it cannot be imported or is for another
-        version."""
+        """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or
+        is for another version."""
+        name, version, origin = _origin(point)
+        if origin != hookspecs.PROJECT and any(_is_owner(text, name) for text in self.choice.without):
+            self._infos.append(PluginInfo(name, version, origin, error="left out by --without"))
+            return None
         return self._try(point, lambda: _checked(point).load())
 
     def _try(self, point: importlib.metadata.EntryPoint, use: Callable[[], T]) -> T | None:
@@ -324,16 +468,17 @@ class Plugins:
 
     def _gather(self, plugin: object, name: str) -> Registry:
         """All that a plugin registers and that can be used."""
-        if self._manager.register(plugin, name) is None:
-            raise PluginError(f"plugin {name!r} is blocked.")
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            if self._manager.register(plugin, name) is None:
+                raise PluginError(f"plugin {name!r} is blocked.")
         self._only(plugin, EXTENSION)(register=self._extend)
         self._manager.check_pending()
         registry = self._call_hooks(plugin, name)
-        for kind in set(registry.found) - {"skills"}:
-            registry.drop_duplicates(kind, self._found[kind])
+        registry.notes = tuple(str(one.message) for one in told if issubclass(one.category, DeprecationWarning))
+        registry.keep(self.choice)
         own = {one.name: one.value for one in registry.found.get("measures", [])}
-        registry.disable_faulty_skills({**self.measures, **own}, self._base)
-        registry.drop_duplicates("skills", self._found["skills"])
+        registry.disable_faulty_skills({**own, **self.measures}, self._base)
         return registry
 
     def _call_hooks(self, plugin: object, name: str) -> Registry:
@@ -351,13 +496,10 @@ class Plugins:
         """Add the hook specifications of a module; those that take `register` alone are kinds of things that have a
         name."""
         self._manager.add_hookspecs(specs)
-        for name, spec in vars(specs).items():
-            if (
-                name.startswith(PREFIX)
-                and name != EXTENSION
-                and list(inspect.signature(spec).parameters) == ["register"]
-            ):
-                self._found.setdefault(name.removeprefix(PREFIX), {})
+        self._specs.append(specs)
+        for kind in _kinds(specs):
+            self._found.setdefault(kind, {})
+            self._offered.setdefault(kind, [])
 
     def _hint(self, error: BaseException) -> str:
         """For a misspelt hook, the hook that was probably meant."""
@@ -369,9 +511,46 @@ class Plugins:
         return f"Did you mean {near[0]}?" if near else ""
 
 
+def _kinds(specs: ModuleType) -> Iterator[str]:
+    """Yield the kinds of things that have a name, by the hooks that register them."""
+    for name, spec in vars(specs).items():
+        if name.startswith(PREFIX) and name != EXTENSION and list(inspect.signature(spec).parameters) == ["register"]:
+            yield name.removeprefix(PREFIX)
+
+
+def _means(text: str, one: Registration) -> bool:
+    """Whether owner or owner:name means something that a plugin registers."""
+    owner, _, name = text.partition(":")
+    return _is_owner(owner, one.owner) and name in ("", one.name)
+
+
+def _is_owner(text: str, owner: str) -> bool:
+    """Whether a text names a plugin: distributions are one name whatever their case and their dashes."""
+    names = canonicalize_name(text), canonicalize_name(f"{hookspecs.PROJECT}-{text}")
+    return canonicalize_name(owner.partition("/")[0]) in names or text == owner
+
+
+def check_api(made_for: object, name: str) -> None:
+    """Hold a plugin to the version of the plugin API that it was made for: the same major, and no later minor.
+
+    Raises PluginError, with which of the two to upgrade.
+    """
+    try:
+        major, minor = map(int, str(made_for).split("."))
+    except ValueError:
+        told = f"plugin {name!r} was made for plugin API {made_for!r}, which is no version."
+        raise PluginError(told, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
+    ours = tuple(map(int, hookspecs.API_VERSION.split(".")))
+    if major != ours[0] or minor > ours[1]:
+        newer = "humanclaw" if (major, minor) > ours else name
+        told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
+        raise PluginError(told, f"Run `pip install --upgrade {newer}`.")
+
+
 def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
-    """Name, version and distribution of a plugin."""
-    return (point.name, point.dist.version, point.dist.name) if point.dist else (point.name, "", "")
+    """Name, version and distribution of a plugin. It is called like its distribution, whatever that calls its entry
+    point: two of them may call theirs the same."""
+    return (point.dist.name, point.dist.version, point.dist.name) if point.dist else (point.name, "", "")
 
 
 def _checked(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPoint:

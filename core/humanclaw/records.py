@@ -22,12 +22,13 @@ from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import write_atomically
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
-from humanclaw.pose import Array, Motion, Pose2D
+from humanclaw.pose import FUTURE, Array, Motion, Pose2D
 
 __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
-    "EpisodeWriter", "Feedback", "Outcome", "Proprioception", "Record", "RecordedEpisode", "Refusal", "SkillInfo",
-    "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of", "write_record",
+    "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode", "Refusal",
+    "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of",
+    "write_record",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
@@ -109,6 +110,21 @@ class Contact:
     """World height of the contact point, metres."""
 
 
+@dataclass(frozen=True)
+class PlayedPart:
+    """What was played of one part of a sequence."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    kind: Literal["control", "keyframes"]
+    chunks: int
+    """Half-seconds."""
+    what: str = ""
+    """The folder of the adapter; the joints of keyframes."""
+    values: dict[str, float] = field(default_factory=dict)
+    """Of a control, SI."""
+
+
 class StepRecord(Record):
     """One line of steps.jsonl: a decision and what became of it."""
 
@@ -128,6 +144,12 @@ class StepRecord(Record):
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
     motion_frames: int = 0
     """How many frames of motion.npz belong to this step."""
+    parts: tuple[PlayedPart, ...] = ()
+    """Of a call that plays a sequence, what was played; empty for a call of one part."""
+    cancelled: bool = False
+    """Whether the call was broken off between two chunks."""
+    waypoints: tuple[Vec3, ...] = ()
+    """Pelvis after each chunk but the last, metres; empty for a step of one chunk."""
     start: Vec3 = (0.0, 0.0, 0.0)
     """Pelvis before the step, metres."""
     end: Vec3 = (0.0, 0.0, 0.0)
@@ -151,6 +173,16 @@ class StepRecord(Record):
     """Wall time of observe, decide, verify, generate, simulate."""
 
     @property
+    def chunks(self) -> int:
+        """Half-seconds of motion."""
+        return -(-self.motion_frames // FUTURE)
+
+    @property
+    def path(self) -> tuple[Vec3, ...]:
+        """Where the pelvis was: before the step and after each of its chunks."""
+        return (self.start, *self.waypoints, self.end)
+
+    @property
     def decision(self) -> Decision:
         """The last answer: the one whose call was used, if any was."""
         return self.attempts[-1].decision if self.attempts else Decision()
@@ -167,9 +199,12 @@ class StepRecord(Record):
         if self.call is None:
             return Feedback(refusal=self.attempts[-1].error if self.attempts else "")
         if self.verdict is None or self.verdict.accepted or self.verdict.replacement is None:
-            return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile)
+            return Feedback(
+                self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled
+            )
         proposed = self.decision.calls[0]
-        return Feedback(self.call, proposed, self.verdict.failed, "", self.proprioception, self.tactile)
+        told = self.proprioception, self.tactile, self.cancelled
+        return Feedback(self.call, proposed, self.verdict.failed, "", *told)
 
 
 @dataclass(frozen=True)
@@ -184,7 +219,11 @@ class SkillInfo:
     """The plugin that brought it."""
     version: str = ""
     digest: str = ""
-    """SHA-256 of its schema, checks and adapter."""
+    """SHA-256 of its schema, checks and adapter, and of its Python file if it is a function."""
+    origin: str = ""
+    """The distribution or the plugin file that it came from."""
+    overrides: tuple[str, ...] = ()
+    """Plugins whose skills of this name gave way to it."""
     commands: dict[str, str] = field(default_factory=dict)
     """Parameter, as calls name it, to the measure that it commands (humanclaw.measures)."""
 

@@ -8,6 +8,7 @@ are not mended here: Skill.check refuses them, and the refusal goes back to the 
 from __future__ import annotations
 
 import json
+import logging
 import math
 import re
 from collections import Counter
@@ -45,6 +46,8 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
 """What a model must say before a skill's parameters; the fields of Reasoning."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
+_ANTHROPIC_KEY: Final = re.compile(r"[a-zA-Z0-9_.-]{1,64}")
+_LOG: Final = logging.getLogger(__name__)
 _TRIES: Final = 200
 """Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
 _ABOUT: Final = frozenset({"title", "description", "default", "type"})
@@ -119,10 +122,57 @@ def publish(
     reasoning: bool = True,
     described: bool = True,
 ) -> list[Json]:
-    """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format."""
+    """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format.
+
+    A skill that cannot be told in this format is left out, and the log says why; the others are there.
+    """
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
-    return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in skills], format)
+    told = _tellable(skills, format)
+    return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in told], format)
+
+
+def unpublishable(skill: Skill, format: Format) -> PluginError | None:  # noqa: A002
+    """Return why a skill cannot be a tool of this format; None if it can."""
+    try:
+        tool_spec(skill)
+        _check_names(skill, format)
+        _check_shapes(parameter_schema(skill), skill, format)
+    except PluginError as error:
+        return error
+    return None
+
+
+def _tellable(skills: Iterable[Skill], form: Format) -> list[Skill]:
+    pool = [(skill, unpublishable(skill, form)) for skill in skills]
+    for skill, why in pool:
+        if why:
+            _LOG.warning("skill %r is not among the %s tools: %s", skill.name, form, why)
+    return [skill for skill, why in pool if not why]
+
+
+def _check_names(skill: Skill, form: Format) -> None:
+    """Names that a provider answers with an error to the whole request."""
+    if form == "gemini" and not skill.name[:1].isalpha() and skill.name[:1] != "_":
+        raise PluginError(f"the name of skill {skill.name!r} begins with no letter, as Gemini's do.", "Rename it.")
+    for key in parameter_schema(skill):
+        if form == "anthropic" and not _ANTHROPIC_KEY.fullmatch(key):
+            refused = f"Anthropic refuses the name of parameter {key!r} of skill {skill.name!r}."
+            raise PluginError(refused, f"Use a name that matches {_ANTHROPIC_KEY.pattern}.")
+
+
+def _check_shapes(properties: Mapping[str, Any], skill: Skill, form: Format) -> None:
+    """Refuse shapes that a provider refuses: an array without items OpenAI and Gemini refuse, an object without
+    properties Gemini."""
+    for key, part in properties.items():
+        where = f"parameter {key!r} of skill {skill.name!r}"
+        if part.get("type") == "array" and "items" not in part and form in ("openai", "gemini"):
+            raise PluginError(f"{where} is an array of nobody knows what.", "Give it items.")
+        if part.get("type") == "object" and not part.get("properties") and form == "gemini":
+            raise PluginError(f"{where} is an object without properties.", "Declare them.")
+        _check_shapes(part.get("properties", {}), skill, form)
+        if isinstance(part.get("items"), Mapping):
+            _check_shapes({key: part["items"]}, skill, form)
 
 
 def openai_tools(
@@ -157,11 +207,12 @@ def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bo
 def call_schema(skills: Sequence[Skill]) -> Json:
     """Return the properties `skill` and `parameters` of an answer that names a call."""
     merged: Json = {}
-    for skill in skills:
+    told = _tellable(skills, "mcp")
+    for skill in told:
         for key, part in parameter_schema(skill).items():
             merged[key] = _widen(merged[key], part) if key in merged else part
     shared = {"type": "object", "properties": merged, "additionalProperties": False}
-    return {"skill": {"type": "string", "enum": [skill.name for skill in skills]}, "parameters": shared}
+    return {"skill": {"type": "string", "enum": [skill.name for skill in told]}, "parameters": shared}
 
 
 def parameter_schema(skill: Skill) -> Json:

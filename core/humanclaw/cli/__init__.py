@@ -5,6 +5,7 @@ What the user can mend is told in one sentence with a remedy, and the exit code 
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,12 @@ from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
-    from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files
+    from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files, plugin_options
     from humanclaw.plugins import Plugins
 
 __all__ = [
     "Commands", "Deciders", "build", "decider_options", "engine_options", "main", "plugin_files",
+    "plugin_options",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
@@ -29,8 +31,12 @@ __getattr__ = lazy(
         "decider_options": "options",
         "engine_options": "options",
         "plugin_files": "options",
+        "plugin_options": "options",
     },
 )
+
+
+_LOG = logging.getLogger(__name__)
 
 
 class Commands(click.Group):
@@ -59,6 +65,15 @@ class Commands(click.Group):
             self._plugins().tell("humanclaw_commands", cli=self)
             self._complete = True
 
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """Add a command. One of the same name that is there already stays, the core's before all; the log says so."""
+        there = self.commands.get(name or cmd.name or "")
+        if there is not None and there is not cmd:
+            told = "command %r of %s is already that of %s, and is left out"
+            _LOG.warning(told, name or cmd.name, _home(cmd), _home(there))
+            return
+        super().add_command(cmd, name)
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
@@ -67,6 +82,11 @@ class Commands(click.Group):
             if error.remedy:
                 click.echo(error.remedy, err=True)
             ctx.exit(2)
+
+
+def _home(command: click.Command) -> str:
+    """Return the package that a command comes from."""
+    return getattr(command.callback, "__module__", "").partition(".")[0] or "a group"
 
 
 def build(plugins: Callable[[], Plugins]) -> click.Group:

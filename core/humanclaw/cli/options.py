@@ -166,6 +166,39 @@ def plugin_files(function: F) -> F:
     return option(function)
 
 
+def plugin_options(function: F) -> F:
+    """--plugin, --prefer, --without and --skills; the command gets `files` and a `choice` (humanclaw.Choice)."""
+
+    @functools.wraps(function)
+    def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
+        from humanclaw.plugins import Choice
+
+        named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
+        if skills is not None and not named:
+            raise HumanclawError("--skills names no skill.", "For example --skills walk,stop.")
+        return function(*args, choice=Choice(tuple(prefer), tuple(without), named), **rest)
+
+    wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)
+    return plugin_files(wrapped)  # type: ignore[return-value]
+
+
+_CHOICES: Final = (
+    click.option(
+        "--prefer",
+        multiple=True,
+        metavar="OWNER[:NAME]",
+        help="Of equal names take that of this distribution or plugin file. Repeatable.",
+    ),
+    click.option(
+        "--without",
+        multiple=True,
+        metavar="OWNER[:NAME]|SKILL",
+        help="Leave out a distribution, something of it, or a skill. Repeatable.",
+    ),
+    click.option("--skills", metavar="NAME,...", help="The skills that can be called, and no others; also owner:name."),
+)
+
+
 def parse_pairs(pairs: Sequence[str]) -> dict[str, Any]:
     """key=value texts to a dict; values are JSON where they can be read as such. Raises HumanclawError."""
     return dict(_parse_pair(pair) for pair in pairs)

@@ -24,7 +24,7 @@ from humanclaw.errors import RecordError
 from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
 from humanclaw.navigation import geodesics
-from humanclaw.plugins import Plugins
+from humanclaw.plugins import Choice, Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
@@ -46,9 +46,10 @@ def play(
     seed: int,
     out: Path | None,
     film: str,
+    choice: Choice,
 ) -> None:
     """Play one episode; the arguments are the options of `humanclaw run`. Ends the process with 130 after Ctrl-C."""
-    plugins = Plugins.discover(files)
+    plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     agent, verifier = deciders.make(plugins)
     out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+from humanclaw.embodiment import Chunk
 from humanclaw.hookspecs import hookimpl
 from humanclaw.records import EpisodeRecord, StepRecord
 
@@ -16,6 +17,18 @@ class StepProgress:
     def __init__(self, console: Console, max_steps: int) -> None:
         self._console = console
         self._width = len(str(max_steps))
+        self._step, self._chunks = -1, 0
+
+    @hookimpl
+    def humanclaw_chunk(self, episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
+        """Of a call of several chunks, a word a chunk from the second on."""
+        self._chunks = self._chunks + 1 if step == self._step else 1
+        self._step = step
+        if self._chunks > 1:
+            x, _, z = chunk.execution.simulated.root[-1]
+            self._console.print(
+                f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}", highlight=False
+            )
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:

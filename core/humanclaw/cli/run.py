@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from humanclaw.cli.options import Deciders, decider_options, plugin_files
+from humanclaw.cli.options import Deciders, decider_options, plugin_options
 
 
 @click.command()
@@ -18,7 +18,7 @@ from humanclaw.cli.options import Deciders, decider_options, plugin_files
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
-@plugin_files
+@plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
     console = Console()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
@@ -10,18 +11,18 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from humanclaw.cli.options import plugin_files
+from humanclaw.cli.options import plugin_options
 from humanclaw.contract import Skill, bounds
-from humanclaw.plugins import PluginInfo, Plugins
+from humanclaw.plugins import Choice, PluginInfo, Plugins
 from humanclaw.tools import Format, publish
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@plugin_files
-def skills(as_json: bool, files: tuple[Path, ...]) -> None:
+@plugin_options
+def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     """List the skills: parameters, adapter, where they come from."""
-    plugins = Plugins.discover(files)
+    plugins = Plugins.discover(files, choice)
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
     rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
     _print(rows, as_json, "No skill is installed. Run `pip install humanclaw-skill-walk`.")
@@ -29,10 +30,10 @@ def skills(as_json: bool, files: tuple[Path, ...]) -> None:
 
 @click.command("plugins")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@plugin_files
-def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
+@plugin_options
+def plugins_command(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     """List the plugins, what they provide, and why one is disabled."""
-    found = Plugins.discover(files)
+    found = Plugins.discover(files, choice)
     _print([_plugin_row(info) for info in found.infos], as_json, "No plugin is installed.")
 
 
@@ -50,26 +51,29 @@ def plugins_command(as_json: bool, files: tuple[Path, ...]) -> None:
     default=None,
     help="With the fields that a model must say around a call, or without. The default is with; for mcp without.",
 )
-@plugin_files
-def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...]) -> None:
+@plugin_options
+def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...], choice: Choice) -> None:
     """Print the skills as the tool list of a model's interface."""
-    found = Plugins.discover(files)
+    found = Plugins.discover(files, choice)
     ready = [skill for skill in found.skills.values() if skill.trained]
     listed = publish(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
 
 
 def _skill_row(skill: Skill, plugins: Plugins) -> dict[str, str]:
-    owner = plugins.owner(skill.name)
-    info = next(info for info in plugins.infos if info.name == owner)
+    info = plugins.info(plugins.owner(skill.name))
     return {
         "skill": skill.name,
         "role": skill.role,
         "parameters": _parameters(skill),
         "checks": str(len(skill.checks)),
         "from": _source(info),
-        "state": _state(skill),
+        "state": _state(skill) + _over(plugins.overridden(skill.name)),
     }
+
+
+def _over(others: Sequence[str]) -> str:
+    return f", before that of {', '.join(others)}" if others else ""
 
 
 def _disabled_row(name: str, info: PluginInfo) -> dict[str, str]:
@@ -93,7 +97,8 @@ def _state(skill: Skill) -> str:
 
 
 def _plugin_row(info: PluginInfo) -> dict[str, str]:
-    lost = [*(f"skill {name} disabled: {reason}" for name, reason in info.disabled.items()), *info.duplicates]
+    lost = [f"skill {name} disabled: {reason}" for name, reason in info.disabled.items()]
+    lost += [*info.duplicates, *info.notes]
     return {
         "plugin": info.name,
         "version": info.version,

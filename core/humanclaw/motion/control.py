@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Final, Literal, Protocol, get_args
 
 import numpy as np
 
-from humanclaw.motion.dit import Array, Block, DiT, Linear, Residual, Weights, modulate_blocks, silu
+from humanclaw.motion.dit import Array, Block, DiT, Linear, ModelConfig, Residual, Weights, modulate_blocks, silu
 
 Encoder = Literal["mlp", "fourier", "token"]
 ENCODERS: Final = get_args(Encoder)
@@ -32,12 +32,16 @@ class AdapterConfig:
     params: tuple[str, ...] = ()
     centre: tuple[float, ...] = ()
     scale: tuple[float, ...] = ()
+    measures: tuple[str, ...] = ()
+    """What each parameter commanded in training (humanclaw.measures); empty in checkpoints that do not say."""
 
     def __post_init__(self) -> None:
         if self.encoder not in ENCODERS:
             raise ValueError(f"encoder must be one of {', '.join(ENCODERS)}; got {self.encoder!r}")
         if not len(self.params) == len(self.centre) == len(self.scale):
             raise ValueError(f"params, centre and scale of {self.skill} must be of one length")
+        if len(self.measures) not in (0, len(self.params)):
+            raise ValueError(f"{self.skill} has {len(self.measures)} measures for {len(self.params)} parameters")
         if (self.encoder == "token") != (not self.params):
             raise ValueError(f"{self.skill}: the encoder 'token' is for skills without parameters, and only for those")
 
@@ -47,10 +51,17 @@ class AdapterConfig:
         return len(self.params) * (1 + 2 * OCTAVES if self.encoder == "fourier" else 1)
 
 
+class Shaped(Protocol):
+    """What has the shape of a model."""
+
+    @property
+    def config(self) -> ModelConfig: ...
+
+
 class Adapter:
     """The control branch of one skill."""
 
-    def __init__(self, base: DiT, config: AdapterConfig, weights: Weights) -> None:
+    def __init__(self, base: Shaped, config: AdapterConfig, weights: Weights) -> None:
         hidden = base.config.hidden
         self.config = config
         self.blocks = [Block(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]

@@ -29,7 +29,11 @@ class Course:
     def steer(self, skill: Declaration, values: Mapping[str, float]) -> dict[str, float]:
         """Return a call's values (SI) with what is owed added to the turn that it commands, if it commands one."""
         turn = skill.commands(HEADING)
-        return dict(values) if turn is None else dict(values) | {turn.name: values[turn.name] + self.owed}
+        return (
+            dict(values)
+            if turn is None or turn.name not in values
+            else dict(values) | {turn.name: values[turn.name] + self.owed}
+        )
 
     def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Course:
         """Return the course once the motion (15 frames) that followed the history (5) was generated for a call.
@@ -40,7 +44,7 @@ class Course:
             return self
         turn = skill.commands(HEADING)
         before, now = heading(history.then(motion).rotations[[HISTORY - 1, -1], 0])
-        owed = self.owed + (values[turn.name] if turn is not None else 0.0) - float(now - before)
+        owed = self.owed + (values.get(turn.name, 0.0) if turn is not None else 0.0) - float(now - before)
         return Course(min(max(_wrapped(owed), -MOST), MOST))
 
 

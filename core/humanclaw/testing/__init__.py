@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from humanclaw._lazy import lazy
 
 if TYPE_CHECKING:
-    from humanclaw.testing.contract import check_skill, corners
+    from humanclaw.testing.calls import corners, legal_calls
+    from humanclaw.testing.contract import Report, check_skill, check_target, examine
     from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+    from humanclaw.testing.fakes import FakeGenerator, FakeModel, FakeRenderer, FakeWorld, fake_body, fake_scene
     from humanclaw.testing.openai_server import (
         OpenAIServer,
         Reply,
@@ -38,10 +40,15 @@ _HOMES = {
     "contacts": "steps",
     "touches": "steps",
     "AnthropicServer": "dialects",
+    "FakeGenerator": "fakes",
+    "FakeModel": "fakes",
+    "FakeRenderer": "fakes",
+    "FakeWorld": "fakes",
     "GeminiServer": "dialects",
     "OllamaServer": "dialects",
     "OpenAIServer": "openai_server",
     "Reply": "openai_server",
+    "Report": "contract",
     "Request": "openai_server",
     "SceneBuilder": "scenes",
     "ScriptedAgent": "scripted",
@@ -50,7 +57,12 @@ _HOMES = {
     "call": "openai_server",
     "calls": "openai_server",
     "check_skill": "contract",
-    "corners": "contract",
+    "check_target": "contract",
+    "corners": "calls",
+    "examine": "contract",
+    "fake_body": "fakes",
+    "fake_scene": "fakes",
+    "legal_calls": "calls",
     "delayed": "openai_server",
     "dropped": "openai_server",
     "message": "openai_server",
@@ -67,10 +79,15 @@ _HOMES = {
 }
 __all__ = [
     "AnthropicServer",
+    "FakeGenerator",
+    "FakeModel",
+    "FakeRenderer",
+    "FakeWorld",
     "GeminiServer",
     "OllamaServer",
     "OpenAIServer",
     "Reply",
+    "Report",
     "Request",
     "SceneBuilder",
     "ScriptedAgent",
@@ -80,10 +97,15 @@ __all__ = [
     "calls",
     "check",
     "check_skill",
+    "check_target",
     "contacts",
     "corners",
     "delayed",
     "dropped",
+    "examine",
+    "fake_body",
+    "fake_scene",
+    "legal_calls",
     "message",
     "no_choices",
     "refusing",

@@ -11,7 +11,7 @@ import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, pairwise
 from typing import Final, Literal
 from zipfile import BadZipFile
 
@@ -69,18 +69,24 @@ def sat_down(recorded: RecordedEpisode) -> bool:
 
 # -- what the body ran into --------------------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Share of the steps with motion in which the body touches a fixed thing above the ground: 'any', and by body
-    group.
+    """Share of the half-seconds of motion in which the body touches a fixed thing above the ground: 'any', and by body
+    group. A call that plays a sequence counts as many as it lasts.
 
     A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
     NaN without motion.
     """
-    moving = [step for step in recorded.steps if step.motion_frames]
-    hit = [{c.group for c in touched_above_ground(recorded, step) if not c.movable} for step in moving]
-    count = len(moving) or float("nan")
+    hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
+    count = len(hit) or float("nan")
     return {"any": sum(map(bool, hit)) / count} | {
         group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
     }
+
+
+def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
+    """Yield the body groups that touch a fixed thing above the ground, in each chunk of a step."""
+    touched = [contact for contact in touched_above_ground(recorded, step) if not contact.movable]
+    for chunk in range(step.chunks):
+        yield {c.group for c in touched if any(frame // FUTURE == chunk for frame in c.frames)}
 
 
 def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
@@ -213,6 +219,10 @@ class Scores:
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
     """What moved the world, by name; empty where the record does not tell."""
+    chunks: int = 0
+    """Half-seconds of motion: more than the steps where calls play sequences."""
+    sequences: int = 0
+    """Steps whose call played a sequence of several parts."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """What plugins measure (hook humanclaw_metrics), by name."""
 
@@ -266,6 +276,8 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
+        chunks=sum(step.chunks for step in steps),
+        sequences=sum(len(step.parts) > 1 for step in steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 
@@ -273,13 +285,13 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
 def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
 
-    The way is the geodesic at the start, the path that of the pelvis over the floor from step to step. NaN without a
-    geodesic.
+    The way is the geodesic at the start, the path that of the pelvis over the floor from half-second to half-second.
+    NaN without a geodesic.
     """
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
         return float("nan"), float("nan")
-    path = sum(float(np.hypot(step.end[0] - step.start[0], step.end[2] - step.start[2])) for step in steps)
+    path = sum(float(np.hypot(b[0] - a[0], b[2] - a[2])) for step in steps for a, b in pairwise(step.path))
     weight = way / max(path, way) if max(path, way) else 1.0
     left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
     made = max(0.0, 1 - left / way) if way else float(left == 0)

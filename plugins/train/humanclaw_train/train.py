@@ -354,6 +354,7 @@ def train_adapter(
         adapter = Adapter(base.model, adapter_config(chunks))
     else:
         adapter = load_adapter(init, base, skill).train().requires_grad_()
+        adapter.config = replace(adapter.config, measures=chunks.measures)  # Older headers do not say.
         recipe = replace(recipe, init=str(read_header(init)["card"]["recipe_digest"]))
     frozen, normaliser, adapter = base.model.to(device), base.normaliser.to(device), adapter.to(device)
     trainer = Trainer(adapter, chunks, recipe)
@@ -382,7 +383,8 @@ def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
     # Not the extremes: standing up from a seat into a step is in the data, and is a rise that no command asks for.
     low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
     scale = ((high - low) / 2).clamp(min=1e-3)
-    return AdapterConfig(chunks.name, encoder, chunks.names, _rounded((low + high) / 2), _rounded(scale))
+    centre = _rounded((low + high) / 2)
+    return AdapterConfig(chunks.name, encoder, chunks.names, centre, _rounded(scale), chunks.measures)
 
 
 def _rounded(values: Tensor) -> tuple[float, ...]:

@@ -1,0 +1,99 @@
+"""`humanclaw check`: every named check of a skill, on the terminal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from humanclaw._skill_check import CHECKS
+from humanclaw.cli.options import plugin_options
+from humanclaw.plugins import Choice, Plugins
+from humanclaw.testing import Report, check_target
+
+
+@click.command()
+@click.argument("targets", nargs=-1, metavar="[NAME|FOLDER|FILE]...")
+@click.option("--samples", type=click.IntRange(0), default=3, show_default=True, help="Calls besides those at bounds.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="What the samples derive from.")
+@click.option(
+    "--engine",
+    "engines",
+    multiple=True,
+    metavar="NAME",
+    help="Simulator that plays it, or none. Repeatable. The default is each that is installed.",
+)
+@click.option("--list", "listing", is_flag=True, help="Print the names of all checks, and what holds if one passes.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@plugin_options
+def check(
+    targets: Sequence[str],
+    samples: int,
+    seed: int,
+    engines: Sequence[str],
+    listing: bool,
+    as_json: bool,
+    files: tuple[Path, ...],
+    choice: Choice,
+) -> None:
+    """Hold skills to every named check, and play them; exit code 1 if one has a fault.
+
+    NAME is an installed skill (owner:skill where two have it), FOLDER holds the schema.json of one or several, FILE is
+    a Python file with a hook humanclaw_skills. Without any, all installed skills are checked.
+    """
+    if listing:
+        width = max(map(len, CHECKS))
+        click.echo("\n".join(f"{name:<{width}}  {says}" for name, says in CHECKS.items()))
+        return
+    plugins = Plugins.discover(files, choice)
+    named = targets or [*plugins.skills, *plugins.disabled]
+    played = None if not engines else [name for name in engines if name != "none"]
+    reports = [
+        report
+        for target in named
+        for report in check_target(target, plugins, engines=played, samples=samples, seed=seed)
+    ]
+    if as_json:
+        click.echo(json.dumps([_row(report) for report in reports], indent=2))
+    else:
+        _print(reports)
+    sys.exit(not all(report.passed for report in reports))
+
+
+def _row(report: Report) -> dict[str, Any]:
+    faults = [{"check": one.check, "problem": one.message, "remedy": one.remedy} for one in report.faults]
+    return {**asdict(report), "faults": faults, "passed": report.passed}
+
+
+def _print(reports: Sequence[Report]) -> None:
+    console = Console()
+    console = console if console.is_terminal else Console(width=160)
+    for report in reports:
+        for line in _lines(report):
+            console.print(line, highlight=False, soft_wrap=True)
+    broken = sum(not report.passed for report in reports)
+    found = sum(len(report.faults) for report in reports)
+    told = f"{found} faults in {broken} of {len(reports)} skills" if broken else f"{len(reports)} skills, no fault"
+    console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False)
+
+
+def _lines(report: Report) -> Iterator[str]:
+    from rich.markup import escape
+
+    if report.passed:
+        played = f"{report.calls} calls played on {', '.join(['a fake body', *report.engines])}"
+        yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"
+    else:
+        yield f"[red]fault[/] {escape(report.skill)}"
+    for fault in report.faults:
+        yield f"      [bold]{fault.check}[/]: {escape(fault.message)}"
+        if fault.remedy:
+            yield f"        {escape(fault.remedy)}"
+    for note in report.notes:
+        yield f"      [dim]note: {escape(note)}[/]"

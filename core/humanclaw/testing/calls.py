@@ -1,0 +1,93 @@
+"""Calls of a skill, drawn from its schema: legal ones at its bounds and between them, and illegal ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.contract import Skill
+from humanclaw.tools import parameter_schema
+
+OPEN: Final = 1000
+"""What stands for any number at all where a schema sets no bound: large for a skill, and soon counted to."""
+_WORDS: Final = ("", "a", "a few words")
+
+
+def corners(skill: Skill) -> list[dict[str, Any]]:
+    """Return the lowest and the highest legal call of a skill: all parameters at their minimum, and all at their
+    maximum."""
+    return [_drawn(skill, lambda: 0.0), _drawn(skill, lambda: 1.0)]
+
+
+def legal_calls(skill: Skill, samples: int = 3, seed: int = 0) -> list[dict[str, Any]]:
+    """Return the corners, the call that leaves everything to its default, and so many drawn at random.
+
+    Raises PluginError for a schema that no provider could be told.
+    """
+    random = np.random.default_rng(seed)
+    required = skill.schema.get("required", ())
+    plain = {key: value for key, value in corners(skill)[0].items() if key in required}
+    return [*corners(skill), plain, *(_drawn(skill, random.random) for _ in range(samples))]
+
+
+def _drawn(skill: Skill, share: Any) -> dict[str, Any]:
+    return {key: _value(part, share) for key, part in parameter_schema(skill).items()}
+
+
+def _value(part: Mapping[str, Any], share: Any) -> Any:
+    """Return a value of a flat schema; share() says where between its least and its most."""
+    if "enum" in part:
+        return part["enum"][_index(share(), len(part["enum"]))]
+    kind = part.get("type")
+    if kind == "object":
+        return {key: _value(one, share) for key, one in part.get("properties", {}).items()}
+    if kind == "array":
+        least = part.get("minItems", 0)
+        count = least + _index(share(), part.get("maxItems", least + 3) - least + 1)
+        return [_value(part.get("items", {}), share) for _ in range(count)]
+    if kind == "boolean":
+        return share() >= 0.5
+    if kind == "string":
+        return _text(part, share())
+    return _number(part, share()) if kind in ("integer", "number") else part.get("default")
+
+
+def _index(share: float, count: int) -> int:
+    return min(int(share * count), count - 1)
+
+
+def _text(part: Mapping[str, Any], share: float) -> str:
+    """Return a text of a legal length. What a pattern asks for only a default can say."""
+    text = str(part.get("default", _WORDS[_index(share, len(_WORDS))]))
+    return text.ljust(part.get("minLength", 0), "a")[: part.get("maxLength", len(text) + part.get("minLength", 0))]
+
+
+def _number(part: Mapping[str, Any], share: float) -> float:
+    whole = part["type"] == "integer"
+    low = part.get("minimum", part.get("exclusiveMinimum"))
+    high = part.get("maximum", part.get("exclusiveMaximum"))
+    low = min(-OPEN, high or 0) if low is None else low
+    high = max(OPEN, low) if high is None else high
+    inset = 0.001 * (high - low)
+    first = low + inset if "exclusiveMinimum" in part else low
+    last = high - inset if "exclusiveMaximum" in part else high
+    if step := part.get("multipleOf", 1 if whole else 0):
+        least, most = math.ceil(first / step), math.floor(last / step)
+        return (least + _index(share, most - least + 1)) * step  # type: ignore[no-any-return]
+    return float(first + share * (last - first))
+
+
+def illegal_calls(skill: Skill) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield calls that a schema has to refuse, each with the name of the check."""
+    legal = corners(skill)[0]
+    yield "refuses-unknown", legal | {"no_such_parameter": 1}
+    for key, part in parameter_schema(skill).items():
+        yield "refuses-types", legal | {key: 7 if part.get("type") in ("string", "array", "object") else "a text"}
+        yield "refuses-nan", legal | {key: float("nan")}
+        yield "refuses-nan", legal | {key: float("inf")}
+        for bound, beyond in (("maximum", 1), ("minimum", -1)):
+            if bound in part:
+                yield "refuses-beyond", legal | {key: part[bound] + beyond}

@@ -1,0 +1,160 @@
+"""A world, a motion generator and a model that are none: for tests of skills, agents and observers in milliseconds.
+
+with fake_body(nod) as body:
+    body.call("nod", times=2)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw._backends import Backends
+from humanclaw.contract import Skill
+from humanclaw.embodiment import Body
+from humanclaw.hookspecs import Register, RegisterMeasure, RegisterSkill, hookimpl
+from humanclaw.interfaces import Camera, EpisodeContext, Execution, HistoryEntry, Observation, View, WorldState
+from humanclaw.measures import Measure
+from humanclaw.plugins import Plugins
+from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
+from humanclaw.records import Call, Decision
+from humanclaw.scene import Scene
+from humanclaw.testing.calls import legal_calls
+from humanclaw.testing.scenes import SceneBuilder
+
+FAKE: Final = "fake"
+"""The name under which a world, a renderer, a generator and a scene are registered."""
+_SECONDS: Final = FUTURE / FPS
+
+
+class FakeWorld:
+    """A simulator without dynamics: the body is where it is told to be, and nothing else moves. `heard` keeps what it
+    was told."""
+
+    def __init__(self) -> None:
+        self.heard: list[Motion] = []
+
+    def reset(self, scene: Scene, start: Pose2D) -> WorldState:
+        self._body = start.to_world(rest_pose())
+        return self.state()
+
+    def execute(self, motion: Motion) -> Execution:
+        self.heard.append(motion)
+        self._body = motion[-1:]
+        return Execution(motion, (), (), {})
+
+    def state(self) -> WorldState:
+        return WorldState(self._body, {})
+
+    def close(self) -> None: ...
+
+
+class FakeRenderer:
+    """Shows a grey picture in which nothing is to be seen."""
+
+    def load(self, scene: Scene) -> None: ...
+
+    def render(self, state: WorldState, camera: Camera) -> View:
+        grey = np.full((camera.height, camera.width, 3), 128, np.uint8)
+        return View(grey, np.full(grey.shape[:2], np.inf, np.float32), np.zeros(grey.shape[:2], np.int32))
+
+    def close(self) -> None: ...
+
+
+class FakeGenerator:
+    """A motion generator without weights: it glides x metres to the left, z ahead and turns by yaw. `asked` keeps the
+    adapters and values that it was given."""
+
+    digest = FAKE
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[Path, Mapping[str, float]]] = []
+
+    def start(self) -> Motion:
+        return rest_pose(HISTORY)
+
+    def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
+        self.asked.append((adapter, dict(values)))
+        share = smoothstep(np.arange(1, FUTURE + 1) / FUTURE)[:, None]
+        pose = Pose2D.of_history(history).to_local(history)[-1:]
+        way = share * [values.get("x", 0.0), 0.0, values.get("z", 0.0)]
+        rotations = np.repeat(pose.rotations, FUTURE, 0)
+        rotations[:, 0] += share * [0.0, values.get("yaw", 0.0), 0.0]
+        return Pose2D.of_history(history).to_world(Motion(pose.root + way, rotations))
+
+
+@dataclass
+class FakeModel:
+    """An agent that makes legal calls, drawn at random: `calls` of them, and then the skill that stops, if there is
+    one."""
+
+    calls: int = 3
+    name: str = FAKE
+    privileged: bool = False
+    _script: list[Call] = field(default_factory=list, repr=False)
+
+    def begin(self, context: EpisodeContext) -> None:
+        random = np.random.default_rng(context.seed)
+        moving = [skill for skill in context.skills.values() if skill.role != "stop" and skill.trained]
+        stops = [Call(name) for name, skill in context.skills.items() if skill.role == "stop"]
+        chosen = [moving[k] for k in random.integers(len(moving), size=self.calls)] if moving else []
+        drawn = [Call(one.name, legal_calls(one, 1, int(random.integers(2**31)))[-1]) for one in chosen]
+        self._script = [*drawn, *stops[:1]]
+
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        return Decision((self._script[len(history) % len(self._script)],)) if self._script else Decision()
+
+
+@dataclass(eq=False)
+class Fakes:
+    """A plugin that registers fakes, and skills and measures beside them."""
+
+    skills: Sequence[Skill | Path] = ()
+    measures: Sequence[Measure] = ()
+
+    @hookimpl
+    def humanclaw_skills(self, register: RegisterSkill) -> None:
+        for skill in self.skills:
+            register(skill)
+
+    @hookimpl
+    def humanclaw_measures(self, register: RegisterMeasure) -> None:
+        for measure in self.measures:
+            register(measure)
+
+    @hookimpl
+    def humanclaw_simulators(self, register: Register[Any]) -> None:
+        register(FAKE, lambda profile="default": FakeWorld(), "a world without dynamics")
+
+    @hookimpl
+    def humanclaw_renderers(self, register: Register[Any]) -> None:
+        register(FAKE, FakeRenderer, "grey pictures")
+
+    @hookimpl
+    def humanclaw_motion_generators(self, register: Register[Any]) -> None:
+        register(FAKE, lambda profile="default": FakeGenerator(), "gliding")
+
+    @hookimpl
+    def humanclaw_scenes(self, register: Register[Any]) -> None:
+        register(FAKE, lambda argument: fake_scene(), "a floor")
+
+
+def fake_scene() -> Scene:
+    """Return a floor of 20 by 20 metres and nothing on it."""
+    builder = SceneBuilder()
+    builder.floor()
+    return builder.scene()
+
+
+def fake_body(*skills: Skill | Path, measures: Sequence[Measure] = (), seed: int = 0) -> Body:
+    """Return a body with these skills alone in a world without dynamics. Raises PluginError for a skill that breaks the
+    contract."""
+    plugins = Plugins()
+    plugins.add(Fakes(skills, measures), FAKE)
+    for skill in skills:
+        plugins.skill(skill.name)
+    return Body(fake_scene(), seed=seed, plugins=plugins, backends=Backends(FAKE, FAKE, FAKE))

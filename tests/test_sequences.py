@@ -1,0 +1,166 @@
+"""Calls that play several parts: chunk by chunk, seen by observers, broken off by whoever wants, counted as what they
+are."""
+
+import numpy as np
+import pytest
+
+from humanclaw import Backends, Body, Call, Control, Decision, Keyframes, Plugins, hookimpl, skill
+from humanclaw.contract import MotionError, parts
+from humanclaw.episode import Episode
+from humanclaw.errors import HumanclawError, ReplayError
+from humanclaw.records import PlayedPart, RecordedEpisode
+from humanclaw.tasks import free_episode
+from humanclaw.testing import fake_body
+from humanclaw.testing.fakes import FAKE, Fakes
+
+NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=1)
+
+
+@pytest.fixture(scope="module")
+def stroll(plugins):
+    """Walk by somebody else's adapter, then nod for a second: n + 2 chunks."""
+    adapter = plugins.skill("walk").adapter
+
+    @skill(role="locomotion")
+    def stroll(strides: int = 3) -> list[Control | Keyframes]:
+        """Walk a few strides and nod."""
+        return [*[Control(adapter, {"x": 0.0, "z": 0.4, "yaw": 0.0})] * strides, NOD]
+
+    return stroll
+
+
+def episode(body, folder=None, **more):
+    return Episode(body, free_episode("stroll", body.scene, max_steps=3), "tester", folder=folder, **more)
+
+
+def submit(played, strides=3):
+    return played.submit(Decision((Call("stroll", {"strides": strides}),)))
+
+
+class Watcher:
+    """Notes every chunk, and may do something at one of them."""
+
+    def __init__(self, at=-1, act=lambda: None):
+        self.heard, self.at, self.act = [], at, act
+
+    @hookimpl
+    def humanclaw_chunk(self, episode, step, chunk):
+        self.heard.append((step, float(chunk.execution.simulated.root[-1, 2])))
+        if len(self.heard) == self.at:
+            self.act()
+
+
+def test_a_sequence_is_played_chunk_by_chunk_each_begun_where_the_one_before_has_ended(stroll):
+    with fake_body(stroll) as body:
+        done = body.execute(Call("stroll", {"strides": 3}))
+    assert [round(float(c.execution.simulated.root[-1, 2]), 3) for c in done.chunks] == [0.4, 0.8, 1.2, 1.2, 1.2]
+    assert done.parts[-1] == PlayedPart("keyframes", 2, "head")
+    assert done.parts[0] == PlayedPart("control", 1, "walk", {"x": 0.0, "z": 0.4, "yaw": 0.0})
+
+
+def test_every_chunk_of_a_sequence_is_observed_before_the_next(stroll):
+    with fake_body(stroll) as body:
+        body.plugins.add(watcher := Watcher(), "watcher")
+        with episode(body) as played:
+            submit(played)
+            submit(played, strides=1)
+    assert [step for step, _ in watcher.heard] == [0] * 5 + [1] * 3
+    assert [round(z, 2) for _, z in watcher.heard[:3]] == [0.4, 0.8, 1.2]
+
+
+def test_a_sequence_is_recorded_as_what_it_is(stroll, tmp_path):
+    with fake_body(stroll) as body, episode(body, tmp_path / "one") as played:
+        step = submit(played)
+    (read,) = RecordedEpisode(tmp_path / "one").steps
+    assert read == step
+    assert (read.chunks, read.motion_frames, len(read.parts), read.cancelled) == (5, 75, 4, False)
+    assert [round(z, 3) for _, _, z in read.path] == [0.0, 0.4, 0.8, 1.2, 1.2, 1.2]
+
+
+@pytest.mark.parametrize("how", ["cancel", "stop"])
+def test_a_sequence_that_is_broken_off_is_a_step_of_what_was_played(stroll, tmp_path, how):
+    with fake_body(stroll) as body:
+        played = episode(body, tmp_path / "one")
+        body.plugins.add(Watcher(2, getattr(played, how)), "watcher")
+        with played:
+            step = submit(played)
+            assert (step.chunks, step.cancelled) == (2, True)
+            assert [part.chunks for part in step.parts] == [1, 1]
+            assert "broke it off" in str(step.feedback)
+            assert played.done == (how == "stop")
+            if how == "cancel":
+                assert submit(played, strides=1).cancelled is False
+
+
+def test_a_step_that_was_broken_off_is_replayed_as_far_as_it_went(stroll):
+    with fake_body(stroll) as body:
+        played = episode(body)
+        body.plugins.add(Watcher(2, played.cancel), "watcher")
+        with played:
+            step = submit(played)
+    with fake_body(stroll) as body, episode(body, replay=[step]) as again:
+        assert body.history.root[-1, 2] == pytest.approx(0.8)
+        assert submit(again).step == 1
+
+
+def test_a_call_that_is_over_has_nothing_to_break_off(stroll):
+    with fake_body(stroll) as body:
+        left = iter([True, False])
+        done = body.execute(Call("stroll", {"strides": 0}), lambda chunk: next(left))
+    assert (len(done.chunks), done.parts, done.cancelled) == (2, (), False)
+
+
+def test_the_motion_model_continues_its_own_chunks_in_a_sequence(plugins, stroll):
+    """With the real model: three strides of 40 cm, each with noise of its own."""
+    with Body("fake:", plugins=plugins_with(stroll, plugins), backends=Backends("fake", "fake", "dit")) as body:
+        done = body.execute(Call("stroll", {"strides": 3}))
+    roots = [chunk.commanded.root for chunk in done.chunks]
+    assert roots[2][-1, 2] == pytest.approx(1.2, abs=0.15)
+    assert not np.allclose(roots[0] - roots[0][0], roots[1] - roots[1][0], atol=1e-4)
+
+
+def plugins_with(made, plugins):
+    class Model:
+        @hookimpl
+        def humanclaw_motion_generators(self, register):
+            register("dit", lambda profile="default": plugins.make("motion_generators", "dit", profile=profile))
+
+    host = Plugins()
+    host.add(Fakes([made]), FAKE)
+    host.add(Model(), "model")
+    return host
+
+
+@pytest.mark.parametrize("plan", [None, [], ["walk"], 7, [NOD, None]])
+def test_what_is_no_plan_is_refused_by_name(plan):
+    with pytest.raises(MotionError, match="a skill returns a Control, Keyframes or a sequence"):
+        parts(plan)
+
+
+def test_ten_seconds_is_the_longest_that_a_sequence_lasts():
+    assert len(parts([NOD] * 10)) == 10
+    with pytest.raises(MotionError, match="at most 10 s; got 11 s"):
+        parts([NOD] * 11)
+
+
+# -- the ends of an episode --------------------------------------------------------------------------------------------
+def test_an_episode_without_attempts_is_refused(stroll):
+    with fake_body(stroll) as body, pytest.raises(HumanclawError, match="at least one attempt a step; got 0"):
+        episode(body, attempts=0)
+
+
+def test_a_decision_after_a_stop_from_outside_is_told_that_the_episode_has_ended(stroll):
+    with fake_body(stroll) as body, episode(body) as played:
+        played.stop()
+        with pytest.raises(HumanclawError, match=r"the episode has ended \(stopped from outside\)"):
+            submit(played)
+
+
+@pytest.mark.parametrize("last", ["stopped", "executed"])
+def test_steps_that_follow_the_end_of_a_record_are_not_replayed(stroll, last):
+    with fake_body(stroll) as body, episode(body) as played:
+        step = submit(played, strides=0)
+    steps = [step.model_copy(update={"step": k}) for k in range(4)]
+    steps[1] = steps[1].model_copy(update={"status": last})
+    with fake_body(stroll) as body, pytest.raises(ReplayError, match="has 4 steps, and the episode ends with step"):
+        episode(body, replay=steps)
