@@ -7,6 +7,7 @@ BIN := $(VENV)/bin
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit clean
 .PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients frameworks docs local-llm clean
 .PHONY: help install demo test wheels lint lint-pages fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render recognise physics bench-world conformance mcp-clients local-llm clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -71,6 +72,10 @@ bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time go
 
 bench-render: install  ## CPU time of a view, beside other renderers where they are installed
 	$(BIN)/python plugins/raster/bench.py
+
+recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
+	cd plugins/raster/recognise && npm install --no-audit --no-fund
+	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)
 	$(BIN)/humanclaw physics
