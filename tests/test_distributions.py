@@ -5,11 +5,14 @@ import sys
 import tomllib
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
 from packaging.requirements import Requirement
 from wheels import distributions as folders
 
 from humanclaw import _distributions as distributions
+from humanclaw.cli import build
 from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 
@@ -21,9 +24,28 @@ def test_the_table_says_what_the_distributions_register():
     plugins = Plugins.discover()
     origins = {info.name: info.origin for info in plugins.infos}
     for kind, table in distributions.table().items():
+        if kind == "commands":
+            continue
         found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
         installed = {name: of for name, of in table.items() if of in origins.values()}
         assert {name: of for name, of in found.items() if of in NAMES} == installed, kind
+
+
+def test_the_table_says_whose_every_command_is():
+    commands = build(Plugins.discover)
+    names = commands.list_commands(click.Context(commands))
+    homes = {name: commands.commands[name].callback.__module__.partition(".")[0] for name in names}
+    found = {name: home.replace("_", "-") for name, home in homes.items() if home != "humanclaw"}
+    table = distributions.table()["commands"]
+    assert {name: of for name, of in found.items() if of in NAMES} == {n: of for n, of in table.items() if n in found}
+    assert set(table.values()) <= NAMES
+
+
+def test_a_command_that_is_not_installed_names_what_brings_it():
+    done = CliRunner().invoke(build(Plugins), ["bench", "run"])
+    assert done.exit_code == 2
+    assert "command 'bench' is not installed." in done.output
+    assert "pip install humanclaw-bench" in done.output
 
 
 def test_every_distribution_has_the_licence_of_the_whole_and_says_where_it_belongs():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import humanclaw
+from humanclaw._distributions import bringing, install
 from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
@@ -65,6 +66,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.commands:
             self._load()
+        if cmd_name not in self.commands and (missing := bringing("commands", cmd_name)):
+            raise HumanclawError(f"command {cmd_name!r} is not installed.", f"Run `{install([missing])}`.")
         return super().get_command(ctx, cmd_name)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
