@@ -363,7 +363,8 @@ def _fitted(row: list[tuple[str, float]], length: float) -> list[tuple[str, floa
 
 
 def _stacked(column: list[tuple[str, float]], x0: float, x1: float) -> list[Rect]:
-    rects, z = [], 0.0
+    rects: list[Rect] = []
+    z = 0.0
     for kind, depth in column:
         rects.append((kind, x0, z, x1, z + depth))
         z += depth

@@ -149,7 +149,7 @@ def test_rooms_are_of_sensible_number_and_size(name: str) -> None:
     for room in rooms:
         width, depth = room.x1 - room.x0, room.z1 - room.z0
         assert min(width, depth) >= 1.4, room
-        assert 4 <= width * depth <= 45, room
+        assert (2 if room.kind == "hall" else 4) <= width * depth <= 45, room  # one arm of a hall that turns is short
 
 
 @pytest.mark.parametrize("name", SAMPLE)
