@@ -227,7 +227,7 @@ class Episode:
         """How it stands, and what the eyes see now, for a notebook."""
         last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
         lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
-        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb))])
+        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view()))])
 
     def stop(self) -> None:
         """Take no further decision, and break off the call under way. May be called from another thread or a signal

@@ -25,7 +25,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import within, write_atomically
-from humanclaw._files import write_atomically
 from humanclaw._notebook import card, spread
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError

@@ -146,8 +146,7 @@ def publish(
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     told = _tellable(skills, format)
-    return _wrap([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
-    return in_format([tool_spec(skill, mid_level, reasoning, described) for skill in told], format)
+    return in_format([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
 
 
 def unpublishable(skill: Skill, format: Format) -> PluginError | None:  # noqa: A002
