@@ -3,7 +3,7 @@ PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one 
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks docs lint-pages recognise clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -42,6 +42,9 @@ lint: install  ## Style, types and import rules
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
 	$(BIN)/lint-imports
 
+lint-pages:  ## The types of the pages' scripts (needs npx)
+	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json
+
 CHUNKS ?= .data/chunks
 
 fidelity: install  ## Achieved against commanded motion, generated and simulated, 200 rollouts a skill, and the model cards (minutes)
@@ -55,11 +58,20 @@ naturalness: install  ## Feet, joints, likeness to real motion, transitions, jer
 bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
 	$(BIN)/humanclaw speed
 
+SPLITS ?= plugins/bench/humanclaw_bench/data
+
+splits: install  ## The episodes of the benchmark from seeds, for the houses as they are now (minutes)
+	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
+
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
 
 bench-render: install  ## CPU time of a view, beside other renderers where they are installed
 	$(BIN)/python plugins/raster/bench.py
+
+recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
+	cd plugins/raster/recognise && npm install --no-audit --no-fund
+	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)
 	$(BIN)/humanclaw physics
@@ -72,6 +84,13 @@ conformance: install  ## The MCP server against the official suite (needs npx)
 
 mcp-clients: install  ## Seven MCP clients drive the body, each in an environment of its own (minutes)
 	$(BIN)/python harnesses/mcp/clients/run.py
+
+frameworks: install  ## Seven agent frameworks drive the body by body.tools, each in an environment of its own (minutes)
+	$(BIN)/python harnesses/frameworks/clients/run.py
+
+docs: install  ## The site of docs/ into site/, strict: a broken link or an undocumented name ends it
+	$(BIN)/pip install --quiet --no-build-isolation -e ".[docs]"
+	$(BIN)/python -m mkdocs build --strict
 
 local-llm: install  ## A small language model on this machine drives the body (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation

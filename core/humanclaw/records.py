@@ -25,6 +25,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import within, write_atomically
+from humanclaw._notebook import card, spread
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
@@ -388,6 +389,14 @@ class RecordedEpisode:
                 return {name: data[name] for name in names or sorted(data.files)}
         except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise RecordError(f"{path} cannot be read: {error}.", _AGAIN) from error
+
+    def _repr_html_(self) -> str:
+        """Return what was asked and done, and a strip of what the eyes saw, for a notebook."""
+        spec, count = self.record.spec, len(self.steps)
+        kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
+        pictures = [(f"step {kept[k].step}", _read(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
+        ended = f"{self.record.outcome.replace('_', ' ')} after {count} step{'' if count == 1 else 's'}"
+        return card(f"Episode {spec.id}", [f"{self.record.agent}: {spec.instruction}", ended], pictures)
 
     @property
     def digest(self) -> str:

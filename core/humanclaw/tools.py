@@ -7,20 +7,26 @@ are not mended here: Skill.check refuses them, and the refusal goes back to the 
 
 from __future__ import annotations
 
+import base64
 import json
 import logging
 import math
 import re
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
+from humanclaw._pictures import jpeg
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
 from humanclaw.records import Call
+
+if TYPE_CHECKING:
+    from humanclaw.embodiment import Body
 
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]
@@ -140,7 +146,7 @@ def publish(
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     told = _tellable(skills, format)
-    return _wrap([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
+    return in_format([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
 
 
 def unpublishable(skill: Skill, format: Format) -> PluginError | None:  # noqa: A002
@@ -173,8 +179,7 @@ def _check_names(skill: Skill, form: Format) -> None:
 
 
 def _check_shapes(properties: Mapping[str, Any], skill: Skill, form: Format) -> None:
-    """Refuse shapes that a provider refuses: an array without items OpenAI and Gemini refuse, an object without
-    properties Gemini."""
+    """Refuse an array without items for OpenAI and Gemini, an object without properties for Gemini."""
     for key, part in properties.items():
         where = f"parameter {key!r} of skill {skill.name!r}"
         if part.get("type") == "array" and "items" not in part and form in ("openai", "gemini"):
@@ -197,7 +202,8 @@ def openai_tools(
     return publish(skills, "openai", mid_level, reasoning, described, brief)
 
 
-def _wrap(specs: list[Json], form: Format) -> list[Json]:
+def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
+    """Write specifications (name, description, parameters) as a provider's interface takes a list of tools."""
     if form == "openai":
         return [{"type": "function", "function": spec} for spec in specs]
     if form == "gemini":
@@ -485,3 +491,82 @@ def _text(value: Any) -> str:
 def _pop_first(values: Json, *keys: str) -> Any:
     """Take the first key that is there; the others stay."""
     return next((values.pop(key) for key in keys if key in values), None)
+
+
+# -- a body's tools ----------------------------------------------------------------------------------------------------
+LOOK: Final = "look"
+_LOOK: Final[Json] = {
+    "name": LOOK,
+    "description": "See what the body sees, without moving.",
+    "parameters": {"type": "object", "properties": {}, "required": [], "additionalProperties": False},
+}
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What became of a call: words, and what the eyes see now."""
+
+    text: str
+    picture: bytes = b""
+    """A JPEG of 512 x 512; empty if the call was refused, since nothing has moved."""
+
+    @property
+    def base64(self) -> str:
+        """The picture in base64; empty if there is none."""
+        return base64.b64encode(self.picture).decode()
+
+    @property
+    def data_url(self) -> str:
+        """The picture as a data URL; empty if there is none."""
+        return f"data:image/jpeg;base64,{self.base64}" if self.picture else ""
+
+
+@dataclass(frozen=True)
+class BodyTool:
+    """A tool of one body, for an agent framework to wrap in its own objects (hook humanclaw_frameworks).
+
+    Calling it is safe from any thread, and raises nothing for what a model can mend: a refusal is a result in words.
+    """
+
+    name: str
+    description: str
+    parameters: Json
+    """JSON Schema of an object, without $ref, anyOf, oneOf and allOf."""
+    run: Callable[[str | Mapping[str, Any]], ToolResult]
+    """Arguments, an object or the JSON text of one, to the result."""
+
+    @property
+    def spec(self) -> Json:
+        """Name, description and parameters, as in_format takes them."""
+        return {"name": self.name, "description": self.description, "parameters": self.parameters}
+
+    def __call__(self, **arguments: Any) -> ToolResult:
+        """Call the tool with its parameters by name."""
+        return self.run(arguments)
+
+
+def body_tools(body: Body) -> tuple[BodyTool, ...]:
+    """Make a tool of every skill of a body that can run, and `look`. Calls take their turn: a body does one thing at a
+    time."""
+    turn = threading.Lock()
+    ready = _tellable((skill for skill in body.skills.values() if skill.trained), "openai")
+    specs = [tool_spec(skill, reasoning=False) for skill in ready]
+
+    def runner(name: str) -> Callable[[str | Mapping[str, Any]], ToolResult]:
+        def run(arguments: str | Mapping[str, Any]) -> ToolResult:
+            with turn:
+                return _run(body, name, arguments)
+
+        return run
+
+    return tuple(BodyTool(**spec, run=runner(spec["name"])) for spec in (*specs, _LOOK))
+
+
+def _run(body: Body, name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
+    try:
+        _, call = read_call(name, arguments)
+        seen = body.observe() if name == LOOK else body.call(name, **call.params)
+    except CallError as error:
+        return ToolResult(str(error))
+    words = str(seen.feedback) if name != LOOK else ""
+    return ToolResult(f"{words} The picture is what you see now.".strip(), jpeg(seen.rgb))

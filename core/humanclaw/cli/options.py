@@ -207,7 +207,7 @@ def plugin_options(function: F) -> F:
 
         named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
         if skills is not None and not named:
-            raise HumanclawError("--skills names no skill.", "For example --skills walk,stop.")
+            raise HumanclawError("--skills names no skill.", "Give one or more: --skills NAME,NAME.")
         return function(*args, choice=Choice(tuple(prefer), tuple(without), named), **rest)
 
     wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)

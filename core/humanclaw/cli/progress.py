@@ -44,7 +44,7 @@ class StepProgress:
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
     """How the episode ended, in a sentence."""
-    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} steps"]
+    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} step{'' if record.steps == 1 else 's'}"]
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")
         parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")

@@ -9,7 +9,7 @@ from humanclaw._lazy import lazy
 if TYPE_CHECKING:
     from humanclaw.testing.calls import corners, legal_calls
     from humanclaw.testing.contract import Report, check_skill, check_target, examine
-    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, ResponsesServer, VLLMServer
     from humanclaw.testing.fakes import FakeGenerator, FakeModel, FakeRenderer, FakeWorld, fake_body, fake_scene
     from humanclaw.testing.openai_server import (
         OpenAIServer,
@@ -52,6 +52,7 @@ _HOMES = {
     "Reply": "openai_server",
     "Report": "contract",
     "Request": "openai_server",
+    "ResponsesServer": "dialects",
     "SceneBuilder": "scenes",
     "ScriptedAgent": "scripted",
     "SimulatorConformance": "simulators",
@@ -93,6 +94,7 @@ __all__ = [
     "Reply",
     "Report",
     "Request",
+    "ResponsesServer",
     "SceneBuilder",
     "ScriptedAgent",
     "SimulatorConformance",
