@@ -5,7 +5,6 @@ python tests/evidence/audit.py     # `make audit`
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Iterator
