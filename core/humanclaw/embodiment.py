@@ -17,6 +17,8 @@ import numpy as np
 
 from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
+from humanclaw._notebook import card
+from humanclaw._pictures import jpeg
 from humanclaw.contract import Control, Part, Skill, parts
 from humanclaw.errors import CheckpointError, blaming
 from humanclaw.interfaces import (
@@ -232,6 +234,11 @@ class Body:
         """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
         owners = (skill, *self.plugins.skills.values())
         return next((one.declaration for one in owners if one.adapter == adapter), None)
+
+    def _repr_html_(self) -> str:
+        """Return what the eyes see now, for a notebook."""
+        last = str(self.last.feedback) if self.last else "Nothing was called yet."
+        return card(f"Body in {self.scene.name}, step {self.step}", [last], [("view", jpeg(self.view().rgb))])
 
     def close(self) -> None:
         self._simulator.close()

@@ -143,7 +143,7 @@ def humanclaw_commands(cli: click.Group) -> None:
 
 @hookspec
 def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
-    """Hear of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
+    """Take note of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
 
 
 @hookspec
