@@ -82,6 +82,7 @@ def _registers(names, hooks):
         "humanclaw_chunk",
         "humanclaw_step",
         "humanclaw_episode_end",
+        "humanclaw_run_end",
         "humanclaw_commands",
         "humanclaw_hookspecs",
     }
