@@ -104,11 +104,20 @@ def test_links_between_pages_of_the_repository_lead_somewhere():
 
 def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_path):
     """Load the examples on the page of hooks as plugins of one file."""
-    for hook in ("humanclaw_verifiers", "humanclaw_reports", "humanclaw_commands", "humanclaw_faults"):
+    for hook in (
+        "humanclaw_verifiers",
+        "humanclaw_reports",
+        "humanclaw_commands",
+        "humanclaw_faults",
+        "humanclaw_run_end",
+    ):
         code = re.search(r"```python\n(.*?)```", SECTIONS[hook], re.DOTALL)[1]
         (tmp_path / f"{hook}.py").write_text(code)
     plugins = Plugins.discover(sorted(tmp_path.glob("*.py")))
     assert "careful" in [one.name for one in plugins.registered("verifiers")]
+    told = []
+    plugins.tell("humanclaw_run_end", run="runs/x", plugins=plugins, tell=told.append)
+    assert "All of runs/x is played." in told
     assert "sleeper" in [one.name for one in plugins.registered("faults")]
     assert "lines" in [one.name for one in plugins.registered("reports")]
     assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))
