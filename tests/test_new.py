@@ -10,8 +10,7 @@ import pytest
 from click.testing import CliRunner
 from wheels import distributions
 
-from humanclaw.cli.new import _TRAINED as TRAINED
-from humanclaw.cli.new import KINDS, Distribution, new
+from humanclaw.cli.new import KINDS, TRAINED, Distribution, new
 
 ROOT = Path(__file__).parents[1]
 MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}

@@ -38,6 +38,7 @@ from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.records import Call, PlayedPart
 from humanclaw.scene import Scene
 from humanclaw.sensors import proprioception, tactile
+from humanclaw.tools import body_tools
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,13 @@ class Body:
         """
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
+
+    def tools(self, framework: str) -> Any:
+        """Every skill that can run, and `look`, as an agent framework's own objects: "openai", "langchain", ...
+
+        Raises PluginError with the nearest names if no plugin knows the framework, and if it is not installed.
+        """
+        return self.plugins.make("frameworks", framework, body_tools(self))
 
     def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
         """Carry out a call that has been checked already, chunk by chunk.

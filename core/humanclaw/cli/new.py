@@ -38,7 +38,7 @@ class Kind:
     then: str = ""
 
 
-_TRAINED: Final = Kind("trained", "skill", ("numpy>=1.26",), "humanclaw data chunks --skill SKILL_FOLDER --clips DIR")
+TRAINED: Final = Kind("trained", "skill", ("numpy>=1.26",), "humanclaw data chunks --skill SKILL_FOLDER --clips DIR")
 KINDS: Final = {
     "skill": Kind("skill", "skill", ("pydantic>=2.6",), "humanclaw skills"),
     "agent": Kind("agent", "agent", (), "humanclaw run --agent NAME"),
@@ -136,7 +136,7 @@ def new(kind: str, name: str, trained: bool, call: str, about: str, author: str,
     """Begin a skill, agent, scene ... of your own: a distribution with tests, licence, README and CI."""
     if trained and kind != "skill":
         raise click.UsageError("Only a skill is trained.")
-    chosen = _TRAINED if trained else KINDS[kind]
+    chosen = TRAINED if trained else KINDS[kind]
     made = Distribution.of(chosen, name, call, about, author)
     folder = out or Path(made.project)
     lines = write(made, folder)

@@ -225,11 +225,10 @@ def verify(run: Path, submission: Path | None) -> None:
 @click.option("--model-date", default="", help="Version or day of the model, as its provider tells it.")
 @click.option("--out", type=RUN, help="Where to write; the default is submission.json in the run.")
 @PARTIAL
-@plugin_files
-def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool, files: tuple[Path, ...]) -> None:
+def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
     """Write one file with what was run and what came of it, for `bench verify --submission` and `bench leaderboard`."""
     _require_whole([_one(run)], partial)
-    made = submissions.submit(run, who, model_date, Plugins.discover(files))
+    made = submissions.submit(run, who, model_date)
     out = out or run / submissions.NAME
     write_atomically(out, made.model_dump_json(indent=1).encode())
     click.echo(out)
