@@ -97,6 +97,8 @@ class Body:
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
+        self.resets = 0
+        """How often it was put somewhere: what was begun before the last time is over."""
         self.reset(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:
@@ -111,6 +113,7 @@ class Body:
         self.start = start or self.scene.start
         self.seed = seed
         self.step = 0
+        self.resets += 1
         self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
         self._history = re_rooted(self._generator.start(), self._state.body)

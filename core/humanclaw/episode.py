@@ -103,6 +103,7 @@ class Episode:
         _check_replay(replay, spec)
         reset(body, spec)
         self.body, self.spec = body, spec
+        self._reset = body.resets
         self._agent = None if isinstance(agent, str) else agent
         self._verifier, self._max_attempts = verifier, attempts
         self._meter = meter or Meter()
@@ -123,7 +124,9 @@ class Episode:
         """What a plugin raised, if that ended the episode."""
         self._begin_deciders()
         self._folder = folder
-        self._writer = EpisodeWriter(folder, self._record, replay) if folder else None
+        self._writer: EpisodeWriter | None = None
+        self._drawn: dict[str, bytes] = {}
+        """Frames of replayed steps, until the world is known to do as it did."""
         self._trajectory = TrajectoryBuffer(body)
         self._steps: list[StepRecord] = []
         self._history: list[HistoryEntry] = []
@@ -132,12 +135,14 @@ class Episode:
         self._asked: float | None = None
         """When the open question was put; None if none is open."""
         self._begin_step()
+        with self._closing():
+            for step in () if self.fault else replay:
+                self._replay_step(step)
+            self._open(folder, replay)
         if self.fault:
             self._end_by(self.fault)
-            return
-        with self._closing():
-            for step in replay:
-                self._replay_step(step)
+        elif self._is_over():
+            self._close()
 
     # -- how it stands -------------------------------------------------------------------------------------------------
     @property
@@ -198,9 +203,12 @@ class Episode:
         raises."""
         if self._agent is None:
             raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
+        self._check_open()
         seen = self.observe()
         with self._closing(), blaming(_origin(self._agent)):
             decision = self._agent.decide(seen, self.history)
+            if not isinstance(decision, Decision):
+                raise TypeError(f"decide() of {self._agent.name} returned {decision!r} and no Decision")
         return self.submit(decision)
 
     def submit(self, decision: Decision) -> StepRecord | Refusal:
@@ -208,9 +216,7 @@ class Episode:
 
         Raises HumanclawError if the episode has ended, LimitError if a limit was crossed, which ends it.
         """
-        if self.done:
-            ended = "stopped from outside" if self.outcome == "running" else self.outcome.replace("_", " ")
-            raise HumanclawError(f"the episode has ended ({ended}).", "Begin another one.")
+        self._check_open()
         self._look()
         decision = recordable(decision)
         with self._closing():
@@ -227,7 +233,7 @@ class Episode:
         """How it stands, and what the eyes see now, for a notebook."""
         last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
         lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
-        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb))])
+        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view()))])
 
     def stop(self) -> None:
         """Take no further decision, and break off the call under way. May be called from another thread or a signal
@@ -255,6 +261,14 @@ class Episode:
         return isinstance(fault, ProviderError | LimitError | PluginRunError)
 
     # -- one step ------------------------------------------------------------------------------------------------------
+    def _check_open(self) -> None:
+        """Raise HumanclawError if no further decision is taken, or the body is somewhere else by now."""
+        if self.done:
+            ended = "stopped from outside" if self.outcome == "running" else self.outcome.replace("_", " ")
+            raise HumanclawError(f"the episode has ended ({ended}).", "Begin another one.")
+        if self.body.resets != self._reset:
+            raise HumanclawError("the body was put elsewhere since the episode began.", "Begin another one.")
+
     def _begin_step(self) -> None:
         self._attempts: list[Attempt] = []
         self._seconds: dict[str, float] = {}
@@ -267,9 +281,24 @@ class Episode:
         if self._view is None:
             with self._timed("observe"):
                 self._view = self.body.view()
-            if self._writer and not self.done:
-                self._frame_file = self._writer.frame(f"{len(self._steps):04d}.jpg", jpeg(self._view))
+            if self._folder and not self.done:
+                self._frame_file = self._keep_frame(f"{len(self._steps):04d}.jpg", jpeg(self._view))
         return self._view
+
+    def _keep_frame(self, name: str, data: bytes) -> str:
+        """Write a frame, or hold it back while steps are replayed; its path relative to the folder."""
+        if self._writer:
+            return self._writer.frame(name, data)
+        self._drawn[name] = data
+        return f"frames/{name}"
+
+    def _open(self, folder: Path | None, replay: Sequence[StepRecord]) -> None:
+        """Begin the record on disk. Not before the replay: one that fails leaves the folder as it was."""
+        if folder:
+            self._writer = EpisodeWriter(folder, self._record, () if self.fault else replay)
+            for name, data in self._drawn.items():
+                self._writer.frame(name, data)
+            self._drawn.clear()
 
     def _question(self) -> None:
         """Open the account of one question to a model. Raises LimitError if a limit has been crossed."""
@@ -370,7 +399,7 @@ class Episode:
         return self._steps[-1].pelvis_contacts if self._steps else ()
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
-        """Return a step is over: record it, remember it, tell the observers."""
+        """Note that a step is over: record it, remember it, tell the observers."""
         if self._writer and not replayed:
             self._writer.step(step)
         self._steps.append(step)
@@ -378,9 +407,13 @@ class Episode:
         self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
         self._begin_step()
         self.body.plugins.tell("humanclaw_step", episode=self._record, step=step)
-        if step.status == "stopped" or len(self._steps) == self.spec.max_steps:
+        if not replayed and self._is_over():
             self._close()
         return step
+
+    def _is_over(self) -> bool:
+        """Whether the steps so far end the episode."""
+        return bool(self._steps) and (self._steps[-1].status == "stopped" or len(self._steps) >= self.spec.max_steps)
 
     # -- replay --------------------------------------------------------------------------------------------------------
     def _replay_step(self, step: StepRecord) -> None:
@@ -445,9 +478,10 @@ class Episode:
             return
         ended = {"outcome": outcome or self._natural_outcome(), "error": error, "limit": limit}
         counted = {"usage": self._meter.episode, "steps": len(self._steps)}
-        self._record = self._record.model_copy(update=ended | counted)
+        record = self._record.model_copy(update=ended | counted)
         if self._writer:
-            self._writer.end(self._record, self._trajectory.arrays())
+            self._writer.end(record, self._trajectory.arrays())
+        self._record = record  # Not before: an end that could not be written may be written once there is room.
         self.body.plugins.tell("humanclaw_episode_end", episode=self._record, folder=self._folder)
 
     def _natural_outcome(self) -> Outcome:

@@ -44,7 +44,7 @@ def _tool(tool: BodyTool, seen: list[bytes]) -> Tool:
         "skip_forward_signature_validation": True,
         "forward": forward,
     }
-    return type(tool.name, (Tool,), content)()  # type: ignore[no-any-return]
+    return type(tool.name, (Tool,), content)()
 
 
 def _inputs(tool: BodyTool) -> dict[str, Any]:

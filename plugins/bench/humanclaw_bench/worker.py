@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -103,7 +104,7 @@ class Worker:
         """Mark the record and put the body away, as far as what has broken allows."""
         with contextlib.suppress(Exception):
             traceback.print_exc()
-        for tidy in (lambda: mark(self._out / spec.id, FAILED, error), self.close):
+        for tidy in (partial(mark, self._out / spec.id, FAILED, error), self.close):
             with contextlib.suppress(BaseException):
                 tidy()
 

@@ -648,5 +648,8 @@ def _on_top(space: Space, kit: Kit) -> bool:
 
 def _on_floor(space: Space, kit: Kit) -> bool:
     maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
-    put = lambda: space.try_put(space.spots(kit.make(maker), kit.rng)[:40])  # noqa: E731
+
+    def put() -> Placed | None:
+        return space.try_put(space.spots(kit.make(maker), kit.rng)[:40])
+
     return (_household(kit, "chair", put) if maker is seats.stool else put()) is not None
