@@ -34,6 +34,8 @@ WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
 FILM_SIZE: Final = (1280, 720)
+GIF_SIZE: Final = (480, 270)
+"""A GIF holds every pixel of every frame: a larger one is for nobody to load."""
 FADE: Final = 6
 """Frames of film in which what gets in the way fades out, or comes back."""
 AHEAD: Final = 12
@@ -242,8 +244,7 @@ def _discomfort(
     ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
     veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
-    # What is in the way is left out of the picture, so this weighs less than a calm camera.
-    return np.asarray(1.5 * hidden + 0.5 * veiled + behind + steep[None])
+    return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
 
 
 def _ring(radius: float) -> Array:
@@ -316,17 +317,17 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
         image.paste(ego, (x, 12))
     if step and step.call:
         said = step.decision.reasoning.split("\n")[0]
-        y = image.height - 14
+        y = image.height - image.height // 40
         if said:
             _line(draw, said, y, image.height // 32, image.width - 28)
-            y -= image.height // 22
+            y -= image.height // 20
         _line(draw, f"{step.step}  {step.call}", y, image.height // 24, image.width - 28)
     return np.asarray(image)
 
 
 def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -> None:
     """Draw a line of white text with a dark edge, cut off where the picture ends."""
-    font = ImageFont.load_default(size=max(size, 9))
+    font = ImageFont.load_default(size=max(size, 4))
     if draw.textlength(text, font) > width:
         while text and draw.textlength(text + "\u2026", font) > width:
             text = text[:-1]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from humanclaw import Plugins, RecordedEpisode, Renderer
-from humanclaw_report.film import film, poster
+from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film, poster
 from humanclaw_report.report import write_report
 
 
@@ -38,7 +38,8 @@ class PageReporter:
         try:
             picture = poster(episode, scene, renderer, episode.folder / "poster.png")
             kind: Literal["mp4", "gif"] = "gif" if self._film == "gif" else "mp4"
-            moving = film(episode, scene, renderer, episode.folder / f"film.{kind}", kind=kind)
+            size = GIF_SIZE if kind == "gif" else FILM_SIZE
+            moving = film(episode, scene, renderer, episode.folder / f"film.{kind}", kind=kind, size=size)
         finally:
             renderer.close()
         return {"film": moving, "picture": picture}

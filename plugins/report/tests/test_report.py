@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made import broken_off, record_episode
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
+import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
 from humanclaw_report.facts import in_words, milestones
 from humanclaw_report.maps import house_maps, path_maps, storeys_at
@@ -247,3 +249,18 @@ def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> No
 def test_a_folder_without_records_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no episode record"):
         write_report(tmp_path, None, lambda name: record_episode(tmp_path / "x"))
+
+
+def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    record_episode(tmp_path / "couch-1", name="couch-1")
+    told: list[str] = []
+    plugins = SimpleNamespace(scene=lambda name: scene, tell=lambda hook, **event: None)
+    humanclaw_report.humanclaw_run_end(tmp_path, plugins, told.append)
+    assert told == [f"report: {tmp_path / 'report.html'}"]
+    links = [link["href"] for link in Page((tmp_path / "report.html").read_text("utf-8")).all("a")]
+    assert {"couch-0/page.html", "couch-1/page.html"} <= set(links)
+    page = Page((tmp_path / "couch-1" / "page.html").read_text("utf-8"))
+    scripts = [tag["src"] for tag in page.all("script") if "src" in tag]
+    assert all((tmp_path / "couch-1" / (source or "")).is_file() for source in scripts)
+    assert len(scripts) == 2
