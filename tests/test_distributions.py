@@ -75,7 +75,13 @@ def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_
     assert refused.value.remedy == remedy
 
 
-IMPORTED_AS = {"PIL": "pillow", "skimage": "scikit-image"}
+IMPORTED_AS = {
+    "PIL": "pillow",
+    "agents": "openai-agents",
+    "google": "google-genai",
+    "pydantic_ai": "pydantic-ai-slim",
+    "skimage": "scikit-image",
+}
 OPTIONAL = {"alktx2", "onnxruntime", "openvino"}
 """Used where somebody has installed them, and told by name where not."""
 CARRIED = {"mcp-types"}

@@ -3,11 +3,25 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from PIL import Image
 
-from humanclaw import Body, Plugins
+from humanclaw import (
+    Body,
+    Decision,
+    EpisodeContext,
+    HistoryEntry,
+    Observation,
+    Plugins,
+    StepRecord,
+    load_run,
+    run_episode,
+)
+from humanclaw.pose import rest_pose
+from humanclaw.records import Feedback
+from humanclaw.tasks import free_episode
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -26,6 +40,48 @@ def test_the_ten_line_skill_nods(house):
         assert len(body.last.chunks) == 2
         commanded = body.last.chunks[0].commanded
         assert np.ptp(commanded.rotations[:, 15, 0]) > 0.3  # 20 degrees are 0.35 rad
+
+
+def test_third_parties_bring_a_reused_adapter_an_observer_and_a_decision_maker(house, tmp_path, capsys):
+    files = [EXAMPLES / name for name in ("stroll.py", "bumps.py", "rover.py")]
+    plugins = Plugins.discover(files)
+    with Body(house, plugins=plugins) as body:
+        brisk = body.call("stroll", pace="brisk")
+        assert str(brisk.feedback) == "Executed stroll(pace=brisk)."
+        assert 0.5 < np.linalg.norm(np.diff(body.last.chunks[0].commanded.root[[0, -1]][:, [0, 2]], axis=0)) < 0.8
+        body.reset(house)
+        agent = plugins.make("agents", "rover", {})
+        run_episode(body, free_episode("wander", house, max_steps=3), agent, folder=tmp_path / "episode")
+    (episode,) = load_run(tmp_path)
+    assert [step.call.skill for step in episode.steps] == ["walk", "walk", "stop"]
+    assert "free-0 (stopped): of 3 steps touched " in capsys.readouterr().out
+    assert set(episode.record.skills) >= {"stroll", "walk"}
+
+
+def test_the_rover_turns_where_the_view_stays_as_it_was(plugins, house):
+    rover = Plugins.discover([EXAMPLES / "rover.py"]).make("agents", "rover", {})
+    grey = np.full((512, 512, 3), 90, np.uint8)
+    rover.begin(EpisodeContext(free_episode("wander", house, max_steps=9), plugins.skills, 0))
+    before = [HistoryEntry(0, Decision(), Feedback(), grey)]
+    assert rover.decide(Observation(1, "", grey), before).calls[0].skill == "turn_in_place"
+    assert rover.decide(Observation(1, "", grey + 60), before).calls[0].skill == "walk"
+
+
+def test_a_measure_of_a_third_party_is_what_its_skill_commands():
+    plugins = Plugins.discover([EXAMPLES / "curtsy.py"])
+    curtsy, standing = plugins.skill("curtsy"), rest_pose(5)
+    assert [one.measure for one in curtsy.parameters] == ["knees.bend"]
+    chunk = standing.then(curtsy.plan({"bend_deg": 30}).over(standing))
+    bend = plugins.measures["knees.bend"](chunk.root[None], chunk.rotations[None])
+    at_rest = np.linalg.norm(standing.rotations[-1, 4:6], axis=-1).mean()
+    assert abs(float(bend[0]) - np.radians(30)) <= at_rest + 1e-6
+
+
+def test_a_metric_of_a_third_party_sums_the_turning():
+    plugins = Plugins.discover([EXAMPLES / "turning.py"])
+    metric = next(one for one in plugins.registered("metrics") if one.name == "turning")
+    steps = [StepRecord(step=0, status="executed", attempts=(), yaw_start=0.5, yaw_end=-0.25)] * 2
+    assert metric.value(SimpleNamespace(steps=steps)) == 1.5
 
 
 def test_the_contact_sheet_shows_houses_from_above_and_from_inside(tmp_path):

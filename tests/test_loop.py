@@ -2,6 +2,7 @@
 
 import json
 import math
+import random
 
 import numpy as np
 import pytest
@@ -196,6 +197,21 @@ def test_the_same_seed_gives_the_same_motion_bit_for_bit(body, house, tmp_path):
     one, two = (RecordedEpisode(tmp_path / name).motion() for name in ("one", "two"))
     assert np.array_equal(one.root, two.root)
     assert np.array_equal(one.rotations, two.rotations)
+
+
+def test_an_episode_neither_reads_nor_moves_the_randomness_that_all_share(body, house, tmp_path):
+    spec = free_episode("walk", house, seed=3, max_steps=2)
+    digests = set()
+    for shared in (1, 2):
+        random.seed(shared)
+        np.random.seed(shared)
+        before = random.getstate(), np.random.get_state()
+        run_episode(body, spec, ScriptedAgent([STEP, STEP]), folder=tmp_path / str(shared))
+        after = random.getstate(), np.random.get_state()
+        assert after[0] == before[0]
+        assert all(np.array_equal(one, two) for one, two in zip(before[1], after[1], strict=True))
+        digests.add(RecordedEpisode(tmp_path / str(shared)).digest)
+    assert len(digests) == 1
 
 
 def test_another_seed_gives_another_motion(body, house, tmp_path):

@@ -231,3 +231,20 @@ def test_an_answer_needs_a_name_and_an_object():
         read_answer({"parameters": {}})
     with pytest.raises(CallError, match="must be an object"):
         read_answer({"skill": "step", "parameters": [40]})
+
+
+@pytest.mark.parametrize(
+    ("thoughts", "said"),
+    [
+        ("visible_state: a couch: red\nprogress: near", {"visible_state": "a couch: red", "progress": "near"}),
+        ("1. **Visible_State**: a couch\n   and a lamp", {"visible_state": "a couch and a lamp"}),
+        ("The way is free.", {"reasoning": "The way is free."}),
+        ("Well.\nmid_level_goal - reach it\nmid_level_change: KEEP", {"reasoning": "Well. mid_level_goal - reach it",
+                                                                    "mid_level_change": "keep"}),
+        ("", {}),
+    ],
+)  # fmt: skip
+def test_thoughts_in_one_text_are_read_by_the_names_at_the_beginning_of_its_lines(thoughts, said):
+    reasoning, call = read_call("step", {"thoughts": thoughts, "z_cm": 40})
+    assert {key: text for key, text in vars(reasoning).items() if text} == said
+    assert call == Call("step", {"z_cm": 40})

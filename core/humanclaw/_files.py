@@ -33,3 +33,12 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def within(folder: Path, name: str | Path) -> Path:
+    """Return folder/name. Raises ValueError if that leads out of the folder, by its words alone: links are whose the
+    folder is."""
+    home, path = os.path.abspath(folder), os.path.abspath(folder / name)
+    if os.path.commonpath((home, path)) != home:
+        raise ValueError(f"{str(name)!r} lies outside of {folder}")
+    return Path(path)

@@ -154,7 +154,8 @@ def skill_faults(
         base: digest of the prior that its adapter has to fit; empty to leave that open.
         formats: also tell of tool formats in which it cannot be published; elsewhere it can be used.
     """
-    found, broken = [], []
+    found: list[ContractError] = []
+    broken: list[Exception] = []
     for find in _FINDERS:
         try:
             found += find(Subject(skill, measures, base))
@@ -238,7 +239,7 @@ def _bad_checks(subject: Subject) -> Faults:
 
 
 def _open_ended(subject: Subject) -> Faults:
-    """Return what the schema says of calls beside its properties, and providers are not told."""
+    """Yield what the schema says of calls beside its properties, and providers are not told."""
     skill = subject.skill
     for word in skill.schema:
         if word not in _TOP_LEVEL and not word.startswith("x-"):
@@ -329,8 +330,7 @@ def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) ->
 
 
 def _misfits(subject: Subject) -> Faults:
-    """Return what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no
-    numbers."""
+    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
     skill = subject.skill
     if skill.adapter is None or not skill.adapter.is_file():
         return
@@ -373,7 +373,7 @@ def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, A
 
 
 def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Faults:
-    """Return an adapter of another prior, or of another width."""
+    """Yield an adapter of another prior, or of another width."""
     if not base:
         return
     if header.get("base") != base:

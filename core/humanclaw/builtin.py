@@ -22,16 +22,8 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import check, new, physics, run, show
 
-    commands = (
-        run.run,
-        check.check,
-        show.skills,
-        show.plugins_command,
-        show.tools,
-        physics.physics,
-        physics.bench_world,
-        new.new,
-    )
+    looking = (check.check, show.skills, show.plugins_command, show.tools)
+    commands = (run.run, *looking, physics.physics, physics.bench_world, new.new)
     for command in commands:
         cli.add_command(command)
 

@@ -22,7 +22,7 @@ from referencing import Registry
 
 from humanclaw.body import JOINT_INDEX
 from humanclaw.errors import CallError, ContractError, PluginError
-from humanclaw.measures import ROLES, Declaration, Parameter, Role, read_schema, si_name, to_si
+from humanclaw.measures import ROLES, Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
 from humanclaw.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
 
 NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
@@ -185,7 +185,7 @@ class Skill:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Its parameters with the measures that they command, in the order of the schema."""
-        return self.declaration.parameters
+        return parameters_of(self.schema)
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters with defaults filled in.

@@ -17,6 +17,8 @@ import numpy as np
 
 from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
+from humanclaw._notebook import card
+from humanclaw._pictures import jpeg
 from humanclaw.contract import Control, Part, Skill, parts
 from humanclaw.errors import CheckpointError, blaming
 from humanclaw.interfaces import (
@@ -36,6 +38,7 @@ from humanclaw.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.records import Call, PlayedPart
 from humanclaw.scene import Scene
 from humanclaw.sensors import proprioception, tactile
+from humanclaw.tools import body_tools
 
 
 @dataclass(frozen=True)
@@ -149,6 +152,13 @@ class Body:
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
 
+    def tools(self, framework: str) -> Any:
+        """Every skill that can run, and `look`, as an agent framework's own objects: "openai", "langchain", ...
+
+        Raises PluginError with the nearest names if no plugin knows the framework, and if it is not installed.
+        """
+        return self.plugins.make("frameworks", framework, body_tools(self))
+
     def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
         """Carry out a call that has been checked already, chunk by chunk.
 
@@ -224,6 +234,11 @@ class Body:
         """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
         owners = (skill, *self.plugins.skills.values())
         return next((one.declaration for one in owners if one.adapter == adapter), None)
+
+    def _repr_html_(self) -> str:
+        """Return what the eyes see now, for a notebook."""
+        last = str(self.last.feedback) if self.last else "Nothing was called yet."
+        return card(f"Body in {self.scene.name}, step {self.step}", [last], [("view", jpeg(self.view().rgb))])
 
     def close(self) -> None:
         self._simulator.close()

@@ -21,6 +21,7 @@ from typing import Any, Final, Literal, Self
 from humanclaw._calls import check, check_call
 from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
 from humanclaw._feedback import Feedback
+from humanclaw._notebook import card
 from humanclaw._recorder import (
     TrajectoryBuffer,
     begin_record,
@@ -221,6 +222,12 @@ class Episode:
             self._attempts.append(Attempt(decision))
             verdict, call = self._verify(decision, call)
             return self._keep(self._execute(call, verdict))
+
+    def _repr_html_(self) -> str:
+        """How it stands, and what the eyes see now, for a notebook."""
+        last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
+        lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
+        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view()))])
 
     def stop(self) -> None:
         """Take no further decision, and break off the call under way. May be called from another thread or a signal

@@ -7,7 +7,7 @@ import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, TypeVar
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from humanclaw.recipes import Recipe
     from humanclaw.records import EpisodeRecord, StepRecord
     from humanclaw.scene import Scene
+    from humanclaw.tools import BodyTool
 
 PROJECT: Final = "humanclaw"
 API_VERSION: Final = "1.0"
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     AgentFactory: TypeAlias = Callable[[Options], Agent]
     VerifierFactory: TypeAlias = Callable[[Options], Verifier]
     ReporterFactory: TypeAlias = Callable[..., Reporter]
+    FrameworkFactory: TypeAlias = Callable[[Sequence[BodyTool]], Any]
 
 
 def noun(kind: str) -> str:
@@ -130,13 +132,18 @@ def humanclaw_reports(register: Register[ReporterFactory]) -> None:
 
 
 @hookspec
+def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
+    """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
+
+
+@hookspec
 def humanclaw_commands(cli: click.Group) -> None:
     """Add commands to the command line."""
 
 
 @hookspec
 def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
-    """Hear of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
+    """Take note of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
 
 
 @hookspec

@@ -198,7 +198,8 @@ class Agent(Protocol):
     """Anything that can call a tool: a model, a person, a script.
 
     If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force,
-    with the defaults filled in.
+    with the defaults filled in; an option that is not among them is then refused. With a true attribute `at_terminal`
+    it decides at the terminal, where nothing is then told that only the scene knows.
     """
 
     name: str

@@ -5,21 +5,27 @@ A folder (episode.json, steps.jsonl, motion.npz, frames/) is enough to score an 
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
+import math
 import os
 import re
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
-from humanclaw._files import write_atomically
+from humanclaw._files import within, write_atomically
+from humanclaw._notebook import card, spread
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
@@ -28,12 +34,14 @@ __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
     "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode", "Refusal",
     "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of",
-    "write_record",
+    "write_record", "writing",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 Vec3 = tuple[float, float, float]
+_LARGEST: Final = 1 << 30
+"""Bytes of one array of motion: 10,000 steps take a sixth of it."""
 _AGAIN = "Run the episode again, or remove its folder."
 
 
@@ -284,39 +292,57 @@ class EpisodeWriter:
         """kept: the steps that the folder begins with, those of an earlier run."""
         self.folder = folder
         lines = "".join(step.model_dump_json() + "\n" for step in kept)
-        try:
+        with writing(folder):
             (folder / "frames").mkdir(parents=True, exist_ok=True)
             write_record(folder, record.model_copy(update={"files": {}}))
             for old in ("motion.npz", *_frames(folder)):
                 (folder / old).unlink(missing_ok=True)  # Of an earlier run: what is kept of it is drawn again.
             write_atomically(folder / "steps.jsonl", lines.encode())
-            self._steps = (folder / "steps.jsonl").open("a", encoding="utf-8")
-        except OSError as error:
-            reason = f"cannot write the record to {folder}: {error.strerror}."
-            raise RecordError(reason, "Name another folder with --out.") from error
+            self._steps = (folder / "steps.jsonl").open("ab", buffering=0)
 
     def frame(self, name: str, data: bytes) -> str:
         """Keep a picture; returns its path relative to the folder."""
-        write_atomically(self.folder / "frames" / name, data)
+        with writing(self.folder):
+            write_atomically(self.folder / "frames" / name, data)
         return f"frames/{name}"
 
     def step(self, step: StepRecord) -> None:
-        self._steps.write(step.model_dump_json() + "\n")
-        self._steps.flush()
-        os.fsync(self._steps.fileno())
+        """Append a line, whole or not at all. Raises RecordError if there is no room for it."""
+        line, before = step.model_dump_json().encode() + b"\n", self._steps.tell()
+        with writing(self.folder):
+            try:
+                if self._steps.write(line) < len(line):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                os.fsync(self._steps.fileno())
+            except OSError:
+                self._steps.truncate(before)
+                raise
 
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
-        """Close the record: motion.npz, then the final episode.json."""
+        """Close the record: motion.npz, then the final episode.json. Raises RecordError if there is no room for
+        them."""
         self._steps.close()
         motion = io.BytesIO()
         np.savez_compressed(motion, **arrays)  # type: ignore[arg-type]
-        write_atomically(self.folder / "motion.npz", motion.getvalue())
-        close_record(self.folder, record)
+        with writing(self.folder):
+            write_atomically(self.folder / "motion.npz", motion.getvalue())
+            close_record(self.folder, record)
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Tell of a full disk, a folder that cannot be written to and the like as RecordError, in a sentence."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot write the record to {folder}: {error.strerror or error}."
+        raise RecordError(reason, "Make room there, or name another folder with --out.") from error
 
 
 def write_record(folder: Path, record: EpisodeRecord) -> None:
     """Write episode.json with its seal."""
-    write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
+    with writing(folder):
+        write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
 
 
 def close_record(folder: Path, record: EpisodeRecord) -> None:
@@ -344,13 +370,33 @@ class RecordedEpisode:
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
-        with np.load(self.folder / "motion.npz") as data:
-            return Motion(data[f"{kind}_root"].astype(float), data[f"{kind}_rotations"].astype(float))
+        arrays = self._arrays(f"{kind}_root", f"{kind}_rotations")
+        return Motion(*(part.astype(float) for part in arrays.values()))
 
     def objects(self) -> dict[int, Array]:
         """Movable object id to (T, 7) position and quaternion, a row a frame of motion()."""
-        with np.load(self.folder / "motion.npz") as data:
-            return {int(key[7:]): data[key].astype(float) for key in data.files if key.startswith("object_")}
+        return {int(key[7:]): path.astype(float) for key, path in self._arrays().items() if key.startswith("object_")}
+
+    def _arrays(self, *names: str) -> dict[str, Array]:
+        """Return the arrays of motion.npz by name, of these names or all. Raises RecordError if they are damaged.
+
+        What a file says of its size is checked before room is made for it.
+        """
+        path = self.folder / "motion.npz"
+        try:
+            with np.load(path) as data:
+                _check_sizes(data.zip)
+                return {name: data[name] for name in names or sorted(data.files)}
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            raise RecordError(f"{path} cannot be read: {error}.", _AGAIN) from error
+
+    def _repr_html_(self) -> str:
+        """Return what was asked and done, and a strip of what the eyes saw, for a notebook."""
+        spec, count = self.record.spec, len(self.steps)
+        kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
+        pictures = [(f"step {kept[k].step}", _read(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
+        ended = f"{self.record.outcome.replace('_', ' ')} after {count} step{'' if count == 1 else 's'}"
+        return card(f"Episode {spec.id}", [f"{self.record.agent}: {spec.instruction}", ended], pictures)
 
     @property
     def digest(self) -> str:
@@ -364,9 +410,8 @@ class RecordedEpisode:
             if step.frame_file:
                 state.update(_read(_within(self.folder, step.frame_file)))
         if (self.folder / "motion.npz").exists():
-            with np.load(self.folder / "motion.npz") as data:
-                for key in sorted(data.files):
-                    state.update(key.encode() + data[key].tobytes())
+            for key, array in self._arrays().items():
+                state.update(key.encode() + array.tobytes())
         return state.hexdigest()
 
 
@@ -410,10 +455,25 @@ def _verify(folder: Path, record: EpisodeRecord) -> None:
 
 def _within(folder: Path, name: str) -> Path:
     """Return a file of a record; what a record says must not lead out of its folder."""
-    path = folder / name
+    try:
+        path = within(folder, name)
+    except ValueError:
+        path = folder.parent
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", _AGAIN)
     return path
+
+
+def _check_sizes(archive: zipfile.ZipFile) -> None:
+    """Raise ValueError for an array that is not as large as its header says, or larger than any episode's."""
+    for member in archive.infolist():
+        with archive.open(member) as stream:
+            version = np.lib.format.read_magic(stream)
+            read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
+            shape, _, kind = read(stream)
+            size = math.prod(shape) * kind.itemsize
+            if stream.tell() + size != member.file_size or size > _LARGEST:
+                raise ValueError(f"{member.filename} is not {size} bytes long")
 
 
 def _read_steps(path: Path) -> Iterator[StepRecord]:

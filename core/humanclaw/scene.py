@@ -63,7 +63,13 @@ class Asset:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object in the scene."""
+    """One object in the scene.
+
+    It is rigid, and either fixed or free: a door, a drawer or a switch that a skill could change is neither. The format
+    leaves room for them in two more fields, and no engine reads such yet: `joint` (hinge or slide, the object that it
+    hangs on, axis, place and limits) and `state` (the value of that joint, or a word such as "on"). Both would be None
+    by default and enter the digest only where they are set, so that the scenes of today keep theirs.
+    """
 
     id: int
     """Positive and unique in the scene; the value of its pixels in the id image."""

@@ -73,15 +73,25 @@ def instruction(category: str) -> str:
 
 
 def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
-    """Read the episodes of a file, one a line. Raises HumanclawError if it cannot be read or a line is none."""
+    """Read the episodes of a file, one a line.
+
+    Raises HumanclawError if it cannot be read, a line is none, or an id is there twice: each names a folder, and some
+    systems do not tell capitals from small letters.
+    """
     try:
-        lines = path.read_text("utf-8").splitlines()
+        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
     except OSError as error:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
-    return tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
+    specs = tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
+    first: dict[str, int] = {}
+    for number, spec in enumerate(specs, 1):
+        if first.setdefault(spec.id.lower(), number) != number:
+            told = f"{path}:{number} holds the id {spec.id!r} of line {first[spec.id.lower()]} again."
+            raise HumanclawError(told, "Give every episode an id of its own.")
+    return specs
 
 
-def _spec(line: str, where: str) -> EpisodeSpec:
+def _spec(line: bytes, where: str) -> EpisodeSpec:
     try:
         return EpisodeSpec.model_validate_json(line)
     except ValidationError as error:

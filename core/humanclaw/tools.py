@@ -7,20 +7,26 @@ are not mended here: Skill.check refuses them, and the refusal goes back to the 
 
 from __future__ import annotations
 
+import base64
 import json
 import logging
 import math
 import re
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
+from humanclaw._pictures import jpeg
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError
 from humanclaw.records import Call
+
+if TYPE_CHECKING:
+    from humanclaw.embodiment import Body
 
 Format = Literal["openai", "anthropic", "gemini", "mcp"]
 Json = dict[str, Any]
@@ -44,12 +50,18 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
 }
 """What a model must say before a skill's parameters; the fields of Reasoning."""
+THOUGHTS: Final = "thoughts"
+"""The reasoning fields as one text, a line each that begins with the field's name: with many tools it is much shorter
+to ask for."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
+_FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(REASONING_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
 _MAX_DEPTH: Final = 12
 _ANTHROPIC_KEY: Final = re.compile(r"[a-zA-Z0-9_.-]{1,64}")
 _LOG: Final = logging.getLogger(__name__)
 _TRIES: Final = 200
 """Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
+"""A text that begins and ends as a JSON object, perhaps in a fence."""
 _ABOUT: Final = frozenset({"title", "description", "default", "type"})
 """Words of which the nearer one goes before that of a referenced schema."""
 _GEMINI_WORDS: Final = frozenset(
@@ -94,18 +106,22 @@ def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
 
 
-def tool_spec(skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True) -> Json:
+def tool_spec(
+    skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True, brief: bool = False
+) -> Json:
     """Describe a skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
-    Raises PluginError if a parameter has the name of a reasoning field or several types.
+    brief: ask for the reasoning as one text, THOUGHTS. Raises PluginError if a parameter has the name of a reasoning
+    field or several types.
     """
     properties = parameter_schema(skill)
-    clash = sorted(set(properties) & set(REASONING_FIELDS))
+    clash = sorted(set(properties) & {*REASONING_FIELDS, THOUGHTS})
     if clash:
         raise PluginError(
             f"skill {skill.name!r} has a parameter {clash[0]!r}, the name of a reasoning field.", "Rename it."
         )
-    said = reasoning_schema(mid_level, described) if reasoning else {}
+    fields = {THOUGHTS: {"type": "string"}} if brief else reasoning_schema(mid_level, described)
+    said = fields if reasoning else {}
     parameters: Json = {
         "type": "object",
         "properties": {**said, **properties},
@@ -121,6 +137,7 @@ def publish(
     mid_level: bool = True,
     reasoning: bool = True,
     described: bool = True,
+    brief: bool = False,
 ) -> list[Json]:
     """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format.
 
@@ -129,7 +146,7 @@ def publish(
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     told = _tellable(skills, format)
-    return _wrap([tool_spec(skill, mid_level, reasoning, described) for skill in told], format)
+    return in_format([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
 
 
 def unpublishable(skill: Skill, format: Format) -> PluginError | None:  # noqa: A002
@@ -162,8 +179,7 @@ def _check_names(skill: Skill, form: Format) -> None:
 
 
 def _check_shapes(properties: Mapping[str, Any], skill: Skill, form: Format) -> None:
-    """Refuse shapes that a provider refuses: an array without items OpenAI and Gemini refuse, an object without
-    properties Gemini."""
+    """Refuse an array without items for OpenAI and Gemini, an object without properties for Gemini."""
     for key, part in properties.items():
         where = f"parameter {key!r} of skill {skill.name!r}"
         if part.get("type") == "array" and "items" not in part and form in ("openai", "gemini"):
@@ -176,13 +192,18 @@ def _check_shapes(properties: Mapping[str, Any], skill: Skill, form: Format) -> 
 
 
 def openai_tools(
-    skills: Iterable[Skill], reasoning: bool = True, mid_level: bool = True, described: bool = True
+    skills: Iterable[Skill],
+    reasoning: bool = True,
+    mid_level: bool = True,
+    described: bool = True,
+    brief: bool = False,
 ) -> list[Json]:
     """Write the tool list of OpenAI's chat completions, which most other servers and clients take too."""
-    return publish(skills, "openai", mid_level, reasoning, described)
+    return publish(skills, "openai", mid_level, reasoning, described, brief)
 
 
-def _wrap(specs: list[Json], form: Format) -> list[Json]:
+def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
+    """Write specifications (name, description, parameters) as a provider's interface takes a list of tools."""
     if form == "openai":
         return [{"type": "function", "function": spec} for spec in specs]
     if form == "gemini":
@@ -333,7 +354,8 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
     values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
     if fault := _fault(values):
         raise CallError(f"{name} was not executed: {fault}.")
-    said = {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
+    thoughts = _thoughts(_text(values.pop(THOUGHTS, "")))
+    said = thoughts | {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
     change = said.get("mid_level_change", "").strip().lower()
     said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
     return Reasoning(**said), Call(name, values)
@@ -355,13 +377,17 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
 
 
-def read_text(text: str) -> list[tuple[Reasoning, Call]]:
+def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     """Read every call in a text: JSON objects that name a skill, with anything around them.
 
-    Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too long.
+    prose=False: with nothing around them but thoughts and a fence; who was given tools and talks may only be thinking
+    of a call. Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too
+    long.
     """
     if len(text) > LONGEST:
         raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
+    if not prose and not _is_bare(_spoken(text)):
+        raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
     items = _objects(text, _once)
     found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
     if not found:
@@ -369,17 +395,32 @@ def read_text(text: str) -> list[tuple[Reasoning, Call]]:
     return [item for index, item in enumerate(found) if item not in found[:index]]
 
 
-def json_objects(text: str) -> Iterator[Json]:
+def json_objects(text: str, once: bool = False) -> Iterator[Json]:
     """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
 
     It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
-    not read.
+    not read. once: raise CallError if a key is there twice.
     """
-    return _objects(text[:LONGEST], dict)
+    return _objects(text[:LONGEST], _once if once else dict)
+
+
+def _spoken(text: str) -> str:
+    return re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+
+
+def _is_bare(text: str) -> bool:
+    """Whether a text is one JSON object and nothing else, perhaps in a fence."""
+    found = _BARE.fullmatch(text)
+    if found is None:
+        return False
+    try:
+        return json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])
+    except (ValueError, RecursionError):
+        return False
 
 
 def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
-    text = re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+    text = _spoken(text)
     decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
     while place >= 0 and failed < _TRIES:
         try:
@@ -432,6 +473,17 @@ def _inside(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list | tuple) else ()
 
 
+def _thoughts(text: str) -> dict[str, str]:
+    """Read the reasoning fields of a text that holds one a line; what stands under no name is reasoning."""
+    found: dict[str, str] = {}
+    field = "reasoning"
+    for line in filter(None, map(str.strip, text.split("\n"))):
+        named = _FIELD.match(line)
+        field, words = (named[1].lower(), named[2]) if named else (field, line)
+        found[field] = f"{found.get(field, '')} {words}".strip()
+    return found
+
+
 def _text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
@@ -439,3 +491,82 @@ def _text(value: Any) -> str:
 def _pop_first(values: Json, *keys: str) -> Any:
     """Take the first key that is there; the others stay."""
     return next((values.pop(key) for key in keys if key in values), None)
+
+
+# -- a body's tools ----------------------------------------------------------------------------------------------------
+LOOK: Final = "look"
+_LOOK: Final[Json] = {
+    "name": LOOK,
+    "description": "See what the body sees, without moving.",
+    "parameters": {"type": "object", "properties": {}, "required": [], "additionalProperties": False},
+}
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What became of a call: words, and what the eyes see now."""
+
+    text: str
+    picture: bytes = b""
+    """A JPEG of 512 x 512; empty if the call was refused, since nothing has moved."""
+
+    @property
+    def base64(self) -> str:
+        """The picture in base64; empty if there is none."""
+        return base64.b64encode(self.picture).decode()
+
+    @property
+    def data_url(self) -> str:
+        """The picture as a data URL; empty if there is none."""
+        return f"data:image/jpeg;base64,{self.base64}" if self.picture else ""
+
+
+@dataclass(frozen=True)
+class BodyTool:
+    """A tool of one body, for an agent framework to wrap in its own objects (hook humanclaw_frameworks).
+
+    Calling it is safe from any thread, and raises nothing for what a model can mend: a refusal is a result in words.
+    """
+
+    name: str
+    description: str
+    parameters: Json
+    """JSON Schema of an object, without $ref, anyOf, oneOf and allOf."""
+    run: Callable[[str | Mapping[str, Any]], ToolResult]
+    """Arguments, an object or the JSON text of one, to the result."""
+
+    @property
+    def spec(self) -> Json:
+        """Name, description and parameters, as in_format takes them."""
+        return {"name": self.name, "description": self.description, "parameters": self.parameters}
+
+    def __call__(self, **arguments: Any) -> ToolResult:
+        """Call the tool with its parameters by name."""
+        return self.run(arguments)
+
+
+def body_tools(body: Body) -> tuple[BodyTool, ...]:
+    """Make a tool of every skill of a body that can run, and `look`. Calls take their turn: a body does one thing at a
+    time."""
+    turn = threading.Lock()
+    ready = _tellable((skill for skill in body.skills.values() if skill.trained), "openai")
+    specs = [tool_spec(skill, reasoning=False) for skill in ready]
+
+    def runner(name: str) -> Callable[[str | Mapping[str, Any]], ToolResult]:
+        def run(arguments: str | Mapping[str, Any]) -> ToolResult:
+            with turn:
+                return _run(body, name, arguments)
+
+        return run
+
+    return tuple(BodyTool(**spec, run=runner(spec["name"])) for spec in (*specs, _LOOK))
+
+
+def _run(body: Body, name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
+    try:
+        _, call = read_call(name, arguments)
+        seen = body.observe() if name == LOOK else body.call(name, **call.params)
+    except CallError as error:
+        return ToolResult(str(error))
+    words = str(seen.feedback) if name != LOOK else ""
+    return ToolResult(f"{words} The picture is what you see now.".strip(), jpeg(seen.rgb))

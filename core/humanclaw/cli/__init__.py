@@ -5,6 +5,7 @@ What the user can mend is told in one sentence with a remedy, and the exit code 
 
 from __future__ import annotations
 
+import errno
 import logging
 import sys
 from collections.abc import Callable, Sequence
@@ -17,17 +18,25 @@ from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
-    from humanclaw.cli.options import Deciders, decider_options, engine_options, plugin_files, plugin_options
+    from humanclaw.cli.options import (
+        Deciders,
+        check_options,
+        decider_options,
+        engine_options,
+        plugin_files,
+        plugin_options,
+    )
     from humanclaw.plugins import Plugins
 
 __all__ = [
-    "Commands", "Deciders", "build", "decider_options", "engine_options", "main", "plugin_files",
+    "Commands", "Deciders", "build", "check_options", "decider_options", "engine_options", "main", "plugin_files",
     "plugin_options",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
     {
         "Deciders": "options",
+        "check_options": "options",
         "decider_options": "options",
         "engine_options": "options",
         "plugin_files": "options",
@@ -37,6 +46,8 @@ __getattr__ = lazy(
 
 
 _LOG = logging.getLogger(__name__)
+_NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
+"""What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""
 
 
 class Commands(click.Group):
@@ -81,6 +92,11 @@ class Commands(click.Group):
             click.secho(f"error: {error.message}", fg="red", err=True)
             if error.remedy:
                 click.echo(error.remedy, err=True)
+            ctx.exit(2)
+        except OSError as error:
+            if error.errno not in _NO_ROOM:
+                raise
+            click.secho(f"error: {error.filename or 'a file'} cannot be written: {error.strerror}.", fg="red", err=True)
             ctx.exit(2)
 
 

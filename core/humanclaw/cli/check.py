@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from humanclaw._skill_check import CHECKS
 from humanclaw.cli.options import plugin_options
 from humanclaw.plugins import Choice, Plugins
-from humanclaw.testing import Report, check_target
+
+if TYPE_CHECKING:
+    from humanclaw.testing import Report
 
 
 @click.command()
@@ -51,6 +53,8 @@ def check(
         width = max(map(len, CHECKS))
         click.echo("\n".join(f"{name:<{width}}  {says}" for name, says in CHECKS.items()))
         return
+    from humanclaw.testing import check_target  # Bodies and all, which other commands need not wait for.
+
     plugins = Plugins.discover(files, choice)
     named = targets or [*plugins.skills, *plugins.disabled]
     played = None if not engines else [name for name in engines if name != "none"]
@@ -68,7 +72,8 @@ def check(
 
 def _row(report: Report) -> dict[str, Any]:
     faults = [{"check": one.check, "problem": one.message, "remedy": one.remedy} for one in report.faults]
-    return {**asdict(report), "faults": faults, "passed": report.passed}
+    played = {"calls": report.calls, "engines": report.engines, "notes": report.notes}
+    return {"skill": report.skill, "passed": report.passed, "faults": faults, **played}
 
 
 def _print(reports: Sequence[Report]) -> None:
@@ -84,8 +89,6 @@ def _print(reports: Sequence[Report]) -> None:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    from rich.markup import escape
-
     if report.passed:
         played = f"{report.calls} calls played on {', '.join(['a fake body', *report.engines])}"
         yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -34,9 +35,14 @@ class Deciders:
     limits: Mapping[str, float]
 
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
-        """Return an agent and a verifier, for one episode after another."""
+        """Return an agent and a verifier, for one episode after another.
+
+        Raises HumanclawError for an option of neither.
+        """
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
-        return plugins.make("agents", self.agent, self.options), verifier
+        agent = plugins.make("agents", self.agent, self.options)
+        check_options(self.options, self.agent, agent, verifier)
+        return agent, verifier
 
     def meter(self) -> Meter:
         """Return the accounts of one run."""
@@ -139,6 +145,32 @@ def decider_options(function: F) -> F:
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
 
 
+def check_options(options: Mapping[str, Any], name: str, agent: object, verifier: object | None) -> None:
+    """Raise HumanclawError for an option that concerns neither: what is passed over in silence was meant.
+
+    Their `settings` name what each of them knows; where one has none, nobody can tell.
+    """
+    parts = [part for part in (agent, verifier) if part is not None]
+    if not all(hasattr(part, "settings") for part in parts):
+        return
+    known = {"profile", *(key for part in parts for key in part.settings)}  # type: ignore[attr-defined]
+    known |= {f"verifier_{key}" for key in known}  # Also where the verifier is left out: that is one switch.
+    for key in options:
+        if key not in known:
+            whose = f"agent {name}" + (" and its verifier" if verifier else "")
+            raise HumanclawError(f"there is no option {key!r} for {whose}.", _nearest(key, known))
+
+
+def _nearest(key: str, known: Collection[str]) -> str:
+    context = click.get_current_context(silent=True)
+    flags = [flag for part in (context.command.params if context else ()) for flag in part.opts]
+    flag = f"--{key.replace('_', '-')}"
+    if flag in flags:
+        return f"Write {flag} without --option."
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f"Did you mean {near[0]}?" if near else f"The options are {', '.join(sorted(known))}."
+
+
 def parse_limits(texts: Sequence[str]) -> dict[str, float]:
     """scope.unit=number texts to a dict. Raises HumanclawError."""
     limits: dict[str, float] = {}
@@ -175,7 +207,7 @@ def plugin_options(function: F) -> F:
 
         named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
         if skills is not None and not named:
-            raise HumanclawError("--skills names no skill.", "For example --skills walk,stop.")
+            raise HumanclawError("--skills names no skill.", "Give one or more: --skills NAME,NAME.")
         return function(*args, choice=Choice(tuple(prefer), tuple(without), named), **rest)
 
     wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)
@@ -208,7 +240,7 @@ def _parse_pair(pair: str) -> tuple[str, Any]:
     key, equals, text = pair.partition("=")
     if not equals or not key:
         raise HumanclawError(f"--option takes key=value; got {pair!r}.", "For example --option temperature=0.2.")
-    if "key" in key.lower() or ("token" in key.lower() and "max" not in key.lower()):
+    if "key" in key.lower() or key.lower().endswith("token"):
         raise HumanclawError(
             f"--option {key} looks like a secret, and options are recorded.", "Put keys into the environment instead."
         )

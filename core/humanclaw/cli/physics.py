@@ -33,7 +33,7 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @_world_options
 @click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random commands.")
 @click.argument("checks", nargs=-1, type=click.Choice(_CHECKS))
 def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, checks: tuple[str, ...]) -> None:
     """Run the physics checks of half-physics and print them as a table; exit code 1 if one does not hold.
@@ -57,7 +57,7 @@ def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, 
 @_world_options
 @click.option("--scene", default="house:0", show_default=True, help="A house, filled up from itself.")
 @click.option("--chunks", type=click.IntRange(1), default=100, show_default=True, help="Half seconds of walking.")
-@click.option("--resets", type=click.IntRange(2), default=200, show_default=True)
+@click.option("--resets", type=click.IntRange(2), default=200, show_default=True, help="How often to load a scene.")
 def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int) -> None:
     """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
     from humanclaw.testing.physics import Fixture

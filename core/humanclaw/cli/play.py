@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +25,7 @@ from humanclaw.interfaces import Reporter
 from humanclaw.loop import run_episode
 from humanclaw.navigation import geodesics
 from humanclaw.plugins import Choice, Plugins
-from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of
+from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of, writing
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
 
@@ -57,14 +57,18 @@ def play(
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
     folder = out / spec.id
-    if (folder / "episode.json").exists():
-        raise RecordError(f"{folder} already holds a record.", "Name another folder with --out, or remove that one.")
-    plugins.add(StepProgress(console, max_steps), "console_progress")
+    _claim(folder)
+    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
+    plugins.add(progress, "console_progress")
     status.update(
         "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a "
         "machine)"
     )
-    with _interrupted_by_sigterm(), Body(scene, seed=seed, plugins=plugins, backends=backends) as body:
+    with (
+        _left_empty(folder),
+        _interrupted_by_sigterm(),
+        Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
+    ):
         status.update(f"Playing; the record is in {folder}")
         try:
             record = run_episode(
@@ -85,6 +89,30 @@ def play(
     status.update("Writing the report")
     _report(plugins, backends, out, folder, film, console)
     _exit(record)
+
+
+@contextmanager
+def _left_empty(folder: Path) -> Iterator[None]:
+    """Where nothing was begun, nothing is left behind: the same command may then be given again."""
+    try:
+        yield
+    finally:
+        for empty in (folder, folder.parent):
+            with suppress(OSError):
+                empty.rmdir()
+
+
+def _claim(folder: Path) -> None:
+    """Make the folder of the record, or refuse one that is there: of two processes only one makes it."""
+    try:
+        with writing(folder):
+            folder.mkdir(parents=True)
+    except RecordError as error:
+        if not isinstance(error.__cause__, FileExistsError):
+            raise
+        raise RecordError(
+            f"{folder} already holds a record.", "Name another folder with --out, or remove that one."
+        ) from None
 
 
 @contextmanager

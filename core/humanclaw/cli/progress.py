@@ -14,8 +14,9 @@ from humanclaw.records import EpisodeRecord, StepRecord
 class StepProgress:
     """Prints a line a step: the call, why, and what it took."""
 
-    def __init__(self, console: Console, max_steps: int) -> None:
-        self._console = console
+    def __init__(self, console: Console, max_steps: int, distances: bool = True) -> None:
+        """distances: whether to tell how far the target is; who decides at this terminal is not to know."""
+        self._console, self._distances = console, distances
         self._width = len(str(max_steps))
         self._step, self._chunks = -1, 0
 
@@ -33,7 +34,8 @@ class StepProgress:
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
         thought = step.decision.reasoning.split("\n")[0]
-        near = f"{step.target_distance:5.2f} m" if step.target_distance is not None else ""
+        known = self._distances and step.target_distance is not None
+        near = f"{step.target_distance:5.2f} m" if known else ""
         call = str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
         line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
@@ -42,7 +44,7 @@ class StepProgress:
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
     """How the episode ended, in a sentence."""
-    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} steps"]
+    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} step{'' if record.steps == 1 else 's'}"]
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")
         parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")

@@ -9,7 +9,7 @@ from humanclaw._lazy import lazy
 if TYPE_CHECKING:
     from humanclaw.testing.calls import corners, legal_calls
     from humanclaw.testing.contract import Report, check_skill, check_target, examine
-    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+    from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, ResponsesServer, VLLMServer
     from humanclaw.testing.fakes import FakeGenerator, FakeModel, FakeRenderer, FakeWorld, fake_body, fake_scene
     from humanclaw.testing.openai_server import (
         OpenAIServer,
@@ -21,9 +21,11 @@ if TYPE_CHECKING:
         dropped,
         message,
         no_choices,
+        redirected,
         refusing,
         refusing_images,
         status,
+        streaming_only,
         text,
         thinking,
         truncated,
@@ -50,6 +52,7 @@ _HOMES = {
     "Reply": "openai_server",
     "Report": "contract",
     "Request": "openai_server",
+    "ResponsesServer": "dialects",
     "SceneBuilder": "scenes",
     "ScriptedAgent": "scripted",
     "SimulatorConformance": "simulators",
@@ -67,11 +70,13 @@ _HOMES = {
     "dropped": "openai_server",
     "message": "openai_server",
     "no_choices": "openai_server",
+    "redirected": "openai_server",
     "refusing": "openai_server",
     "refusing_images": "openai_server",
     "reset_times": "speed",
     "resident": "speed",
     "status": "openai_server",
+    "streaming_only": "openai_server",
     "text": "openai_server",
     "thinking": "openai_server",
     "truncated": "openai_server",
@@ -89,6 +94,7 @@ __all__ = [
     "Reply",
     "Report",
     "Request",
+    "ResponsesServer",
     "SceneBuilder",
     "ScriptedAgent",
     "SimulatorConformance",
@@ -108,11 +114,13 @@ __all__ = [
     "legal_calls",
     "message",
     "no_choices",
+    "redirected",
     "refusing",
     "refusing_images",
     "reset_times",
     "resident",
     "status",
+    "streaming_only",
     "text",
     "thinking",
     "touches",

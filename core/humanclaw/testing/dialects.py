@@ -54,6 +54,7 @@ class AnthropicServer(OpenAIServer):
             return {"type": "error", "error": {"type": kind, "message": _message_of(reply)}, "request_id": "req_test"}
         choice = _choice(reply)
         stop, blocks = self._STOPS[choice["finish_reason"]], []
+        turn = len(self.requests)  # Names are never given twice: Anthropic's own client tells messages apart by them.
         message = choice["message"]
         if message.get("reasoning_content"):
             blocks.append({"type": "thinking", "thinking": message["reasoning_content"], "signature": "c2lnbmVk"})
@@ -62,9 +63,9 @@ class AnthropicServer(OpenAIServer):
         for number, (name, arguments) in enumerate(_calls(message)):
             given = _object(arguments)
             stop = "max_tokens" if given is None else stop
-            blocks.append({"type": "tool_use", "id": f"toolu_{number}", "name": name, "input": given or {}})
+            blocks.append({"type": "tool_use", "id": f"toolu_{turn}_{number}", "name": name, "input": given or {}})
         body: Json = {
-            "id": "msg_test",
+            "id": f"msg_{turn}",
             "type": "message",
             "role": "assistant",
             "model": request.body["model"],
@@ -77,11 +78,17 @@ class AnthropicServer(OpenAIServer):
 
 
 def _anthropic_content(content: str | list[Json]) -> list[Json]:
+    """Return the parts of a message, those within the result of a tool too."""
     parts: list[Json] = [{"type": "text", "text": content}] if isinstance(content, str) else content
-    return [
-        _picture(part["source"]["media_type"], part["source"]["data"]) if part["type"] == "image" else part
-        for part in parts
-    ]
+    found: list[Json] = []
+    for part in parts:
+        if part["type"] == "tool_result":
+            found += _anthropic_content(part.get("content") or "")
+        elif part["type"] == "image":
+            found.append(_picture(part["source"]["media_type"], part["source"]["data"]))
+        else:
+            found.append(part)
+    return found
 
 
 class GeminiServer(OpenAIServer):
@@ -158,11 +165,76 @@ def _gemini_content(parts: list[Json]) -> list[Json]:
     found = []
     for part in parts:
         inline = part.get("inline_data") or part.get("inlineData")
+        answered = _either(part, "function_response")
         if inline:
-            found.append(_picture(inline.get("mime_type") or inline["mimeType"], inline["data"]))
+            # JSON of protocol buffers may hold base64 in either alphabet; Google's own client writes the one of URLs.
+            data = inline["data"].translate(str.maketrans("-_", "+/"))
+            found.append(_picture(inline.get("mime_type") or inline["mimeType"], data))
+        elif answered:
+            found.append({"type": "text", "text": json.dumps(answered["response"], ensure_ascii=False)})
         else:
             found.append({"type": "text", "text": part.get("text", "")})
     return found
+
+
+class ResponsesServer(OpenAIServer):
+    """POST /v1/responses, OpenAI's later protocol: a list of items in, a list of items out. Errors are as before."""
+
+    def accepts(self, path: str) -> bool:
+        return path.split("?")[0].endswith("/responses")
+
+    def read(self, path: str, headers: Mapping[str, str], raw: Json) -> Request:
+        given = raw["input"]
+        items = [{"role": "user", "content": given}] if isinstance(given, str) else given
+        system = [{"role": "system", "content": raw["instructions"]}] if raw.get("instructions") else []
+        messages = [*system, *(_responses_message(item) for item in items)]
+        tools = [
+            _function(tool["name"], tool.get("description", ""), tool["parameters"]) for tool in raw.get("tools") or ()
+        ]
+        return Request(path, headers, _body(raw["model"], messages, tools), raw)
+
+    def write(self, reply: Reply, request: Request) -> Json:
+        if reply.code != 200:
+            return reply.body
+        message, output = _choice(reply)["message"], []
+        if message.get("content"):
+            said = {"type": "output_text", "text": message["content"], "annotations": []}
+            about = {"type": "message", "id": "msg_0", "status": "completed", "role": "assistant"}
+            output.append({**about, "content": [said]})
+        for call in message.get("tool_calls") or ():
+            about = {"type": "function_call", "id": f"fc_{call['id']}", "call_id": call["id"], "status": "completed"}
+            output.append({**about, **call["function"]})
+        tokens = _usage(reply) or (0, 0)
+        return {
+            "id": "resp_test",
+            "object": "response",
+            "created_at": 0,
+            "status": "completed",
+            "model": request.body["model"],
+            "output": output,
+            "parallel_tool_calls": True,
+            "tool_choice": "auto",
+            "tools": [],
+            "usage": {
+                "input_tokens": tokens[0],
+                "input_tokens_details": {"cached_tokens": 0},
+                "output_tokens": tokens[1],
+                "output_tokens_details": {"reasoning_tokens": 0},
+                "total_tokens": sum(tokens),
+            },
+        }
+
+
+def _responses_message(item: Json) -> Json:
+    """Return an item as a message; what a function gave is a message of role `tool`."""
+    content = item.get("content") or item.get("output") or ""
+    parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
+    kinds = {"input_text": "text", "output_text": "text", "input_image": "image_url"}
+    named = [{**part, "type": kinds.get(part["type"], part["type"])} for part in parts]
+    shown = [
+        {**part, "image_url": {"url": part["image_url"]}} if part["type"] == "image_url" else part for part in named
+    ]
+    return {"role": item.get("role", "tool"), "content": shown}
 
 
 class OllamaServer(OpenAIServer):

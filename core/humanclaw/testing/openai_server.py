@@ -205,6 +205,19 @@ def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
     return script
 
 
+def streaming_only(otherwise: Script) -> Callable[[Request], Reply]:
+    """Return a script that answers 400 to requests for an answer in one piece, and goes by another script for the
+    rest."""
+    rest = _player(otherwise)
+    refusal = status(400, "this model supports streaming only: set stream to true", kind="invalid_request_error")
+    return lambda request: rest(request) if request.body.get("stream") else refusal
+
+
+def redirected(address: str, code: int = 307) -> Reply:
+    """Return a redirect to another address."""
+    return status(code, "moved", headers={"Location": address})
+
+
 def _dump(arguments: Mapping[str, Any] | str) -> str:
     return arguments if isinstance(arguments, str) else json.dumps(arguments)
 
@@ -214,6 +227,20 @@ def _player(script: Script) -> Callable[[Request], Reply]:
         return script
     queue = iter(script)
     return lambda request: next(queue, status(500, "the script of the test server has no reply left"))
+
+
+def _deltas(whole: Mapping[str, Any]) -> list[Json]:
+    """Return a message in pieces: its text in two, then each call's name, and its arguments in two."""
+    text_ = whole.get("content") or ""
+    half = len(text_) // 2
+    deltas: list[Json] = [{"role": "assistant", "content": text_[:half]}, {"content": text_[half:]}]
+    for index, one in enumerate(whole.get("tool_calls") or ()):
+        arguments = one["function"]["arguments"]
+        middle = len(arguments) // 2
+        named = {**one, "index": index, "function": {**one["function"], "arguments": arguments[:middle]}}
+        rest = {"index": index, "function": {"arguments": arguments[middle:]}}
+        deltas += [{"tool_calls": [named]}, {"tool_calls": [rest]}]
+    return deltas
 
 
 # -- the server --------------------------------------------------------------------------------------------------------
@@ -261,6 +288,24 @@ class OpenAIServer:
             **reply.body,
         }
 
+    def stream(self, reply: Reply, request: Request) -> bytes:
+        """Return the body of a reply in pieces, as server-sent events: two a call, so that they must be put
+        together."""
+        whole = self.write(reply, request)
+        (choice,) = whole["choices"]
+        head = {key: whole[key] for key in ("id", "created", "model")} | {"object": "chat.completion.chunk"}
+        deltas = [*_deltas(choice["message"]), {}]
+        pieces = [
+            {
+                **head,
+                "choices": [{"index": 0, "delta": delta, "finish_reason": choice["finish_reason"] if last else None}],
+            }
+            for delta, last in zip(deltas, [*[False] * (len(deltas) - 1), True], strict=True)
+        ]
+        counted = [{**head, "choices": [], "usage": whole["usage"]}] if "usage" in whole else []
+        lines = [*map(json.dumps, [*pieces, *counted]), "[DONE]"]
+        return "".join(f"data: {line}\n\n" for line in lines).encode()
+
     def headers(self, reply: Reply) -> Mapping[str, str]:
         """Return the headers of a reply in this dialect."""
         return reply.headers
@@ -301,7 +346,10 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             headers = {key.lower(): value for key, value in self.headers.items()}
             reply, request = self._reply(raw, headers)
             owner.wait(reply.delay)
-            self._send(reply, owner.write(reply, request))
+            if request.body.get("stream") and reply.code == 200 and reply.cut > 0:
+                self._deliver(reply, owner.stream(reply, request), {"Content-Type": "text/event-stream"})
+            else:
+                self._send(reply, owner.write(reply, request))
 
         def _reply(self, raw: bytes, headers: Mapping[str, str]) -> tuple[Reply, Request]:
             nothing = Request(self.path, headers, {})
@@ -311,8 +359,6 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
                 body = json.loads(raw)
             except ValueError as error:
                 return status(400, f"the request is not JSON: {error}"), nothing
-            if body.get("stream"):
-                return status(400, "the test server does not stream"), nothing
             request = owner.read(self.path, headers, body)
             return owner.respond(request), request
 
@@ -320,14 +366,12 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             if reply.cut < 0:
                 self._reset()
                 return
-            data = json.dumps(body).encode()
+            self._deliver(reply, json.dumps(body).encode(), {"Content-Type": "application/json"})
+
+        def _deliver(self, reply: Reply, data: bytes, kind: Mapping[str, str]) -> None:
             try:
                 self.send_response(reply.code)
-                for key, value in {
-                    "Content-Type": "application/json",
-                    "Content-Length": str(len(data)),
-                    **owner.headers(reply),
-                }.items():
+                for key, value in {**kind, "Content-Length": str(len(data)), **owner.headers(reply)}.items():
                     self.send_header(key, value)
                 self.end_headers()
                 self.wfile.write(data[: int(len(data) * reply.cut)])

@@ -1,13 +1,26 @@
-"""What a person types, as a call: a skill or its first letters, then numbers in the order of the skill's schema."""
+"""What a person types, as a call: a skill or its first letters, then numbers in the order of the skill's schema; and
+what keys stand for."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from humanclaw import Call, CallError, Skill
+from humanclaw.measures import Role, suited
 from humanclaw.tools import bounds
+
+_MOVES: Final[Mapping[str, tuple[int, tuple[str, ...]]]] = {
+    "ArrowUp": (1, ("hips.forward", "hips.left", "heading.left")),
+    "ArrowDown": (1, ("hips.back",)),
+    "ArrowLeft": (1, ("heading.left",)),
+    "ArrowRight": (-1, ("heading.left",)),
+    "Shift+ArrowLeft": (1, ("hips.left",)),
+    "Shift+ArrowRight": (-1, ("hips.left",)),
+}
+"""Key to a sign and the measures of a skill: half of the most that it takes of the first is asked for."""
+_ENDS: Final[Mapping[str, Role]] = {"s": "sit", "End": "stop"}
 
 
 @dataclass(frozen=True)
@@ -81,3 +94,32 @@ def manual(skills: Mapping[str, Skill]) -> str:
 def _entry(skill: Skill) -> str:
     parts = skill.schema.get("properties", {})
     return f"  {usage(skill):28} {', '.join(f'{key} {bounds(part)}'.strip() for key, part in parts.items())}"
+
+
+def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
+    """Return what each key of the page stands for, the line that would be typed; keys without a skill are left out."""
+    ready = {name: skill for name, skill in skills.items() if skill.trained}
+    moves = {key: _move(ready, measures, sign) for key, (sign, measures) in _MOVES.items()}
+    ends = {key: _line(skill) for key, role in _ENDS.items() for skill in ready.values() if skill.role == role}
+    return {key: line for key, line in {**moves, **ends}.items() if line}
+
+
+def _move(skills: Mapping[str, Skill], measures: Sequence[str], sign: int) -> str:
+    found = suited((skill.declaration for skill in skills.values()), *measures)
+    if found is None:
+        return ""
+    skill = skills[found.skill]
+    return _line(skill, next(part.key for part in skill.parameters if part.measure == measures[0]), sign)
+
+
+def _line(skill: Skill, moved: str = "", sign: int = 1) -> str:
+    """Write a call: half the bound of what is moved, nothing of the rest; what cannot be nothing in its middle."""
+    parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
+    return " ".join([skill.name, *(str(_amount(part, sign if key == moved else 0)) for key, part in parts.items())])
+
+
+def _amount(part: Mapping[str, Any], sign: int) -> int:
+    low, high = part.get("minimum", 0), part.get("maximum", 0)
+    if sign:
+        return int(high / 2) if sign > 0 else int(low / 2)
+    return 0 if low <= 0 <= high else int((low + high) / 2)

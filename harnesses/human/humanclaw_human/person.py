@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import queue
+import sys
+import threading
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
-from humanclaw_human.commands import manual, parse
+from humanclaw_human.commands import keys, manual, parse
 from humanclaw_human.window import Window
+
+_POLL: Final = 0.2
+"""Seconds; on some systems Ctrl-C is not heard while one waits without an end."""
 
 
 class Settings(BaseModel):
@@ -39,21 +45,26 @@ class Settings(BaseModel):
 
 
 class Person:
-    """Reads decisions from `ask`, which gets a prompt and returns a line; by default the terminal."""
+    """Reads decisions from `ask`, which gets a prompt and returns a line; by default the terminal and the page.
+
+    A person is told what a model is told: `at_terminal` keeps what only the scene knows off the terminal.
+    """
 
     name = "human"
     privileged = False
+    at_terminal = True
 
     def __init__(self, settings: Settings, ask: Callable[[str], str] | None = None) -> None:
         self.settings = settings.model_dump()
         self._settings = settings
-        self._ask = ask or _terminal
+        self._lines = Lines()
+        self._ask = ask or self._lines.ask
         self._window: Window | None = None
 
     def begin(self, context: EpisodeContext) -> None:
         self._skills = context.skills
         if self._window is None:
-            self._window = _opened(self._settings)
+            self._window = _opened(self._settings, self._lines.put)
         click.echo(
             f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: "
             f"{self._window.address}"
@@ -61,7 +72,8 @@ class Person:
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         assert self._window is not None
-        self._window.show(observation.rgb, observation.step, observation.instruction, str(observation.feedback))
+        told = (observation.step, observation.instruction, str(observation.feedback))
+        self._window.show(observation.rgb, *told, keys(self._skills))
         if observation.feedback:
             click.echo(str(observation.feedback))
         while True:
@@ -74,19 +86,46 @@ class Person:
             except CallError as error:
                 click.echo(error)
                 continue
+            self._window.settle()
             return Decision((command.call,), command.seen, raw=line)
 
 
-def _terminal(prompt: str) -> str:
-    try:
-        return input(prompt)
-    except EOFError:
-        raise KeyboardInterrupt from None
+class Lines:
+    """Lines from the terminal and from the page, in the order in which they come."""
+
+    def __init__(self) -> None:
+        self._queue: queue.Queue[str | None] = queue.Queue()
+        self._reading = False
+
+    def put(self, line: str) -> None:
+        """Take the line of a key that was pressed."""
+        click.echo(line)
+        self._queue.put(line)
+
+    def ask(self, prompt: str) -> str:
+        """Wait for the next line. Raises KeyboardInterrupt when the terminal is closed."""
+        click.echo(prompt, nl=False)
+        if not self._reading:
+            self._reading = True
+            threading.Thread(target=self._read, daemon=True).start()
+        while True:
+            try:
+                line = self._queue.get(timeout=_POLL)
+            except queue.Empty:
+                continue
+            if line is None:
+                raise KeyboardInterrupt
+            return line
+
+    def _read(self) -> None:
+        for line in sys.stdin:
+            self._queue.put(line)
+        self._queue.put(None)
 
 
-def _opened(settings: Settings) -> Window:
+def _opened(settings: Settings, submit: Callable[[str], None]) -> Window:
     try:
-        window = Window(settings.port)
+        window = Window(settings.port, submit)
     except OSError as error:
         raise HumanclawError(
             f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."

@@ -2,15 +2,18 @@
 
 import io
 import json
+import os
+import re
+import threading
 from urllib.error import HTTPError
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from humanclaw import CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
-from humanclaw_human.commands import manual, parse
+from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw.storage import jpeg
+from humanclaw_human.commands import keys, manual, parse
 from humanclaw_human.person import Person, Settings
 from humanclaw_human.window import Window
 
@@ -77,15 +80,90 @@ def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
     window = Window()
     try:
         window.show(PICTURE, 3, "Find a chair.", "You walked.")
-        told = {"step": 3, "instruction": "Find a chair.", "feedback": "You walked."}
+        told = {"step": 3, "instruction": "Find a chair.", "feedback": "You walked.", "keys": {}}
         assert json.load(urlopen(window.address + "state")) == told
-        picture = np.array(Image.open(io.BytesIO(urlopen(window.address + "view.png?3").read())))
-        assert np.array_equal(picture, PICTURE)
+        assert urlopen(window.address + "view.jpg?3").read() == jpeg(PICTURE), "what a model would be shown"
         assert b"<img" in urlopen(window.address).read()
         with pytest.raises(HTTPError, match="404"):
             urlopen(window.address + "etc/passwd")
     finally:
         window.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [("127.0.0.1:{}", 200), ("localhost:{}", 200), ("evil.example:{}", 421), ("127.0.0.1", 421), ("", 421)],
+)
+def test_only_names_of_this_machine_are_answered(window, host, status):
+    port = window.address.split(":")[-1].strip("/")
+    asked = Request(window.address + "state", headers={"Host": host.format(port)})
+    assert answered(asked) == status
+
+
+@pytest.fixture
+def pressed():
+    return []
+
+
+@pytest.fixture
+def window(pressed):
+    window = Window(0, pressed.append)
+    yield window
+    window.close()
+
+
+def answered(request):
+    try:
+        return urlopen(request).status
+    except HTTPError as error:
+        return error.code
+
+
+def press(window, line, secret=None):
+    known = re.search(r'secret = "(\S+)"', urlopen(window.address).read().decode())[1]
+    return answered(
+        Request(window.address + "call", line.encode(), {"X-HumanCLAW": known if secret is None else secret})
+    )
+
+
+def test_a_key_is_a_call_while_one_is_waited_for(window, pressed):
+    assert press(window, "walk 0 40 0") == 400, "there is no such key yet"
+    window.show(PICTURE, 0, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
+    assert press(window, "stop") == 400
+    assert press(window, "walk 0 40 0 # a chair") == 204
+    assert press(window, "walk 0 40 0") == 409, "the body moves"
+    window.show(PICTURE, 1, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
+    window.settle()
+    assert press(window, "walk 0 40 0") == 409, "a line was typed"
+    assert pressed == ["walk 0 40 0 # a chair"]
+
+
+def test_no_other_page_can_press_a_key(window, pressed):
+    window.show(PICTURE, 0, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
+    assert [press(window, "walk 0 40 0", secret) for secret in ("", "x")] == [403, 403]
+    assert pressed == []
+
+
+def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skills):
+    calls = {key: parse(line, skills).call for key, line in keys(skills).items()}
+    assert calls["ArrowUp"] == Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
+    assert calls["ArrowLeft"].params["yaw_deg"] == -calls["ArrowRight"].params["yaw_deg"] > 0
+    assert [calls[key].skill for key in ("ArrowDown", "Shift+ArrowLeft", "s", "End")] == [
+        "step_back", "side_step", "sit_in_place", "stop",
+    ]  # fmt: skip
+
+
+def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch, capsys):
+    read, write = os.pipe()
+    monkeypatch.setattr("sys.stdin", os.fdopen(read))
+    person = Person(Settings(browser=False))
+    person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))
+    window = person._window
+    threading.Timer(0.2, lambda: press(window, keys(skills)["ArrowUp"])).start()
+    assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "walk"
+    os.write(write, b"stop\n")
+    assert person.decide(Observation(1, "Stop.", PICTURE), ()).calls[0].skill == "stop"
+    os.close(write)
 
 
 def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):

@@ -23,7 +23,7 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
     tokens = (getattr(counted, "prompt_tokens", 0) or 0, getattr(counted, "completion_tokens", 0) or 0)
     estimated = not any(tokens) or _counted_by_litellm(response, settings.model, messages, tokens[0])
     if estimated:
-        tokens = (_tokens_sent(messages, request), len(said) // _LETTERS_A_TOKEN)
+        tokens = (tokens_sent(messages, request), len(said) // _LETTERS_A_TOKEN)
     details = getattr(counted, "completion_tokens_details", None)
     thought = 0 if estimated else int(getattr(details, "reasoning_tokens", 0) or 0)
     told = getattr(counted, "cost", None)
@@ -62,7 +62,8 @@ def _counted_by_litellm(response: Any, model: str, messages: list[Json], sent: i
     return "ollama" in model and sent == load().token_counter(messages=messages)
 
 
-def _tokens_sent(messages: list[Json], request: Mapping[str, Any]) -> int:
+def tokens_sent(messages: list[Json], request: Mapping[str, Any]) -> int:
+    """Estimate what a request takes, without the answer."""
     pictures, letters = _measure(messages)
     return pictures * _TOKENS_A_PICTURE + (letters + len(json.dumps(dict(request)))) // _LETTERS_A_TOKEN
 

@@ -96,7 +96,9 @@ class ModeNegotiator:
     def report(self, reply: Reply, understood: bool) -> None:
         """Tell whether the reply held an answer."""
         completion = reply.completion
-        said_something = bool(completion.text.strip()) and not completion.calls and not completion.cut_off
+        said_something = bool(completion.text.strip()) and not (
+            completion.calls or completion.cut_off or completion.withheld
+        )
         if understood:
             self._settled = True
             if not self._chosen:

@@ -13,6 +13,7 @@ import logging
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
@@ -24,8 +25,9 @@ import tenacity
 from humanclaw import LimitError, Meter, ProviderError
 from humanclaw.records import Usage
 from humanclaw.tools import json_objects
-from humanclaw_litellm.accounting import price_of, usage_of
+from humanclaw_litellm.accounting import price_of, tokens_sent, usage_of
 from humanclaw_litellm.library import load, missing_keys
+from humanclaw_litellm.rates import Gate
 from humanclaw_litellm.redaction import redact
 from humanclaw_litellm.settings import ModelError, Settings
 
@@ -39,6 +41,12 @@ _HINTS: Final = frozenset({"parallel_tool_calls"})
 _NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _RETRY_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
+_WANTS_STREAM: Final = re.compile(r"stream", re.IGNORECASE)
+_ANSWER: Final = 300
+"""Tokens that an answer is thought to have before there was one."""
+_REDIRECTS: Final = frozenset({301, 302, 303, 307, 308})
+_CAUSES: Final = 8
+"""So far back the causes of an error are looked at."""
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
 
 
@@ -75,6 +83,11 @@ class Completion:
     def cut_off(self) -> bool:
         return self.finish_reason == "length"
 
+    @property
+    def withheld(self) -> bool:
+        """Whether the provider's filter kept the answer, or part of it, back."""
+        return self.finish_reason == "content_filter"
+
 
 class Client:
     """One model at one provider."""
@@ -82,6 +95,9 @@ class Client:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._worked = False
+        self._streams = settings.stream
+        self._gate = Gate.of(settings)
+        self._answer = settings.max_tokens or _ANSWER
         self._meter = Meter()
 
     def begin(self, meter: Meter) -> None:
@@ -128,12 +144,34 @@ class Client:
             raise
         except Exception as error:
             self._meter.check()  # A timeout that a limit has set is the limit's doing.
+            if self._may_stream(error):
+                self._streams = True
+                return self.complete(messages, request)
             raise self._sorted(error) from None  # The cause may hold the key.
         self._worked = True
-        return self._completion(response, messages, request)
+        completion = self._completion(response, messages, request)
+        self._settle(completion.usage, tokens_sent(messages, request) + self._answer)
+        return completion
+
+    def _may_stream(self, error: Exception) -> bool:
+        """Whether the server gives answers in pieces alone, as it says, or by what it sends."""
+        refused = getattr(error, "status_code", None) in (400, 405, 422) and _WANTS_STREAM.search(str(error))
+        return not (self._streams or self._worked) and bool(refused or _unreadable(error))
+
+    def _settle(self, usage: Usage, reserved: int) -> None:
+        self._gate.settle(usage.tokens_in + usage.tokens_out - reserved)
+        self._answer = usage.tokens_out
+
+    def _wait_for_turn(self, tokens: int) -> None:
+        """Keep to the rate. Raises LimitError if time runs out meanwhile."""
+        wait = self._gate.enter(tokens)
+        if wait > 0:
+            time.sleep(min(wait, self._meter.seconds_left()))
+        self._meter.check()
 
     def _request(self, messages: list[Json], request: Mapping[str, Any]) -> Any:
         self._meter.check()
+        self._wait_for_turn(tokens_sent(messages, request) + self._answer)
         settings = self._settings
         optional = {"api_base": settings.api_base, "api_key": self._key()}
         chosen = {"temperature": settings.temperature, "max_tokens": settings.max_tokens}
@@ -141,7 +179,7 @@ class Client:
         seconds = max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left()))
         response = _within(
             seconds,
-            load().completion,
+            _streamed if self._streams else load().completion,
             model=settings.model,
             messages=messages,
             timeout=seconds,
@@ -150,8 +188,7 @@ class Client:
             drop_params=False,  # What was asked for is sent or refused, never left out in silence; hints may be.
             **{key: value for key, value in optional.items() if value},
             **{key: value for key, value in chosen.items() if value is not None},
-            **{key: value for key, value in request.items() if key not in _HINTS or key in known},
-            **settings.params,
+            **({key: value for key, value in request.items() if key not in _HINTS or key in known} | settings.params),
         )
         if not response.choices:
             raise _NoAnswerError("the reply held no choices")
@@ -170,8 +207,10 @@ class Client:
         """Exponential with jitter, but at least as long as the provider asks for, and no longer than time is left."""
         first = self._settings.backoff
         spread = (tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first))(state)
-        asked = retry_after(state.outcome.exception() if state.outcome else None)
-        pause = max(min(spread, _LONGEST_BACKOFF), min(asked, _LONGEST_RETRY_AFTER))
+        asked = min(retry_after(state.outcome.exception() if state.outcome else None), _LONGEST_RETRY_AFTER)
+        if asked:
+            self._gate.close(asked)  # The other workers have nothing to gain by asking before.
+        pause = max(min(spread, _LONGEST_BACKOFF), asked)
         return min(pause, self._meter.seconds_left())
 
     def _warn(self, state: tenacity.RetryCallState) -> None:
@@ -210,6 +249,8 @@ class Client:
         if isinstance(error, ModelError):
             return error
         status, told = getattr(error, "status_code", None), self._tell(error)
+        if elsewhere := _redirect(error):
+            return self._redirected(elsewhere)
         if status in (400, 422) and type(error).__name__ not in _NO_REFUSALS and not _unreadable(error):
             return RefusalError(told)
         mendable = None if self._worked else self._mendable(status, told)
@@ -228,6 +269,10 @@ class Client:
     def _where(self) -> str:
         base = self._settings.api_base
         return f"{self._settings.model} at {base}" if base else self._settings.model
+
+    def _redirected(self, address: str) -> ModelError:
+        told = f"{self._where()} sends requests on to {self._redact(address)}, where nothing was sent."
+        return ModelError(told, "Name that address with api_base if prompt and picture may go there.")
 
     def _mendable(self, status: int | None, told: str) -> ModelError | None:
         model, server = self._settings.model, self._settings.api_base or "the provider"
@@ -264,6 +309,18 @@ def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
         raise _TooSlowError(f"no answer within {seconds:.3g} s") from None
 
 
+def _streamed(**request: Any) -> Any:
+    """Put an answer together that comes in pieces. litellm fills a missing count in by itself, which is none."""
+    pieces = list(load().completion(**request, stream=True, stream_options={"include_usage": True}))
+    whole = load().stream_chunk_builder(pieces, messages=request["messages"])
+    if whole is None:
+        raise _NoAnswerError("the reply held no pieces")
+    counted = load().token_counter(model=pieces[0].model, messages=request["messages"])
+    if getattr(getattr(whole, "usage", None), "prompt_tokens", counted) == counted:
+        whole.usage = None
+    return whole
+
+
 def retry_after(error: BaseException | None) -> float:
     """Seconds that the provider asks to wait, as a number or a date, or in the body as Gemini does; 0 if it does not
     say."""
@@ -285,6 +342,8 @@ def _until(date: str) -> float:
 
 
 def _transient(error: BaseException) -> bool:
+    if _redirect(error):
+        return False
     status = getattr(error, "status_code", None)
     if not isinstance(status, int) or "insufficient_quota" in str(error):
         return False
@@ -294,6 +353,18 @@ def _transient(error: BaseException) -> bool:
 def _unreadable(error: BaseException) -> bool:
     """litellm could not read the provider's reply and reports that as if the request had been wrong."""
     return "Error converting to valid response" in str(error)
+
+
+def _redirect(error: BaseException | None) -> str:
+    """Where a server sends requests on to, if that is its answer; of some providers' errors only the causes know."""
+    found = ""
+    for _ in range(_CAUSES):
+        response = getattr(error, "response", None)
+        if getattr(response, "status_code", None) in _REDIRECTS:
+            headers: Mapping[str, str] = getattr(response, "headers", None) or {}
+            found = headers.get("location", "") or found or "another address"
+        error = error and (error.__cause__ or error.__context__)
+    return found
 
 
 def _message_in(body: Json) -> str:

@@ -45,7 +45,8 @@ class ModelAgent:
         self._negotiator.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
-        tools = openai_tools(skills, mid_level=mid_level, described=False)  # The prompt tells what the fields are for.
+        # The prompt tells what the fields are for.
+        tools = openai_tools(skills, mid_level=mid_level, described=False, brief=self._settings.brief)
         form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
         self._episode, self._note = _Episode(context, skills, form), ""
 
@@ -63,7 +64,7 @@ class ModelAgent:
             return [system_message(system, self._settings), {"role": "user", "content": content}]
 
         reply = self._negotiator.ask(episode.form, messages)
-        found, self._note = read(reply.completion)
+        found, self._note = read(reply.completion, prose=reply.mode == "prompt")
         self._negotiator.report(reply, bool(found))
         return _decision(found, reply)
 
@@ -76,19 +77,21 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
     return skills
 
 
-def read(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
-    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no
-    answer."""
+def read(completion: Completion, prose: bool = True) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
+    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer.
+
+    prose: whether words may stand around a call that is written as text.
+    """
     if (
         completion.cut_off
     ):  # Even a call that looks whole may lack its last parameters: some providers close what was open.
         return (), "The last answer was cut off before its call was complete: be brief."
-    if completion.finish_reason == "content_filter":
+    if completion.withheld:
         return (), "The last answer was withheld by the provider's filter."
     if completion.calls:
         return _read_calls(completion)
     try:
-        return tuple(read_text(completion.text)), ""
+        return tuple(read_text(completion.text, prose)), ""
     except CallError as fault:
         return (), str(fault) if "{" in completion.text else ""
 

@@ -12,7 +12,8 @@ import functools
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import ceil
+from typing import Any, Final
 
 import jinja2
 import numpy as np
@@ -21,11 +22,15 @@ from numpy.typing import NDArray
 from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
 from humanclaw.interfaces import ego_camera
+from humanclaw.measures import Role, from_si, suited
+from humanclaw.outcomes import REACHED
 from humanclaw.storage import jpeg
 from humanclaw.tools import bounds, parameter_schema
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
+_ROWS: Final = (40, 50, 60, 70, 80, 90, 100)
+"""Per cent of the height of a picture: providers scale pictures."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,10 @@ class Eyes:
     """How far away the floor is that the centre of the picture shows."""
     bottom: float
     """The same for the middle of its lower edge."""
+    rows: tuple[tuple[int, float], ...] = ()
+    """Rows of the picture, per cent of its height from the top, and how far away the floor is that they show."""
+    horizon: int = 0
+    """The row above which there is no floor."""
 
 
 @functools.cache
@@ -46,8 +55,66 @@ def eyes() -> Eyes:
     camera = ego_camera(Motion(np.array([[0.0, STANDING_HEIGHT, 0.0]]), np.zeros((1, N_JOINTS, 3))))
     pitch, height = float(-np.arcsin(camera.forward[1])), float(camera.position[1])
     lowest = pitch + float(np.radians(camera.fov / 2))
-    reach = [round(height / float(np.tan(angle)), 1) for angle in (pitch, lowest)]
-    return Eyes(round(camera.fov), round(float(np.degrees(pitch))), round(height, 1), *reach)
+    centre, bottom = (round(height / float(np.tan(angle)), 1) for angle in (pitch, lowest))
+    tangent = float(np.tan(np.radians(camera.fov / 2)))
+    horizon = round(50 * (1 - float(np.tan(pitch)) / tangent))
+    rows = tuple((row, round(_floor_at(row, pitch, height, tangent), 1)) for row in _ROWS)
+    return Eyes(round(camera.fov), round(float(np.degrees(pitch))), round(height, 1), centre, bottom, rows, horizon)
+
+
+def _floor_at(row: float, pitch: float, height: float, tangent: float) -> float:
+    """Metres to the floor in the middle of a row. tangent: of half the vertical field of view."""
+    return height / float(np.tan(pitch + np.arctan((row / 50 - 1) * tangent)))
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """Calls that sit the body down on a seat it faces, as text, from skills that there are."""
+
+    walk: str
+    turn: str
+    turns: int
+    back: str
+    sit: str
+    stop: str
+
+
+def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
+    """Return the skill that turns on the spot and how many of its largest turns make a circle; None without one."""
+    found = _commanding(skills, ("heading.left",))
+    if found is None:
+        return None
+    largest = next(part.high for part in found.parameters if part.measure == "heading.left")
+    return found.name, ceil(2 * np.pi / largest - 1e-9)
+
+
+def sitting(skills: Sequence[Skill]) -> Sitting | None:
+    """Return the worked example; None if a skill for it is missing."""
+    walk = _commanding(skills, ("hips.forward", "hips.left", "heading.left"))
+    turn, back = _commanding(skills, ("heading.left",)), _commanding(skills, ("hips.back",))
+    sit, stop = _commanding(skills, ("hips.height",), "sit"), _commanding(skills, (), "stop")
+    if not (walk and turn and back and sit and stop):
+        return None
+    largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
+    turns = ceil(np.pi / largest - 1e-9)
+    return Sitting(
+        _written(walk, "hips.forward", 0.4), _written(turn, "heading.left", np.pi / turns), turns,
+        _written(back, "hips.back", 0.2), _written(sit, "hips.height", 0.5), _written(stop),
+    )  # fmt: skip
+
+
+def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "locomotion") -> Skill | None:
+    named = {skill.name: skill for skill in skills}
+    found = suited((skill.declaration for skill in skills), *measures, role=role)
+    return named[found.skill] if found else None
+
+
+def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
+    """Write a call of a skill: one measure at a value (SI), the rest at nothing."""
+    params = {
+        part.key: round(from_si(part.key, value if part.measure == measure else 0.0)) for part in skill.parameters
+    }
+    return str(Call(skill.name, params))
 
 
 def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Settings, schema: Json | None) -> str:
@@ -63,6 +130,11 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
         eyes=eyes(),
         mid_level=settings.mid_level,
         schema=_dump(schema),
+        brief=settings.brief and schema is None,
+        guide=settings.guide,
+        reached=REACHED,
+        circle=circle(skills),
+        sitting=sitting(skills),
     )
 
 
@@ -86,7 +158,7 @@ def step_content(
     if content and settings.marks_cache:
         content[-1]["cache_control"] = {"type": "ephemeral"}
     for past in history[-(settings.images - 1) :] if settings.images > 1 else ():
-        content += [_text(f"The view before step {past.step + 1}:"), picture(past.rgb)]
+        content += [_text(f"The view before step {past.step + 1}:"), picture(past.rgb, settings.detail)]
     told = history[first:]
     situation = {
         "step": observation.step + 1,
@@ -95,7 +167,7 @@ def step_content(
         "feedback": "" if told and told[-1].feedback == observation.feedback else observation.feedback,
         "goal": told[-1].decision.mid_level_goal if told and settings.mid_level else "",
     }
-    shown = [picture(observation.rgb)] if settings.images else []
+    shown = [picture(observation.rgb, settings.detail)] if settings.images else []
     return [*content, _text(_fill("step.jinja", **situation)), *shown]
 
 
@@ -131,18 +203,26 @@ def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
 
 
 def verifier_content(
-    observation: Observation, call: Call, skill: Skill, goal: str, checks: Iterable[tuple[str, Check]]
+    observation: Observation,
+    call: Call,
+    skill: Skill,
+    goal: str,
+    checks: Iterable[tuple[str, Check]],
+    detail: str = "",
 ) -> list[Json]:
     """Return the user message of a verification: the proposed call, its checklist and the current view, and nothing of
     the past."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
-    return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb)]
+    return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb, detail)]
 
 
-def picture(rgb: NDArray[np.uint8]) -> Json:
-    """Return an image as a part of a user message: a JPEG in a data URL, of the size that it has."""
+def picture(rgb: NDArray[np.uint8], detail: str = "") -> Json:
+    """Return an image as a part of a user message: a JPEG in a data URL, of the size that it has.
+
+    detail: as OpenAI has it.
+    """
     url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
-    return {"type": "image_url", "image_url": {"url": url}}
+    return {"type": "image_url", "image_url": {"url": url} | ({"detail": detail} if detail else {})}
 
 
 def _text(words: str) -> Json:

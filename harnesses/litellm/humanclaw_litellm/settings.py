@@ -16,12 +16,25 @@ Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words
 alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "paper": {"history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0},
+    "paper": {
+        "history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0, "guide": False,
+        "brief": False,
+    },
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
-}
+}  # fmt: skip
 """What the options are when they are not given. paper: the baseline of the paper's ablation, decided greedily."""
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
+
+
+_OURS: Final = frozenset(
+    {
+        "api_base", "api_key", "base_url", "client", "drop_params", "max_retries", "max_tokens", "messages", "model",
+        "num_retries", "parallel_tool_calls", "stream", "stream_options", "temperature", "timeout",
+        "tool_choice", "tools",
+    }
+)  # fmt: skip
+"""What every request says already. A response_format may be given, for a server that knows a better one."""
 
 
 class ModelError(HumanclawError):
@@ -38,9 +51,8 @@ def _without_credentials(url: str) -> str:
 
 
 def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
-    taken = sorted({"messages", "model", "tools", "stream"} & set(params))
-    if taken:
-        raise ValueError(f"{taken[0]} cannot be set here")
+    if taken := sorted(_OURS & set(params)):
+        raise ValueError(f"{taken[0]} cannot be set here; it is an option of its own, or decided by the harness")
     if place := next(secrets_in(params), ""):
         raise ValueError(f"{redact(place)} looks like a key, and options are recorded; use auth_env")
     return params
@@ -69,6 +81,14 @@ class Settings(BaseModel):
     """Pictures shown, the current view included; 0 for a model that takes none."""
     mid_level: bool = True
     """Whether the model keeps a mid-level goal (an ablation of the paper)."""
+    guide: bool = True
+    """Whether the prompt also tells how far the floor is in each row of the picture, when a target counts as reached,
+    how many turns make a circle, and one worked example."""
+    brief: bool = True
+    """Whether a tool asks for the reasoning as one text of named lines rather than as a field each."""
+    detail: Literal["", "low", "high", "auto"] = ""
+    """How closely the provider is to look at a picture, where it knows such a thing; empty leaves it to the
+    provider."""
     temperature: Annotated[float, Field(ge=0)] | None = None
     max_tokens: Annotated[int, Field(ge=1)] | None = None
     timeout: Annotated[float, Field(gt=0)] = 120.0
@@ -76,6 +96,12 @@ class Settings(BaseModel):
     num_retries: Annotated[int, Field(ge=0)] = 5
     backoff: Annotated[float, Field(ge=0)] = 1.0
     """Seconds before the first retry; each further wait doubles, up to a minute."""
+    stream: bool = False
+    """Whether answers are asked for in pieces; a server that gives no others is found out without it."""
+    requests_per_minute: Annotated[float, Field(gt=0)] | None = None
+    """At most, of all workers of this machine together."""
+    tokens_per_minute: Annotated[float, Field(gt=0)] | None = None
+    """The same for tokens, those of the answer included."""
     params: Params | Json[Params] = {}
     """Further parameters of litellm.completion, such as {"reasoning_effort": "low"}."""
 

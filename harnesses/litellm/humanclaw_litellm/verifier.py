@@ -50,7 +50,7 @@ class ModelVerifier:
 
         def messages(mode: Mode) -> list[Json]:
             system = verifier_prompt(self._skills, form.schema if mode in ("schema", "prompt") else None)
-            content = verifier_content(observation, call, skill, goal, checks.items())
+            content = verifier_content(observation, call, skill, goal, checks.items(), self._settings.detail)
             return [{"role": "system", "content": system}, {"role": "user", "content": content}]
 
         try:
@@ -87,12 +87,15 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
 
 
 def _object(completion: Completion) -> Json | None:
-    """Return the verdict's object, wherever the model put it; None if there is none that is whole."""
-    if completion.cut_off:
+    """Return the verdict's object, wherever the model put it; None if there is none that is whole, or one key twice."""
+    if completion.cut_off or completion.withheld:
         return None
-    for _, arguments in completion.calls:
-        return next(json_objects(arguments), None)
-    return next((item for item in json_objects(completion.text) if any(key.endswith("_answer") for key in item)), None)
+    said = completion.calls[0][1] if completion.calls else completion.text
+    try:
+        found = list(json_objects(said, once=True))
+    except CallError:
+        return None
+    return next((item for item in found if any(key.endswith("_answer") for key in item)), None)
 
 
 def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:

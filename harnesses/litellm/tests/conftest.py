@@ -21,8 +21,9 @@ GOAL = "Find the couch and sit on it."
 
 @pytest.fixture(autouse=True)
 def no_keys(monkeypatch, tmp_path):
-    """No key of the person who runs the tests is used, and no file .env of theirs."""
+    """No key of the person who runs the tests is used, no file .env of theirs, and no rate that they have to keep."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
     for name in (
         "OPENAI_API_KEY",
         "ANTHROPIC_API_KEY",
@@ -62,7 +63,7 @@ def begin(context):
     host.add(humanclaw_litellm, "litellm")
 
     def make(server: OpenAIServer, kind: str = "agents", about: EpisodeContext = context, **options):
-        given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 10}
+        given = {"model": "openai/anything", "api_base": server.url, "backoff": 0.01, "timeout": 60}
         part = host.make(kind, "litellm", given | options)
         part.begin(about)
         return part

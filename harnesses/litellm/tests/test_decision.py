@@ -11,7 +11,7 @@ import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
 from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
-from humanclaw.tools import REASONING_FIELDS
+from humanclaw.tools import REASONING_FIELDS, THOUGHTS
 
 SAID = {
     "visible_state": "a couch 3 m ahead",
@@ -54,12 +54,21 @@ def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
 
 
 def test_every_tool_asks_for_the_reasoning_first_and_for_its_own_parameters_last(begin, view, skills):
-    with OpenAIServer([call("stop")]) as server:
-        begin(server).decide(view(), ())
-    for tool in server.requests[0].tools:
-        own = list(skills[tool["name"]].schema["properties"])
-        assert list(tool["parameters"]["properties"]) == [*REASONING_FIELDS, *own]
-    assert server.requests[0].tool_names == list(skills)
+    for options, first in (({}, [THOUGHTS]), ({"profile": "paper"}, [*REASONING_FIELDS])):
+        with OpenAIServer([call("stop")]) as server:
+            begin(server, **options).decide(view(), ())
+        for tool in server.requests[0].tools:
+            own = list(skills[tool["name"]].schema["properties"])
+            assert list(tool["parameters"]["properties"]) == [*first, *own]
+        assert server.requests[0].tool_names == list(skills)
+
+
+def test_thoughts_in_one_text_are_the_fields_that_they_name(begin, view, skills):
+    thoughts = "\n".join(f"{key}: {words}" for key, words in SAID.items())
+    with OpenAIServer([call("walk", thoughts=thoughts, **WALK)]) as server:
+        decision = begin(server).decide(view(), ())
+    assert check(decision, skills) == Call("walk", WALK)
+    assert {key: getattr(decision, key) for key in SAID} == SAID
 
 
 def test_the_prompt_speaks_of_the_skills_that_there_are_and_of_no_others(begin, view, context):
@@ -165,6 +174,11 @@ def handed_back(begin, view, skills, reply):
         (text(answer("stop")[:-1]), "no call"),
         (text(answer("stop"), finish_reason="length"), "no call"),
         (message({"role": "assistant", "content": None}), "no call"),
+        (text(f"I could answer {answer('stop')} but the couch is still far."), "no call"),
+        (text(f"Not this:\n```json\n{answer('stop')}\n```"), "no call"),
+        (text(answer("stop"), finish_reason="content_filter"), "no call"),
+        (text(answer("stop")[:-1] + ', "skill": "walk"}'), "no call"),
+        (calls(("walk", '{"z_cm": 30, "z_cm": 80}')), "no call"),
         (call("wlak", **WALK), "Did you mean walk"),
         (call("walk", **{**WALK, "z_cm": 9000}), "9000"),
         (call("walk", **{**WALK, "z_cm": "40"}), "z_cm"),
@@ -201,11 +215,24 @@ def test_words_before_a_call_do_no_harm(begin, view, skills):
     assert "Let me walk." in decision.raw
 
 
-def test_a_call_that_is_written_as_text_counts(begin, view, skills):
-    with OpenAIServer([text(f"<think>{{}}</think>Sure:\n```json\n{answer(**WALK)}\n```")]) as server:
-        decision = begin(server).decide(view(), ())
+@pytest.mark.parametrize("mode", ["tools", "tools_auto", "schema", "prompt"])
+def test_a_call_that_is_written_as_text_counts(begin, view, skills, mode):
+    with OpenAIServer([text(f"<think>{{}}</think>\n```json\n{answer(**WALK)}\n```")]) as server:
+        decision = begin(server, mode=mode).decide(view(), ())
     assert check(decision, skills) == Call("walk", WALK)
     assert decision.mid_level_goal == "reach the couch"
+
+
+def test_words_around_a_call_are_no_call_of_a_model_that_has_tools(begin, view):
+    with OpenAIServer([text(f"Sure: {answer(**WALK)}")] * 2) as server:
+        assert begin(server, mode="tools").decide(view(), ()).calls == ()
+        assert len(begin(server, mode="prompt").decide(view(), ()).calls) == 1
+
+
+def test_a_call_in_an_answer_that_was_filtered_is_not_executed(begin, view, skills):
+    filtered = calls(("stop", {}))
+    filtered.body["choices"][0]["finish_reason"] = "content_filter"
+    assert "no call" in handed_back(begin, view, skills, filtered)[1]
 
 
 # -- models without tools ----------------------------------------------------------------------------------------------

@@ -79,6 +79,7 @@ def lived(view):
 @pytest.mark.parametrize(
     ("name", "options"),
     [
+        ("decision_paper.txt", {"profile": "paper"}),
         ("decision_tools.txt", {}),
         ("decision_schema.txt", {"mode": "schema"}),
         ("decision_prompt.txt", {"mode": "prompt"}),
@@ -187,6 +188,47 @@ def test_a_step_at_the_papers_settings_sends_at_most_4400_tokens(counted):
         print(f"{provider}: tokens a step: mean {sum(used) / len(used):.0f}, most {max(used)}")
         assert sum(used) / len(used) <= MOST
         assert max(used) <= MOST or provider != "openai"
+
+
+def test_what_the_guide_adds_to_the_prompt_the_brief_tools_save(begin, view, skills):
+    """What the default profile adds to the prompt it saves on the tools, which hold the envelope once each no more."""
+    used = {}
+    for profile in ("paper", "default"):
+        with OpenAIServer([call("stop")]) as server:
+            begin(server, profile=profile).decide(view(), ())
+        (request,) = server.requests
+        encoder = load().encoding
+        used[profile] = [len(encoder.encode(text)) for text in (request.role("system"), json.dumps(request.tools))]
+        print(f"{profile}: system message {used[profile][0]}, tools {used[profile][1]} tokens")
+    assert used["default"][1] < 0.75 * used["paper"][1]
+    assert sum(used["default"]) <= sum(used["paper"])
+
+
+def test_the_guide_speaks_of_the_camera_and_of_the_skills_that_there_are(begin, view, context):
+    with OpenAIServer([call("stop")]) as server:
+        begin(server).decide(view(), ())
+    told = server.requests[0].role("system")
+    # By hand: eyes 1.58 m up, 20 degrees down, 45 degrees to the lower edge: 1.58 / tan(65 degrees) = 0.74.
+    assert "100 %: 0.7 m" in told
+    assert "50 %: 4.4 m" in told
+    assert "At 32 % is the horizon." in told, "(1 - tan 20 / tan 45) / 2"
+    assert "5 of the largest turns of turn_in_place make a full circle." in told, "360 / 75 = 4.8"
+    assert "within 0.2 m" in told
+    assert "turn_in_place(yaw_deg=60) 3 times" in told
+    alone = dataclasses.replace(context, skills={"stop": context.skills["stop"]})
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, about=alone).decide(view(), ())
+    assert not any(word in server.requests[0].role("system") for word in ("# Example", "circle", "turn_in_place"))
+
+
+@pytest.mark.parametrize("detail", ["low", "high"])
+def test_the_detail_of_a_picture_is_sent_where_it_is_named(begin, view, skills, detail):
+    with OpenAIServer([call("stop"), call("verdict"), call("stop")]) as server:
+        begin(server, detail=detail).decide(view(), ())
+        begin(server, "verifiers", detail=detail).verify(view(), Call("stop"), skills["stop"], "")
+        begin(server).decide(view(), ())
+    parts = [request.messages[-1]["content"][-1]["image_url"] for request in server.requests]
+    assert [part.get("detail") for part in parts] == [detail, detail, None]
 
 
 def test_the_scripted_model_is_as_talkative_as_those_of_the_paper():

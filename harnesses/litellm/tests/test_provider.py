@@ -252,6 +252,8 @@ def test_a_cost_that_the_provider_tells_is_believed(begin, view):
         ({"model": "m", "temprature": 1}, "Did you mean temperature"),
         ({"model": "m", "history": -1}, "option history is not valid"),
         ({"model": "m", "mode": "magic"}, "option mode is not valid"),
+        ({"model": "m", "params": {"timeout": 3}}, "timeout cannot be set here"),
+        ({"model": "m", "params": {"tool_choice": "auto"}}, "tool_choice cannot be set here"),
         ({"model": "m", "api_key": KEY}, "options are recorded"),
         ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
         ({"model": "m", "params": {"api_key": KEY}}, "api_key looks like a key"),

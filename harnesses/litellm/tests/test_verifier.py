@@ -84,6 +84,8 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
         ([no_choices()] * 2, "held no choices"),
         ([text("Looks fine to me.")], "held no verdict"),
         ([calls(("verdict", '{"check_1_answer": "n'))], "held no verdict"),
+        ([calls(("verdict", '{"check_1_answer": "no", "check_1_answer": "yes"}'))], "held no verdict"),
+        ([text(json.dumps(verdict("no", skill="stop")), finish_reason="content_filter")], "held no verdict"),
         ([call("verdict", check_1_answer="maybe")], "no answer to path_clear"),
         ([call("verdict", **verdict("no"))], "no other call"),
         ([call("verdict", **verdict("no", skill="walk", parameters=dict(WALK.params)))], "no other call"),

@@ -8,13 +8,14 @@ from typing import Any
 
 import click
 
-from humanclaw import SENSORS
+from humanclaw import SENSORS, HumanclawError
 from humanclaw.cli import engine_options, plugin_files
 
 
 @click.command("mcp")
 @click.option("--http", is_flag=True, help="Serve streamable HTTP on 127.0.0.1 instead of the standard streams.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port for --http.")
+@click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must bear.")
 @click.option("--scene", "scenes", multiple=True, default=("house:0",), show_default=True, help="Repeatable.")
 @click.option("--instruction", help="What the body is to do, if the client does not say.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
@@ -45,6 +46,8 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
 
     # Session names are keys to a body, and the protocol library logs them below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    if options["auth_env"] and not http:
+        raise HumanclawError("--auth-env guards HTTP; over standard streams there is one client.", "Add --http.")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
     handlers = Handlers(Bodies(settings, Plugins.discover(files)))
     try:

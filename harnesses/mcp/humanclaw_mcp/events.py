@@ -1,13 +1,19 @@
-"""What a client is sent again whose stream was cut."""
+"""The sessions of HTTP: who may have one, and what a client is sent again whose stream was cut."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from mcp.server.streamable_http import EventCallback, EventMessage, EventStore
 from mcp.server.streamable_http_manager import StreamableHTTPSessionManager
 from mcp_types import JSONRPCError, JSONRPCMessage, JSONRPCResponse
+from starlette.types import Receive, Scope, Send
+
+from humanclaw_mcp.settings import SESSION_HEADER
 
 KEPT = 32
 """Messages kept for a session. Each may hold a picture of 100 KB, and a client that is further behind begins anew."""
@@ -50,11 +56,35 @@ class Events(EventStore):
 
 
 class SessionManager(StreamableHTTPSessionManager):
-    """Gives each session events of its own.
+    """Gives each session events of its own, and a newcomer the place of whoever does nothing with theirs.
 
-    The library would share one store among all, though its streams are named by request numbers, which every client
-    counts from one: a client could be sent the pictures of another.
+    The library would share one store of events among all, though its streams are named by request numbers, which every
+    client counts from one: a client could be sent the pictures of another. And where all places are taken it would
+    refuse a newcomer until one of them has been idle for long.
     """
+
+    def __init__(self, *args: Any, in_use: Callable[[str], bool], **options: Any) -> None:
+        """in_use: whether a session has a body; such a one is never ended for another."""
+        super().__init__(*args, **options)
+        self._in_use = in_use
+
+    async def _handle_request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if SESSION_HEADER.encode() not in dict(scope["headers"]):
+            await self._make_room()
+        await super()._handle_request(scope, receive, send)
+
+    async def _make_room(self) -> None:
+        """End the session that has been silent for longest if there is no place left; one with an open stream last."""
+        while self.max_sessions and len(self._server_instances) >= self.max_sessions:
+            idle = [key for key in self._server_instances if not self._in_use(key)]
+            if not idle:
+                return
+            oldest = min(idle, key=self._silent_since)
+            await self._discard_session(oldest, self._server_instances[oldest])
+
+    def _silent_since(self, key: str) -> float:
+        scope = self._server_instances[key].idle_scope
+        return scope.deadline if scope else math.inf
 
     @property
     def event_store(self) -> Events:

@@ -16,13 +16,12 @@ from humanclaw.tools import read_call
 from humanclaw_mcp import content, telling
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.session import Session, Snapshot, Task
-from humanclaw_mcp.settings import SESSIONS
+from humanclaw_mcp.settings import SESSION_HEADER, SESSIONS
 from humanclaw_mcp.telling import Context, Subscription
 
 logger = logging.getLogger(__name__)
 
 PROMPT: Final = "task"
-SESSION_HEADER: Final = "mcp-session-id"
 
 
 class Handlers:

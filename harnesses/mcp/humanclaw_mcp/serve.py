@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import hmac
 import socket
 from collections.abc import Callable
 from typing import Final
 
 import anyio
 import uvicorn
+from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
+from mcp.server.auth.provider import AccessToken
 from mcp.server.stdio import stdio_server
 from mcp.server.streamable_http_manager import StreamableHTTPASGIApp
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.applications import Starlette
+from starlette.middleware.authentication import AuthenticationMiddleware
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from humanclaw import HumanclawError
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.events import SessionManager
-from humanclaw_mcp.handlers import SESSION_HEADER, Handlers
+from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server
-from humanclaw_mcp.settings import SESSIONS
+from humanclaw_mcp.settings import SESSION_HEADER, SESSIONS
 
 HOST: Final = "127.0.0.1"
 PATH: Final = "/mcp"
@@ -60,15 +64,32 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
     )
     manager = SessionManager(
         make_server(handlers),
+        in_use=lambda key: handlers.bodies.find(key) is not None,
         security_settings=security,
         retry_interval=_RETRY,
         max_request_body_size=_BODY_BYTES,
         max_sessions=SESSIONS,
         session_idle_timeout=handlers.bodies.settings.idle,
     )
-    app = Starlette(routes=[Route(PATH, endpoint=StreamableHTTPASGIApp(manager))], lifespan=lambda _: manager.run())
+    endpoint, token = StreamableHTTPASGIApp(manager), handlers.bodies.settings.token
+    guarded: ASGIApp = RequireAuthMiddleware(endpoint, []) if token else endpoint
+    app = Starlette(routes=[Route(PATH, endpoint=guarded)], lifespan=lambda _: manager.run())
     app.add_middleware(_ReleasesBodies, bodies=handlers.bodies)
+    if token:
+        app.add_middleware(AuthenticationMiddleware, backend=BearerAuthBackend(_OneToken(token)))
     return app
+
+
+class _OneToken:
+    """Whoever bears this token is let in."""
+
+    def __init__(self, token: str) -> None:
+        self._token = token.encode()
+
+    async def verify_token(self, token: str) -> AccessToken | None:
+        # Compared in the same time wherever they differ, so that nobody can feel the way to it.
+        right = hmac.compare_digest(token.encode(), self._token)
+        return AccessToken(token=token, client_id="owner", scopes=[]) if right else None
 
 
 class _ReleasesBodies:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import subprocess
@@ -14,7 +15,12 @@ from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
+from humanclaw import HumanclawError
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.content import LOG
+from humanclaw_mcp.handlers import Handlers
+from humanclaw_mcp.serve import http_app
+from humanclaw_mcp.settings import Settings
 
 pytestmark = pytest.mark.anyio
 COMMAND = ("-m", "humanclaw", "mcp")
@@ -80,6 +86,62 @@ async def test_over_http_the_sessionless_protocol_falls_back_to_a_session(url):
 )
 def test_only_names_of_this_machine_are_answered(url, headers, status):
     assert httpx.post(url, json=HELLO, headers=ACCEPT | headers).status_code == status
+
+
+@pytest.fixture
+async def served(anyio_backend):
+    """served(settings): an HTTP client of a server in this process; nothing of it moves."""
+    async with contextlib.AsyncExitStack() as stack:
+
+        async def serve(settings):
+            app = http_app(Handlers(Bodies(settings)), 80)
+            await stack.enter_async_context(app.router.lifespan_context(app))
+            transport = httpx.ASGITransport(app)
+            return await stack.enter_async_context(
+                httpx.AsyncClient(transport=transport, base_url="http://localhost:80")
+            )
+
+        yield serve
+
+
+async def hello(client, **headers):
+    return await client.post("/mcp", json=HELLO, headers=ACCEPT | {"Host": "localhost:80"} | headers)
+
+
+async def test_sessions_that_do_nothing_cannot_shut_others_out(served, monkeypatch):
+    monkeypatch.setattr("humanclaw_mcp.serve.SESSIONS", 4)
+    client = await served(Settings())
+    opened = [await hello(client) for _ in range(12)]
+    assert [answer.status_code for answer in opened] == [200] * 12
+    ping = {"jsonrpc": "2.0", "id": 2, "method": "ping"}
+    known = [
+        (await client.post("/mcp", json=ping, headers=ACCEPT | {"Host": "localhost:80", "mcp-session-id": key}))
+        for key in (answer.headers["mcp-session-id"] for answer in opened)
+    ]
+    assert [answer.status_code for answer in known] == [404] * 8 + [200] * 4, "the silent ones made room"
+
+
+@pytest.mark.parametrize(
+    ("header", "status"),
+    [
+        ({"Authorization": "Bearer open-sesame-0123456789"}, 200),
+        ({"Authorization": "Bearer open-sesame-012345678"}, 401),
+        ({"Authorization": "Bearer "}, 401),
+        ({"Authorization": "Basic b3BlbjpzZXNhbWU="}, 401),
+        ({}, 401),
+    ],
+)
+async def test_with_a_token_only_who_bears_it_is_let_in(served, monkeypatch, header, status):
+    monkeypatch.setenv("BODY_TOKEN", "open-sesame-0123456789")
+    client = await served(Settings(auth_env="BODY_TOKEN"))
+    assert (await hello(client, **header)).status_code == status
+
+
+@pytest.mark.parametrize("value", ["", "short"])
+def test_a_token_that_can_be_guessed_is_refused(monkeypatch, value):
+    monkeypatch.setenv("BODY_TOKEN", value)
+    with pytest.raises(HumanclawError, match="BODY_TOKEN holds no token"):
+        Settings(auth_env="BODY_TOKEN")
 
 
 def test_a_request_that_is_too_large_is_refused(url):

@@ -72,6 +72,7 @@ class StillAgent:
 
     name = "still"
     privileged = False
+    settings: Mapping[str, Any] = {}
 
     def begin(self, context: EpisodeContext) -> None:
         self._stop = ending(context.skills)
@@ -85,6 +86,7 @@ class RandomAgent:
 
     name = "random"
     privileged = False
+    settings: Mapping[str, Any] = {}
 
     def begin(self, context: EpisodeContext) -> None:
         self._skills = {name: skill for name, skill in context.skills.items() if skill.trained}
@@ -215,6 +217,7 @@ class OracleAgent:
 
     name = "oracle"
     privileged = True
+    settings: Mapping[str, Any] = {}
 
     def begin(self, context: EpisodeContext) -> None:
         if context.scene is None or context.state is None:

@@ -149,7 +149,8 @@ class SeenMap:
     def cell(self, points: Array) -> NDArray[np.int64]:
         """Return (..., 2) indices of (..., 2) points, held inside the map."""
         index = np.floor((points - np.array(self.origin)) / CELL).astype(np.int64)
-        return np.clip(index, 40, len(self.known) - 41)
+        inside: NDArray[np.int64] = np.clip(index, 40, len(self.known) - 41)
+        return inside
 
     def add(self, sight: Sight, pose: Pose2D, targets: frozenset[int]) -> None:
         """Enter a view that was seen from a pose. targets: ids of what is looked for."""

@@ -3,6 +3,9 @@ right."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from rooms import asset, block, scene_object, two_rooms
@@ -164,6 +167,14 @@ def test_of_two_faults_at_once_either_can_be_put_right():
     assert [call for _, call in log] == [call for _, call in live(sit=False, fault="distance")[1]]
     sense = live(sit=False, fault=both, repair="ego-spatial distance")[1]
     assert [call for _, call in sense] == [call for _, call in live(sit=False, fault="blindness")[1]]
+
+
+def test_the_table_of_faults_loads_no_agent():
+    """Every command of the terminal asks for it."""
+    script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert "humanclaw_scripted.faults" in loaded
+    assert not {"humanclaw_scripted.agents", "humanclaw.navigation", "scipy"} & set(loaded)
 
 
 def test_a_fault_shows_only_in_episodes_that_fit_it():

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
     from types import ModuleType
 
     import click
     import pandas as pd
 
+    from humanclaw import RecordedEpisode
     from humanclaw.hookspecs import Register
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
+    from humanclaw_bench.overview import Page
 
 __version__ = "0.1.0"
 
@@ -38,6 +40,13 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 @hookimpl
 def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
     register("local", _local, "processes of this machine")
+
+
+@hookimpl(optionalhook=True)
+def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
+    from humanclaw_bench.overview import overview
+
+    overview(runs, page)
 
 
 @hookimpl

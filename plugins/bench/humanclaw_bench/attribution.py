@@ -253,7 +253,7 @@ class Funnel:
     @property
     def shares(self) -> tuple[tuple[list[bool], list[str]], ...]:
         """In view, found, found and reached of all; sat of those to sit: whether each episode was, and its house."""
-        stages = (
+        stages: tuple[tuple[tuple[Scores, ...], Callable[[Scores], bool]], ...] = (
             (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
             (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),
         )  # fmt: skip

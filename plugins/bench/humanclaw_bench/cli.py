@@ -33,7 +33,7 @@ from humanclaw_bench.splits import (
     summary,
 )  # fmt: skip
 from humanclaw_bench.splits import make as make_splits
-from humanclaw_bench.tables import WRITERS, Result, all_tables, compare_table, main_table, named, terminal
+from humanclaw_bench.tables import WRITERS, Result, all_tables, asked_of, compare_table, main_table, named, terminal
 from humanclaw_bench.worker import Job
 
 RUN = click.Path(path_type=Path)
@@ -101,6 +101,7 @@ def run_command(
         progress.end(status)
     if status.done:
         _print(terminal(main_table(_results([out]), paper=False), console().width))
+        plugins.tell("humanclaw_run_end", run=out, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
 
@@ -196,7 +197,7 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
         out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(main_table(named({run.name: found}, {run.name: _asked(run)}), paper=False), console().width))
+    _print(terminal(main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False), console().width))
     click.echo(f"scores: {out}")
 
 
@@ -224,11 +225,10 @@ def verify(run: Path, submission: Path | None) -> None:
 @click.option("--model-date", default="", help="Version or day of the model, as its provider tells it.")
 @click.option("--out", type=RUN, help="Where to write; the default is submission.json in the run.")
 @PARTIAL
-@plugin_files
-def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool, files: tuple[Path, ...]) -> None:
+def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
     """Write one file with what was run and what came of it, for `bench verify --submission` and `bench leaderboard`."""
     _require_whole([_one(run)], partial)
-    made = submissions.submit(run, who, model_date, Plugins.discover(files))
+    made = submissions.submit(run, who, model_date)
     out = out or run / submissions.NAME
     write_atomically(out, made.model_dump_json(indent=1).encode())
     click.echo(out)
@@ -256,14 +256,8 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
         raise RecordError("a run is named twice.", "Name each folder once.")
     extra = metrics_of(Plugins.discover(files))
     return named(
-        {str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): _asked(run) for run in runs}
+        {str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): asked_of(run) for run in runs}
     )
-
-
-def _asked(run: Path) -> int:
-    """How many episodes a run is of; 0 if its folder does not tell."""
-    path = run / "run.json"
-    return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
 
 
 def _require_whole(results: Sequence[Result], partial: bool) -> None:

@@ -28,7 +28,13 @@ _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_def
 @click.command()
 @_SPLIT
 @_WORKERS
-@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/ablation"), show_default=True)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs/ablation"),
+    show_default=True,
+    help="Folder of the runs.",
+)
 def ablate(name: str, workers: int, out: Path) -> None:
     """Run the paper's ablation with a scripted bounded agent: five settings, and whether the four directions come
     out."""
@@ -46,7 +52,9 @@ def ablate(name: str, workers: int, out: Path) -> None:
     "--pairs", type=click.IntRange(0), default=40, show_default=True, help="Episodes with two faults at once."
 )
 @_WORKERS
-@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True, help="Folder of the runs."
+)
 def repair_command(name: str, each: int, pairs: int, workers: int, out: Path) -> None:
     """Whether root causes name what is wrong: failures of known origin, and what mends them."""
     specs, faults = load_split(name), repair.known_faults(Plugins.discover())

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import pluggy
 
 if TYPE_CHECKING:
-    from humanclaw import EpisodeSpec, RecordedEpisode
+    from pathlib import Path
+
+    from humanclaw import EpisodeSpec, Plugins, RecordedEpisode
     from humanclaw.hookspecs import Register
     from humanclaw_bench.executors import Executor
 
@@ -81,3 +83,8 @@ def humanclaw_metrics(register: Register[MetricFunction]) -> None:
 @hookspec
 def humanclaw_faults(register: RegisterFault) -> None:
     """Register agents with a known fault, for `humanclaw bench repair`."""
+
+
+@hookspec
+def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
+    """Hear that `humanclaw bench run` has no more episodes to play. tell: prints a line."""

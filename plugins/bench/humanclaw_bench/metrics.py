@@ -448,7 +448,8 @@ def compare(
 def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
     """Compare one metric of B against A over the episodes that bear on it in both; None if none does."""
     known = [(one, two, x.scene) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
-    a, b, houses = ([entry[k] for entry in known] for k in range(3))
+    a, b = [one for one, _, _ in known], [two for _, two, _ in known]
+    houses = [house for _, _, house in known]
     if metric.rate and known:
         return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
     return compare_ratios(a, b, houses, seed=seed) if known else None

@@ -22,8 +22,9 @@ from filelock import FileLock, Timeout
 
 import humanclaw
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
+from humanclaw.cli import check_options
 from humanclaw.hookspecs import noun
-from humanclaw.storage import write_atomically
+from humanclaw.storage import within, write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
@@ -89,7 +90,7 @@ def run_split(
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
     stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
     """
-    if twice := [name for name, count in Counter(spec.id for spec in specs).items() if count > 1]:
+    if twice := [name for name, count in Counter(spec.id.lower() for spec in specs).items() if count > 1]:
         raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
@@ -166,7 +167,7 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
 def _keep(out: Path, report: WorkerReport) -> None:
     """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the
     journal."""
-    folder = out / report.episode
+    folder = within(out, report.episode)
     unpack(folder, report.files)
     if report.outcome == FAILED:
         mark(folder, FAILED, report.error)
@@ -179,9 +180,9 @@ def _keep(out: Path, report: WorkerReport) -> None:
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
     """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not
     there."""
-    plugins.make("agents", job.agent, job.options)
-    if job.verifier:
-        plugins.make("verifiers", job.verifier, job.options)
+    agent = plugins.make("agents", job.agent, job.options)
+    verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+    check_options(job.options, job.agent, agent, verifier)
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}

@@ -249,10 +249,13 @@ def between(val: Sequence[EpisodeSpec], mini: Sequence[EpisodeSpec]) -> tuple[Ep
 
 
 def secret_houses(secret: int) -> tuple[str, ...]:
-    """Return the houses of a hidden test: as many as val has, none of them its own, for who knows the secret alone."""
+    """Return the houses of a hidden test: as many as val has, none of them its own, for who knows the secret alone.
+
+    They are of the endless kind that one trains in, so far out that nobody comes upon them by chance.
+    """
     rng = np.random.default_rng([secret, 1])
-    numbers = rng.choice(2**31 - 1_000_000, len(HOUSES), replace=False) + 1_000_000
-    return tuple(f"house:{number}" for number in sorted(numbers.tolist()))
+    numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + 1_000_000
+    return tuple(f"house:train-{number}" for number in sorted(numbers.tolist()))
 
 
 def hidden(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:

@@ -94,7 +94,11 @@ def _score_interval(share: float, count: float, quantile: float) -> tuple[float,
 
 
 def ratio(
-    numerators: Sequence[float], denominators: Sequence[float], houses: Sequence[str] = (), *, seed: int = 0
+    numerators: Sequence[float] | Array,
+    denominators: Sequence[float] | Array,
+    houses: Sequence[str] = (),
+    *,
+    seed: int = 0,
 ) -> Estimate:
     """Sum over sum, houses drawn again for the interval (cluster bootstrap); a mean where all denominators are 1.
 
@@ -162,8 +166,7 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = 
     changes = units(second - first, houses)
     low, high = _agresti_min(int((second > first).sum()), int((second < first).sum()), len(first))
     if len(set(houses)) >= FEW:
-        pairs = np.stack([second - first, np.ones(len(first))], -1)
-        drawn = ratio(*pairs.T, houses, seed=seed)
+        drawn = ratio(second - first, np.ones(len(first)), houses, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
     return Difference(

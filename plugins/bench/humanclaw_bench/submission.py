@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.storage import write_atomically
-from humanclaw_bench.export import metrics_of, row, scored
+from humanclaw_bench.export import row, scored
 from humanclaw_bench.metrics import FIND, INTERACT, NAV, Scores, estimate
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.tables import Column
@@ -81,13 +81,13 @@ class Submission(_Value):
         return self.model_copy(update={"digest": hashlib.sha256(content).hexdigest()})
 
 
-def submit(run: Path, who: str, model_date: str = "", plugins: Any = None) -> Submission:
+def submit(run: Path, who: str, model_date: str = "") -> Submission:
     """Make the submission of a run from its records. Raises RecordError unless it is one whole run of one agent."""
     episodes, manifest = load_run(run), _manifest(run)
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
-    pairs = scored(episodes, metrics_of(plugins) if plugins else None, run.name)
+    pairs = scored(episodes, name=run.name)
     scores = [one for one, _ in pairs]
     results = tuple(_result(*entry) for entry in zip(episodes, (row(*pair) for pair in pairs), strict=True))
     settings = episodes[0].record.settings

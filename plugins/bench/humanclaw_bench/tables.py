@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -147,6 +149,12 @@ class Result:
             return ""
         warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
         return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
+
+
+def asked_of(run: Path) -> int:
+    """Return how many episodes a run is of; 0 if its folder does not tell."""
+    path = run / "run.json"
+    return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
 
 
 def named(
@@ -434,11 +442,12 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
     for metric in metrics:
         if metric.name in differences:
-            grid.add_row(*_compared(Column.of(metric), differences[metric.name]))
+            grid.add_row(*compared(Column.of(metric), differences[metric.name]))
     return grid
 
 
-def _compared(column: Column, found: Difference) -> tuple[str, ...]:
+def compared(column: Column, found: Difference) -> tuple[str, ...]:
+    """Return a row of the comparison: metric, both values, the difference with its interval, p, and a verdict."""
     change = Estimate(found.value, found.low, found.high, found.count)
     sign = "+" if found.value > 0 else ""
     values = (column.number(found.a), column.number(found.b), f"{sign}{_inline(column, change)}")

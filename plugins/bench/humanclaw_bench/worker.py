@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -23,8 +25,8 @@ from humanclaw import (
     StepRecord,
 )
 from humanclaw.navigation import geodesics
-from humanclaw.records import Outcome, Usage, close_record
-from humanclaw.storage import write_atomically
+from humanclaw.records import Outcome, Usage, close_record, writing
+from humanclaw.storage import within, write_atomically
 
 FAILED: Final = "infra_error"
 
@@ -93,12 +95,18 @@ class Worker:
             pass  # Whoever decides has had enough: the record says so.
         except HumanclawError as fault:
             error, fatal = str(fault), True
-        except Exception as fault:
-            traceback.print_exc()
+        except BaseException as fault:  # A plugin that exits takes no other episode with it.
             error = f"{type(fault).__name__}: {fault}"
-            self._fail(spec, error)
-            self.close()
+            self._clean_up(spec, error)
         return self._report(spec, time.perf_counter() - began, error, fatal)
+
+    def _clean_up(self, spec: EpisodeSpec, error: str) -> None:
+        """Mark the record and put the body away, as far as what has broken allows."""
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+        for tidy in (partial(mark, self._out / spec.id, FAILED, error), self.close):
+            with contextlib.suppress(BaseException):
+                tidy()
 
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
@@ -128,9 +136,6 @@ class Worker:
         if self._episode.fault:
             traceback.print_exception(self._episode.fault)
 
-    def _fail(self, spec: EpisodeSpec, error: str) -> None:
-        mark(self._out / spec.id, FAILED, error)
-
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
         report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
         if self._episode is None:
@@ -143,9 +148,9 @@ class Worker:
         return replace(report, limit=end.limit, steps=end.steps, cost=cost, tokens=tokens)
 
     def close(self) -> None:
-        if self._body is not None:
-            self._body.close()
-            self._body = None
+        body, self._body = self._body, None
+        if body is not None:
+            body.close()
 
     def __enter__(self) -> Self:
         return self
@@ -192,7 +197,17 @@ def pack(folder: Path) -> dict[str, bytes]:
 
 
 def unpack(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write a record; episode.json comes last, since it says that there is one."""
-    for name, data in sorted(files.items(), key=lambda item: item[0] == "episode.json"):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / name, data)
+    """Write a record; episode.json comes last, since it says that there is one.
+
+    Raises RecordError if it cannot be written, and before anything is if a name leads out of the folder.
+    """
+    try:
+        places = {within(folder, name): data for name, data in files.items()}
+    except ValueError as error:
+        raise RecordError(
+            f"a worker sent a record with a file elsewhere: {error}.", "Look after that worker."
+        ) from None
+    with writing(folder):
+        for path, data in sorted(places.items(), key=lambda item: item[0].name == "episode.json"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, data)

@@ -14,7 +14,7 @@ from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import JOINTS, OFFSETS, PARENTS
 from humanclaw.interfaces import Execution
 from humanclaw.pose import FPS, HISTORY, Pose2D, rest_pose, root_jerk
-from humanclaw.records import Attempt, Contact, Usage
+from humanclaw.records import Attempt, Contact, PlayedPart, Usage
 from humanclaw.testing import contacts, touches
 from humanclaw_bench.metrics import (
     ALL,
@@ -180,6 +180,18 @@ def test_feet_on_stairs_stand_and_a_knee_against_them_collides(tmp_path: Path) -
     ]
     assert collisions(rollout(tmp_path, climbing, ground=(stairs,)))["any"] == 0.5
     assert collisions(rollout(tmp_path, climbing, name="unknown"))["any"] == 1.0
+
+
+def test_a_sequence_counts_by_the_half_second_that_it_lasts(tmp_path: Path) -> None:
+    """Two seconds in one call: it hits something in the second half second, and goes 3 m ahead and 1 m back for 2 m of
+    way."""
+    parts = tuple(PlayedPart("control", 1, "walk", {"z": 0.4}) for _ in range(4))
+    ways = {"start": (0.0, 1.0, 0.0), "waypoints": ((1.0, 1.0, 0.0), (2.0, 1.0, 0.0), (3.0, 1.0, 0.0))}
+    long = step(motion_frames=60, parts=parts, contacts=(touch(TABLE, 20, 25),), end=(2.0, 1.0, 0.0), **ways)
+    still = {"start": (2.0, 1.0, 0.0), "end": (2.0, 1.0, 0.0)}
+    scores = score(rollout(tmp_path, [long, step("stop", away=0.1, **still)], geodesic=2.0))
+    assert (scores.steps, scores.chunks, scores.sequences) == (2, 4, 1)
+    assert (scores.collisions["any"], scores.spl) == (0.25, 0.5)
 
 
 def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:

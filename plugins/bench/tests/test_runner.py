@@ -1,5 +1,6 @@
 """Runs: whatever ends one, it goes on from there, nothing is played twice, and how many play makes no difference."""
 
+import errno
 import json
 import os
 import shutil
@@ -23,7 +24,7 @@ from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split
-from humanclaw_bench.worker import Job, Worker
+from humanclaw_bench.worker import Job, Worker, unpack
 
 TOY = Backends("toy", "toy", "toy")
 
@@ -100,6 +101,15 @@ def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
     assert (here.done, one.done, two.done) == (6, 6, 6)
     assert digests(none) == digests(first) == digests(second)
     assert len(set(digests(first).values())) == 6
+
+
+def test_neither_the_order_of_the_episodes_nor_a_break_between_them_changes_any(play):
+    _, _, clean = play(toy_world.specs(5))
+    _, _, other = play(toy_world.specs(5)[::-1], name="reversed")
+    play(toy_world.specs(5), name="broken", limits={"run.usd": 1.5})
+    _, _, broken = play(toy_world.specs(5), name="broken", limits={"run.usd": 100})
+    assert digests(other) == digests(clean)
+    assert digests(broken) == digests(clean)
 
 
 def test_a_digest_tells_two_runs_apart_that_did_something_else(play):
@@ -253,6 +263,67 @@ def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play
     assert (scores.finished, scores.nav) == (True, False)
     assert attribute(recorded) is None
     assert "in befall" in capsys.readouterr().err
+
+
+def test_an_agent_that_exits_fails_its_own_episode_alone(play, tmp_path):
+    trouble = {"in": "toy-0", "what": "exit", "once": str(tmp_path / "once")}
+    status, _, folder = play(toy_world.specs(3), **trouble)
+    assert (status.done + status.failed, len(load_run(folder))) == (3, 3)
+
+
+@pytest.mark.parametrize("fault", [SystemExit(3), KeyError("x"), MemoryError(), RecursionError(), GeneratorExit()])
+def test_a_worker_reports_whatever_breaks_and_plays_on(toys, tmp_path, monkeypatch, fault):
+    def broken(*_, **__):
+        raise fault
+
+    with Worker(Job("walker", {}, backends=TOY, files=(toy_world.FILE,)), tmp_path, plugins=toys) as worker:
+        first, second = toy_world.specs(2)
+        with monkeypatch.context() as patch:
+            patch.setattr("humanclaw_bench.worker.Body", broken)
+            patch.setattr("humanclaw_bench.worker.mark", broken)
+            report = worker.play(first)
+        assert (report.outcome, report.error.split(":")[0]) == ("infra_error", type(fault).__name__)
+        assert worker.play(second).outcome == "stopped"
+
+
+def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on_when_there_is_room(play, monkeypatch):
+    real, written = os.fsync, []
+
+    def fills_up(descriptor):
+        written.append(descriptor)
+        if len(written) > 40:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.fsync", fills_up)
+        with pytest.raises(HumanclawError, match="No space left on device") as told:
+            play(toy_world.specs(3))
+    assert "\n" not in str(told.value)
+    assert play(toy_world.specs(3))[0].done == 3
+    assert digests(play(toy_world.specs(3))[2]) == digests(play(toy_world.specs(3), name="clean")[2])
+
+
+@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "frames/../../evil"])
+def test_a_record_from_a_worker_cannot_leave_its_folder(tmp_path, name):
+    with pytest.raises(RecordError, match="a file elsewhere"):
+        unpack(tmp_path / "run" / "toy-0", {"steps.jsonl": b"", name: b"evil"})
+    assert not list(tmp_path.rglob("*")), "nothing was written"
+
+
+def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):
+    first, second = toy_world.specs(2)
+    with pytest.raises(HumanclawError, match="twice"):
+        play([first, second.model_copy(update={"id": first.id.upper()})])
+
+
+def test_a_clock_that_jumps_changes_nothing(play, monkeypatch):
+    jumps = iter(range(0, 10**9, 10**6))
+    with monkeypatch.context() as patch:
+        patch.setattr("time.time", lambda: 10**9 - next(jumps))
+        status, _, folder = play(toy_world.specs(2), limits={"episode.seconds": 60.0})
+    assert status.done == 2
+    assert digests(folder) == digests(play(toy_world.specs(2), name="clean", limits={"episode.seconds": 60.0})[2])
 
 
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from house_effect import SIZES, coverage, in_houses
 from scipy import stats
 
 from humanclaw_bench.statistics import Difference, compare_rates, compare_ratios, holm, rate, ratio, wilson
@@ -33,29 +34,15 @@ def test_intervals_of_rare_successes_hold_the_truth_as_often_as_they_promise() -
     assert 0.92 <= held <= 0.99
 
 
-def in_houses(rng: np.random.Generator, share: float, sizes: list[int], icc: float = 0.13) -> tuple[list, list]:
-    """Successes in houses that differ: a beta distribution over houses whose intraclass correlation is this."""
-    chances = rng.beta(share * (1 / icc - 1), (1 - share) * (1 / icc - 1), len(sizes))
-    met = [bool(x) for chance, size in zip(chances, sizes, strict=True) for x in rng.random(size) < chance]
-    return met, [f"house:{k}" for k, size in enumerate(sizes) for _ in range(size)]
-
-
-@pytest.mark.parametrize(
-    ("sizes", "plain"), [([30] * 41, (0.55, 0.75)), ([2] * 23 + [3] * 18, (0.86, 0.98))], ids=["val", "mini"]
-)
+@pytest.mark.parametrize(("split", "plain"), [("val", (0.55, 0.75)), ("mini", (0.86, 0.98))])
 @pytest.mark.parametrize("share", [0.17, 0.5])
 def test_intervals_of_rates_hold_the_truth_where_houses_differ(
-    share: float, sizes: list[int], plain: tuple[float, float]
+    share: float, split: str, plain: tuple[float, float]
 ) -> None:
     """Wilson's plain interval holds it in two cases of three on val: 30 episodes of a house are worth six."""
-    rng = np.random.default_rng(10)
-    held = np.zeros(2)
-    for _ in range(400):
-        met, houses = in_houses(rng, share, sizes)
-        both = wilson(sum(met), len(met)), rate(met, houses)
-        held += [one.low <= share <= one.high for one in both]
-    assert plain[0] <= held[0] / 400 <= plain[1]
-    assert 0.92 <= held[1] / 400 <= 0.99
+    before, after = coverage(share, SIZES[split], 300)[:, 0]
+    assert plain[0] <= before <= plain[1]
+    assert 0.91 <= after <= 0.99
 
 
 def test_houses_that_do_not_differ_cost_a_rate_little() -> None:
@@ -78,13 +65,13 @@ def test_fewer_than_five_houses_say_nothing_of_houses() -> None:
 def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
     rng = np.random.default_rng(11)
     held = np.zeros(2)
-    for seed in range(150):
-        values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 2.5, (41, 30))).ravel()
-        houses = [f"house:{k}" for k in range(41) for _ in range(30)]
-        both = ratio(values, np.ones(1230), seed=seed), ratio(values, np.ones(1230), houses, seed=seed)
+    for seed in range(80):
+        values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 1, (41, 6))).ravel()
+        houses = [f"house:{k}" for k in range(41) for _ in range(6)]
+        both = ratio(values, np.ones(246), seed=seed), ratio(values, np.ones(246), houses, seed=seed)
         held += [one.low <= 5 <= one.high for one in both]
-    assert held[0] / 150 < 0.75
-    assert 0.9 <= held[1] / 150 <= 0.99
+    assert held[0] / 80 < 0.75
+    assert 0.88 <= held[1] / 80 <= 0.99
 
 
 # -- means and ratios --------------------------------------------------------------------------------------------------
@@ -159,13 +146,13 @@ def test_the_interval_of_a_paired_difference_holds_the_truth_as_promised() -> No
 def test_runs_that_differ_by_house_alone_seldom_pass_for_different() -> None:
     """One agent is better in some houses, the other in others: by McNemar's test they differ in one case of three."""
     rng, loud, plain = np.random.default_rng(12), 0, 0
-    for seed in range(150):
+    for seed in range(60):
         houses = [f"house:{k}" for k in range(20) for _ in range(15)]
-        (a, _), (b, _) = (in_houses(rng, 0.5, [15] * 20, 0.3) for _ in range(2))
+        (a, _), (b, _) = (in_houses(rng, 0.5, (15,) * 20, 0.3) for _ in range(2))
         loud += not compare_rates(a, b, houses, seed=seed).noise
         plain += not compare_rates(a, b).noise
-    assert loud <= 14
-    assert plain >= 40
+    assert loud <= 7
+    assert plain >= 15
 
 
 def test_the_test_by_house_agrees_with_all_swaps_there_are() -> None:

@@ -146,6 +146,8 @@ def befall(what: str) -> None:
         raise ProviderError("503")
     if what == "bug":
         raise ZeroDivisionError("a bug")
+    if what == "exit":
+        raise SystemExit(3)
     os.kill(os.getpid(), signal.Signals[what])
 
 

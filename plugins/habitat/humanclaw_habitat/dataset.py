@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw import SceneError
+from humanclaw.storage import within
 from humanclaw_habitat.attributes import (
     Articulated,
     Nested,
@@ -35,15 +36,24 @@ _MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl", ".urdf")
 
 @dataclass(frozen=True)
 class Kind:
-    """What a template is: its attributes, and the file that its paths are relative to."""
+    """What a template is: its attributes, the file that its paths are relative to, and the folder they stay in."""
 
     name: str
     file: Path
     template: Template
+    root: Path
 
     def path(self, asset: str) -> Path:
-        """Where an asset of the template lies; a shape that Habitat makes itself lies nowhere and is only a name."""
-        return Path(asset) if is_primitive(asset) else (self.file.parent / asset).resolve()
+        """Where an asset of the template lies; a shape that Habitat makes itself lies nowhere and is only a name.
+
+        Raises SceneError for a file outside of the dataset.
+        """
+        if is_primitive(asset):
+            return Path(asset)
+        try:
+            return within(self.root, (self.file.parent / asset).absolute())
+        except ValueError as error:
+            raise SceneError(f"{self.file} names a file outside of its dataset: {error}.") from None
 
 
 @dataclass(frozen=True)
@@ -179,15 +189,27 @@ class Dataset:
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
         scale = (attributes.uniform_scale,) * 3
         template = Template(render_asset=model, collision_asset=model, scale=scale, semantic_id=attributes.semantic_id)
-        return Kind(found, source.file, template)
+        return Kind(found, source.file, template, self._home(source.file))
 
     def _kind(self, section: str, name: str) -> Kind:
         if is_primitive(name) and section == "objects":
             return Kind(
-                name, self.config, checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
+                name,
+                self.config,
+                checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config),
+                self.config.parent,
             )
         found, source, values = self._found(section, name)
-        return Kind(found, source.file, checked(Template, values, source.file))
+        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file))
+
+    def _home(self, file: Path) -> Path:
+        """Return the folder that the models of a template stay in: its dataset, or that of a template from beside
+        it."""
+        try:
+            within(self.config.parent, file.absolute())
+        except ValueError:
+            return file.parent.parent
+        return self.config.parent
 
     def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
         """Return the template of a name; as in Habitat, a part of the name is enough if only one has it. Raises

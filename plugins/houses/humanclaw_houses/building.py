@@ -45,8 +45,9 @@ def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
     boards = t.planks(t.pick(rng, t.WOODS[:3] + t.WOODS[4:]), rng)
     paints = [t.plain(t.PAINTS[k], rng) for k in rng.permutation(len(t.PAINTS))]
     finishes = {}
-    for number, area in enumerate(plan.areas):
-        wall = paints[number % len(paints)]
+    zones = _zones(plan)
+    for area in plan.areas:
+        wall = paints[zones[area.name] % len(paints)]
         if area.kind in ("bathroom", "laundry"):
             finishes[area.name] = Finish(_bath_tiles(rng), _floor_tiles(rng))
         elif area.kind == "kitchen":
@@ -58,6 +59,16 @@ def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
         else:
             finishes[area.name] = Finish(wall, boards)
     return finishes
+
+
+def _zones(plan: FloorPlan) -> dict[str, int]:
+    """Return a number for each area; those between which there is no wall have the same, and so the same paint."""
+    zone = {area.name: number for number, area in enumerate(plan.areas)}
+    for wall in plan.walls:
+        if any(opening.kind == "open" for opening in wall.openings):
+            old, new = zone[wall.high], zone[wall.low]
+            zone = {name: new if number == old else number for name, number in zone.items()}
+    return zone
 
 
 def _bath_tiles(rng: np.random.Generator) -> Tile:
@@ -231,12 +242,13 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
     depth = WALL
     m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (0, 0, -depth), (0, high, 0)),)), style.white)
     m.add(Shape((sheet((x + half, hole.bottom, -depth / 2), (0, 0, depth), (0, high, 0)),)), style.white)
-    if hole.kind != "stairs":
+    to_ceiling = hole.kind in ("stairs", "open")
+    if not to_ceiling:
         m.add(Shape((sheet((x - half, hole.top, -depth / 2), (hole.width, 0, 0), (0, 0, depth)),)), style.white)
     if hole.bottom > 0:
         m.add(Shape((sheet((x - half, hole.bottom, depth / 2), (hole.width, 0, 0), (0, 0, -depth)),)), style.white)
-    sill, lintel = 0.06 if hole.bottom > 0 else 0.0, 0.0 if hole.kind == "stairs" else 0.06
-    for z in (-1, 1):
+    sill, lintel = 0.06 if hole.bottom > 0 else 0.0, 0.0 if to_ceiling else 0.06
+    for z in () if hole.kind == "open" else (-1, 1):
         face = z * (WALL / 2 + 0.008)
         for side in (-1, 1):
             at = (x + side * (half + 0.03), hole.bottom - sill, face)

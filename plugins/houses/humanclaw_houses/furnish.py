@@ -17,6 +17,8 @@ from humanclaw_houses.stock import Stock, apart
 from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
+_COUCHES: Final = (0.3, 0.3, 0.25, 0.15)
+"""Shares of the households with one to four couches, as far as there is room for them."""
 
 
 @dataclass(eq=False)
@@ -29,7 +31,13 @@ class Kit:
     """Kinds of room in this house."""
     stock: Stock | None = None
     """Imported furniture, taken where it has what a rule asks for."""
+    left: dict[str, int] = field(default_factory=dict)
+    """How many more chairs and couches this household has."""
     _count: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        couches, chairs = self.rng.choice(4, p=_COUCHES) + 1, self.rng.integers(1, 15)
+        self.left.update(couch=int(couches), chair=int(chairs))
 
     def name(self, word: str) -> str:
         self._count[word] = self._count.get(word, 0) + 1
@@ -55,25 +63,30 @@ def furnish(space: Space, kit: Kit) -> None:
 
 # -- rooms -------------------------------------------------------------------------------------------------------------
 def _living(space: Space, kit: Kit) -> None:
-    _lounge(space, kit)
-    if "dining" not in kit.rooms:
+    if not _lounge(space, kit):
+        _couch(space, kit)
+        _wall_tv(space, kit)
+    if "dining" not in kit.rooms and space.area.name == "living":
         _dining_set(space, kit, 4, at_wall=False)
+    _couch(space, kit)
     _stand(space, kit, storage.bookshelf, front=0.5)
     _plant(space, kit)
     if kit.chance(0.6):
         _stand(space, kit, storage.sideboard, front=0.5)
     _armchair(space, kit)
+    if kit.chance(0.4):
+        _armchair(space, kit)
     _plant(space, kit)
     if kit.chance(0.5):
         _stand(space, kit, tables.cushion_block, target=False)
-    _hang(space, kit, 4)
+    _hang(space, kit, 5)
 
 
 def _dining(space: Space, kit: Kit) -> None:
-    _dining_set(space, kit, 6) or _dining_set(space, kit, 4)
+    _dining_set(space, kit, 6) or _dining_set(space, kit, 4) or _dining_set(space, kit, 2) or _bare_table(space, kit)
     _stand(space, kit, storage.sideboard, front=0.5)
     _plant(space, kit)
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
 
 
 def _kitchen(space: Space, kit: Kit) -> None:
@@ -82,7 +95,7 @@ def _kitchen(space: Space, kit: Kit) -> None:
     if kit.chance(0.5):
         _plant(space, kit)
     _stand(space, kit, small.bin_)
-    _hang(space, kit, 1)
+    _hang(space, kit, 2)
 
 
 def _bedroom(space: Space, kit: Kit) -> None:
@@ -92,12 +105,14 @@ def _bedroom(space: Space, kit: Kit) -> None:
         _stand(space, kit, tables.dresser, front=0.55)
     if kit.chance(0.45):
         _wall_tv(space, kit)
-    _armchair(space, kit) if kit.chance(0.4) else _stand(space, kit, seats.dining_chair, front=0.3, target=True)
+    if kit.chance(0.3):
+        _couch(space, kit)
+    _armchair(space, kit) if kit.chance(0.4) else _chair(space, kit)
     if kit.chance(0.6):
         _plant(space, kit)
     if kit.chance(0.4):
         _stand(space, kit, storage.bookshelf, front=0.45)
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
 
 
 def _kids(space: Space, kit: Kit) -> None:
@@ -109,7 +124,7 @@ def _kids(space: Space, kit: Kit) -> None:
         _plant(space, kit)
     for maker in (small.teddy, small.toy_ball, small.toy_car, small.toy_block, small.basket):
         _stand(space, kit, maker)
-    _hang(space, kit, 2)
+    _hang(space, kit, 3)
 
 
 def _office(space: Space, kit: Kit) -> None:
@@ -117,12 +132,14 @@ def _office(space: Space, kit: Kit) -> None:
     for _ in range(2):
         _stand(space, kit, storage.bookshelf, front=0.5)
     _plant(space, kit)
+    if kit.chance(0.7):
+        _couch(space, kit)
     if kit.chance(0.6):
         _armchair(space, kit)
     if kit.chance(0.5):
         _stand(space, kit, small.carton)
     _stand(space, kit, small.bin_)
-    _hang(space, kit, 2)
+    _hang(space, kit, 3)
 
 
 def _bathroom(space: Space, kit: Kit) -> None:
@@ -161,7 +178,7 @@ def _hall(space: Space, kit: Kit) -> None:
     pair = kit.make(small.shoe)
     for _ in range(2):
         space.try_put(space.spots(pair, kit.rng))
-    _hang(space, kit, 3)
+    _hang(space, kit, 4)
     long_x = space.length("south") > space.length("west")
     if kit.chance(0.6):
         _mat(space, kit, *((2.2, 0.75) if long_x else (0.75, 2.2)))
@@ -177,8 +194,10 @@ def _landing(space: Space, kit: Kit) -> None:
         _stand(space, kit, storage.bookshelf, front=0.4)
     _plant(space, kit)
     if kit.chance(0.4):
-        _stand(space, kit, seats.dining_chair, front=0.3, target=True)
-    _hang(space, kit, 3)
+        _couch(space, kit)
+    if kit.chance(0.4):
+        _chair(space, kit)
+    _hang(space, kit, 4)
 
 
 def _stairs(space: Space, kit: Kit) -> None:
@@ -200,7 +219,7 @@ def _lounge(space: Space, kit: Kit) -> bool:
         screen = kit.make(media.tv, round(float(kit.rng.uniform(1.0, 1.3)), 2))
         stand = kit.make(tables.tv_stand, round(screen.size[0] + 0.35, 2))
         for spot in space.spots(stand, kit.rng, step=0.2):
-            if _try_lounge(space, kit, spot, screen, couch):
+            if not space.before_window(spot) and _try_lounge(space, kit, spot, screen, couch):
                 return True
     return False
 
@@ -212,6 +231,13 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
     if room < 1.5:
         return False
     gap = room - 0.05 if room < 2.9 else float(kit.rng.uniform(2.1, 2.7))
+    return _seat_across(space, kit, stand, screen, couch, gap) or (
+        room > 2.0 and _seat_across(space, kit, stand, screen, couch, room - 0.5)  # before an open side
+    )
+
+
+def _seat_across(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Piece, gap: float) -> bool:
+    """Put the couch so far before the television, looking at it."""
     out = stand.piece.size[2] / 2 + gap + couch.size[2] / 2
     seat = Placed(
         couch, stand.x + out * np.sin(stand.yaw), 0.0, stand.z + out * np.cos(stand.yaw), stand.yaw + np.pi, stand.room
@@ -223,6 +249,7 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
     tv = _on_front_edge(stand, screen)
     if not space.put(stand, tv, seat, keep=[knees, front], want=[(knees,), at_hand(tv)]):
         return False
+    kit.left["couch"] -= 1
     _around_couch(space, kit, seat, gap)
     return True
 
@@ -257,8 +284,9 @@ def _beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> 
 
 
 def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
-    """Return a table with chairs on its long sides, drawn up to it, with room to get behind them; at_wall: or at a
-    wall."""
+    """Put down a table with chairs at its long sides and room to get behind them; at_wall: or at a wall."""
+    if kit.left["chair"] < count:
+        return False
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
@@ -271,20 +299,27 @@ def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> boo
         chairs = [_at_table(spot, chair, along, side, kit.rng) for along in apart for side in (-1, 1)]
         if d > 1.0:
             chairs += [_at_end(spot, chair, side) for side in (-1, 1)]
-        if _set_down(space, spot, chairs):
+        if _set_down(space, kit, spot, chairs):
             return True
     for spot in space.spots(table, kit.rng, step=0.2) if at_wall else ():
         front = [_at_table(spot, chair, along, 1, kit.rng) for along in apart]
         beside = [_at_end(spot, chair, side) for side in (-1, 1)] if w < 1.0 else []
-        if (beside and _set_down(space, spot, beside)) or _set_down(space, spot, front):
+        if (beside and _set_down(space, kit, spot, beside)) or _set_down(space, kit, spot, front):
             return True
     return False
 
 
-def _set_down(space: Space, table: Placed, chairs: Sequence[Placed]) -> bool:
+def _bare_table(space: Space, kit: Kit) -> bool:
+    """Put down a table without a chair, at a wall."""
+    return _stand(space, kit, tables.dining_table, 4, front=0.5) is not None
+
+
+def _set_down(space: Space, kit: Kit, table: Placed, chairs: Sequence[Placed]) -> bool:
     """Place a table and its chairs if every chair can be got at."""
     want = [at_hand(chair) for chair in chairs]
-    return all(space.fits(obj) for obj in (table, *chairs)) and space.put(table, *chairs, want=want)
+    done = all(space.fits(obj) for obj in (table, *chairs)) and space.put(table, *chairs, want=want)
+    kit.left["chair"] -= len(chairs) * done
+    return done
 
 
 def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> list[tuple[float, float, float]]:
@@ -405,10 +440,13 @@ def _beside_bed(space: Space, kit: Kit, bed: Placed) -> None:
 def _work_place(space: Space, kit: Kit) -> bool:
     """Return a desk at a wall with a chair drawn up to it; lamp and laptop on it."""
     desk = kit.make(tables.desk)
+    if kit.left["chair"] < 1:
+        return _stand(space, kit, tables.desk, front=0.5) is not None
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
         seat = apart(_beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi), spot)
         if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
+            kit.left["chair"] -= 1
             y = desk.tops[0].y + 0.002
             space.put(replace(_beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
             space.put(replace(_beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12), y=y))
@@ -468,8 +506,28 @@ def _plant(space: Space, kit: Kit) -> Placed | None:
     return _corner(space, kit, plants.plant, target=True)
 
 
+def _household(kit: Kit, category: str, put: Callable[[], Placed | None]) -> Placed | None:
+    """Put one of those chairs or couches that the household has left."""
+    placed = put() if kit.left[category] > 0 else None
+    kit.left[category] -= placed is not None
+    return placed
+
+
+def _couch(space: Space, kit: Kit) -> Placed | None:
+    """Put a couch for two at a wall."""
+    return _household(kit, "couch", lambda: _stand(space, kit, seats.couch, 2, front=0.65, target=True))
+
+
+def _chair(space: Space, kit: Kit) -> Placed | None:
+    return _household(kit, "chair", lambda: _stand(space, kit, seats.dining_chair, front=0.3, target=True))
+
+
 def _armchair(space: Space, kit: Kit) -> Placed | None:
-    """Return an armchair in a corner or at a wall, turned a little towards the room."""
+    """Put an armchair in a corner or at a wall, turned a little towards the room."""
+    return _household(kit, "chair", lambda: _turned_in(space, kit))
+
+
+def _turned_in(space: Space, kit: Kit) -> Placed | None:
     piece = kit.make(seats.armchair)
     spots = []
     for spot in space.spots(piece, kit.rng, step=0.25):
@@ -589,5 +647,9 @@ def _on_top(space: Space, kit: Kit) -> bool:
 
 
 def _on_floor(space: Space, kit: Kit) -> bool:
-    piece = kit.make(_ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))])
-    return space.try_put(space.spots(piece, kit.rng)[:40]) is not None
+    maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
+
+    def put() -> Placed | None:
+        return space.try_put(space.spots(kit.make(maker), kit.rng)[:40])
+
+    return (_household(kit, "chair", put) if maker is seats.stool else put()) is not None

@@ -1,12 +1,16 @@
-"""Floor plans: a hall with rooms on both sides, walls between, doors and windows in them; a plan for each storey.
+"""Floor plans: rooms about a hall or about the room that people live in, walls between, doors and windows in them; a
+plan for each storey.
 
-Rooms are rectangles on the middle lines of the walls. Two kinds of house: a living block across the end of the hall, or
-all rooms in two rows along it; both are mirrored and turned at random. A house of two storeys has a staircase in the
-same place of both, at one end of a row, open to the hall.
+Rooms are rectangles on the middle lines of the walls; what has corners, such as a hall that turns, is several with
+nothing between. A house has a Layout: a straight hall (with a living block across its end, or all rooms in two rows
+along it), a hall that turns or ends in another, a row of rooms along a living room without a hall, or a studio. All are
+mirrored and turned at random. A house of two storeys has a staircase in the same place of both, at one end of a row,
+open to the hall.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, Literal
@@ -22,6 +26,41 @@ DOOR_HEIGHT: Final = 2.05
 OPEN_TOP: Final = 100.0
 """Top of an opening that reaches up to whatever is above."""
 Axis = Literal["x", "z"]
+PUBLIC: Final = frozenset({"living", "kitchen", "dining"})
+"""Kinds of room that are joined by wide passages, or by nothing at all in an open plan."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a house is like before any of its measures is drawn."""
+
+    shape: Literal["straight", "l", "t", "strip", "studio"] = "straight"
+    """Of the hall: straight, turning a corner, or ending across another; none in a strip, where rooms open from the
+    living room; and a studio has an entrance alone."""
+    open_plan: bool = False
+    """No walls between the rooms of PUBLIC."""
+    livings: int = 1
+    storeys: int = 1
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, storeys: int) -> Layout:
+        shapes: tuple[Literal["straight", "l", "t", "strip", "studio"], ...] = ("straight", "l", "t", "strip", "studio")
+        shape = shapes[int(rng.choice(5, p=_SHAPES))] if storeys == 1 else "straight"
+        open_plan = shape in ("strip", "studio") or bool(rng.random() < 0.4)
+        large = shape not in ("strip", "studio")
+        return cls(shape, open_plan, 2 if large and rng.random() < _TWO_LIVINGS else 1, storeys)
+
+    @property
+    def opened(self) -> frozenset[str]:
+        """Kinds of room between two of which there is no wall."""
+        if self.shape == "studio":
+            return PUBLIC | {"bedroom", "hall"}
+        return PUBLIC if self.open_plan else frozenset()
+
+
+_SHAPES: Final = (0.28, 0.22, 0.18, 0.17, 0.15)
+"""Shares of the shapes among houses of one storey."""
+_TWO_LIVINGS: Final = 0.3
 
 
 @dataclass(frozen=True)
@@ -50,7 +89,8 @@ class Opening:
     width: float
     bottom: float
     top: float
-    kind: Literal["door", "front_door", "passage", "stairs", "window"]
+    kind: Literal["door", "front_door", "passage", "stairs", "open", "window"]
+    """stairs, open: up to the ceiling and from wall to wall."""
     leaf: int = 0
     """The side of the hinge along the wall for a door with a leaf, -1 or 1; 0 for none."""
     opens_low: bool = False
@@ -113,9 +153,8 @@ class FloorPlan:
 
 
 _SIZES: Final = {
-    "living": (19.0, 27.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0), "bedroom": (11.5, 16.0), "kids": (10.0,
-    13.0),
-    "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
+    "living": (19.0, 27.0), "sitting": (14.0, 18.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0),
+    "bedroom": (11.5, 16.0), "kids": (10.0, 13.0), "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
 }  # fmt: skip
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
 
@@ -125,27 +164,28 @@ STAIR_WIDTH: Final = 2.22
 them."""
 
 
-def draw_plans(rng: np.random.Generator, storeys: int) -> tuple[FloorPlan, ...]:
-    """Return the storeys of a house from the lowest, with 4 to 12 rooms together. storeys: 1 or 2.
+def draw_plans(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...]:
+    """Return the storeys of a house from the lowest, with 4 to 12 rooms together.
 
     Raises SceneError if none was found, which no seed has yet done.
     """
-    for _ in range(400):
-        plans = _one_storey(rng) if storeys == 1 else _two_storeys(rng)
+    for _ in range(1200):
+        plans = _one_storey(rng, layout) if layout.storeys == 1 else _two_storeys(rng, layout)
         if plans is not None:
             return plans
     raise SceneError("no floor plan was found for this seed.", "Take another index and report this one.")
 
 
-def _one_storey(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
-    areas = _draw_areas(rng)
-    if areas is None:
+def _one_storey(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...] | None:
+    rects = _SHAPED[layout.shape](rng, layout)
+    if rects is None or len(rects) > 12:
         return None
-    walls = _with_windows(_with_doors(_walls(areas), areas, rng), areas, rng)
+    areas = _named(_turned([rects], rng)[0])
+    walls = _with_windows(_with_doors(_walls(areas), areas, rng, opened=layout.opened), areas, rng)
     return None if walls is None else (FloorPlan(areas, tuple(walls)),)
 
 
-def _two_storeys(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
+def _two_storeys(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...] | None:
     """Living downstairs, sleeping upstairs; the stairs at the near end of the first row."""
     stair, hall, block = Stair.draw(rng), float(rng.uniform(1.6, 1.95)), bool(rng.random() < 0.4)
     depths = float(rng.uniform(3.3, 3.75)), float(rng.uniform(3.4, 4.3))
@@ -153,7 +193,7 @@ def _two_storeys(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
     if lower is None:
         return None
     length = sum(width for _, width in lower[0])
-    tries = (_rows(_upstairs(rng), depths, rng, stairs=STAIR_WIDTH, length=length) for _ in range(30))
+    tries = (_rows(_upstairs(rng, layout), depths, rng, stairs=STAIR_WIDTH, length=length) for _ in range(30))
     upper = next((rows for rows in tries if rows), None)
     if upper is None:
         return None
@@ -163,7 +203,7 @@ def _two_storeys(rng: np.random.Generator) -> tuple[FloorPlan, ...] | None:
     ground, first = (_named(turned) for turned in _turned(rects, rng))
     if len(ground) + len(first) - 1 > 12:  # the stairs count once
         return None
-    walls = [_with_windows(_with_doors(_walls(areas), areas, rng, upper), areas, rng, upper)
+    walls = [_with_windows(_with_doors(_walls(areas), areas, rng, upper, layout.opened), areas, rng, upper)
              for areas, upper in ((ground, False), (first, True))]  # fmt: skip
     if walls[0] is None or walls[1] is None:
         return None
@@ -178,9 +218,15 @@ def _downstairs(rng: np.random.Generator, block: bool) -> list[str]:
     return kinds + [kind for kind, share in shares.items() if rng.random() < share]
 
 
-def _upstairs(rng: np.random.Generator) -> list[str]:
+def _upstairs(rng: np.random.Generator, layout: Layout) -> list[str]:
     extra = ["bedroom", "kids", "kids", "office", "bathroom", "bedroom", "laundry"]
-    return ["bedroom", "bathroom", *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))])]
+    sitting = ["living"] * (layout.livings - 1)
+    return [
+        *sitting,
+        "bedroom",
+        "bathroom",
+        *(extra[k] for k in rng.permutation(len(extra))[: int(rng.integers(0, 6))]),
+    ]
 
 
 def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
@@ -201,9 +247,9 @@ def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
     return replace(plan, areas=areas, walls=walls)
 
 
-def _programme(rng: np.random.Generator) -> list[str]:
-    """Kinds of rooms besides the hall, of a small flat up to a family house."""
-    size = int(rng.integers(4))
+def _programme(rng: np.random.Generator, layout: Layout) -> list[str]:
+    """Kinds of rooms besides the hall, of a small flat up to a family house; one with two living rooms is large."""
+    size = int(rng.integers(4)) if layout.livings == 1 else int(rng.integers(2, 4))
     kinds = ["living", "kitchen", "bedroom", "bathroom"]
     if size >= 1:
         kinds += [str(rng.choice(["kids", "office", "bedroom"]))]
@@ -215,26 +261,113 @@ def _programme(rng: np.random.Generator) -> list[str]:
             + (["office"] if rng.random() < 0.6 else [])
             + (["laundry"] if rng.random() < 0.5 else [])
         )
-    return kinds
-
-
-def _draw_areas(rng: np.random.Generator) -> tuple[Area, ...] | None:
-    hall = float(rng.uniform(1.6, 1.95))
-    depths = float(rng.uniform(3.3, 4.3)), float(rng.uniform(3.3, 4.3))
-    kinds = _programme(rng)
-    block = rng.random() < 0.5
-    if block:
-        kinds = [kind for kind in kinds if kind not in ("living", "kitchen")]
-    rows = _rows(kinds, depths, rng)
-    if rows is None:
-        return None
-    rects = _lay_out(rows, depths, hall)
-    if block:
-        rects += _living_block(rows, depths, hall, float(rng.uniform(4.4, 5.4)))
-    return _named(_turned([rects], rng)[0])
+    return kinds + ["living"] * (layout.livings - 1)
 
 
 Rect = tuple[str, float, float, float, float]
+
+
+# -- shapes ------------------------------------------------------------------------------------------------------------
+def _straight(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
+    """Lay out a hall with rooms on both sides, and at times a living block across its end."""
+    hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.3)), float(rng.uniform(3.3, 4.3)))
+    kinds = _programme(rng, layout)
+    block = rng.random() < 0.5
+    rows = _rows(_without(kinds, ("living", "kitchen")) if block else kinds, depths, rng)
+    if rows is None:
+        return None
+    rects = _lay_out(rows, depths, hall)
+    return rects + _living_block(rows, depths, hall, float(rng.uniform(4.4, 5.4))) if block else rects
+
+
+def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
+    """Lay out a hall between two rows that turns a corner (l) or ends in the middle of another (t), and rooms along
+    that."""
+    hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.1)), float(rng.uniform(3.3, 4.1)))
+    kinds = _programme(rng, layout)
+    beyond = hall if layout.shape == "l" else 0.0
+    column = ["living", "kitchen", *(["dining"] if "dining" in kinds and rng.random() < 0.5 else [])]
+    rows = _rows(_without(kinds, column), depths, rng, beyond=beyond)
+    width, across = float(rng.uniform(3.9, 4.9)), depths[0] + hall + depths[1]
+    along = _fitted([(kind, _width(kind, width, rng)) for kind in column], across)
+    if rows is None or along is None or (along[0][1] < depths[0] + 1.4 and beyond):
+        return None
+    x = sum(w for _, w in rows[1])
+    rects = _lay_out((rows[0], rows[1]), depths, hall, length=x)
+    rects.append(("hall", x, depths[0] if beyond else 0.0, x + hall, across))
+    return rects + _stacked(along, x + hall, x + hall + width)
+
+
+def _strip(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
+    """Lay out a row of rooms that open from the living and the dining room along it, and the kitchen across the end."""
+    depth, row_depth = float(rng.uniform(4.2, 5.2)), float(rng.uniform(3.3, 4.2))
+    kinds = _programme(rng, layout)
+    rest = _without(kinds, ("living", "kitchen", "dining"))
+    row = [(kind, _width(kind, row_depth, rng)) for kind in _grouped(rest, rng)]
+    length = sum(width for _, width in row)
+    living = _fitted([("living", _width("living", depth, rng))] + (
+        [("dining", _width("dining", depth, rng))] if length > 7 else []), length)  # fmt: skip
+    if living is None or len(row) < 2 or not 18 < depth * living[0][1] < 43:
+        return None
+    rects: list[Rect] = []
+    for line, (z0, z1) in ((row, (0.0, row_depth)), (living, (row_depth, row_depth + depth))):
+        x = 0.0
+        for kind, width in line:
+            rects.append((kind, x, z0, x + width, z1))
+            x += width
+    wide = float(rng.uniform(12.0, 16.0)) / depth
+    return [*rects, ("kitchen", length, row_depth, length + wide, row_depth + depth)]
+
+
+def _studio(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
+    """Lay out one room to live, sleep and cook in, a bathroom, and an entrance between."""
+    bath, hall, cook = float(rng.uniform(2.1, 2.6)), float(rng.uniform(1.75, 2.0)), float(rng.uniform(2.6, 3.2))
+    near, far = float(rng.uniform(2.6, 2.9)), float(rng.uniform(3.8, 4.7))
+    bed, length = max(2.75, bath + float(rng.uniform(0.1, 0.4))), bath + hall + cook
+    return [
+        ("bathroom", 0.0, 0.0, bath, near), ("hall", bath, 0.0, bath + hall, near),
+        ("kitchen", bath + hall, 0.0, length, near),
+        ("bedroom", 0.0, near, bed, near + far), ("living", bed, near, length, near + far),
+    ]  # fmt: skip
+
+
+_SHAPED: Final[dict[str, Callable[[np.random.Generator, Layout], list[Rect] | None]]] = {
+    "straight": _straight, "l": _crossed, "t": _crossed, "strip": _strip, "studio": _studio,
+}  # fmt: skip
+
+
+def _hall(rng: np.random.Generator) -> float:
+    """Width of a hall, metres."""
+    return float(rng.uniform(1.6, 1.95))
+
+
+def _without(kinds: list[str], taken: Sequence[str]) -> list[str]:
+    """Return the kinds that are left when one of each of those taken is gone."""
+    left = list(kinds)
+    for kind in taken:
+        if kind in left:
+            left.remove(kind)
+    return left
+
+
+def _width(kind: str, depth: float, rng: np.random.Generator) -> float:
+    """Draw what a room of a kind asks for along a row of some depth."""
+    return max(float(rng.uniform(*_SIZES[kind])) / depth, _LEAST_WIDTH.get(kind, 2.8))
+
+
+def _fitted(row: list[tuple[str, float]], length: float) -> list[tuple[str, float]] | None:
+    """Return a row made so long; None if that would distort its rooms."""
+    share = length / sum(width for _, width in row)
+    fair = 0.8 < share < 1.3 and all(share * width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for kind, width in row)
+    return [(kind, width * share) for kind, width in row] if fair else None
+
+
+def _stacked(column: list[tuple[str, float]], x0: float, x1: float) -> list[Rect]:
+    rects, z = [], 0.0
+    for kind, depth in column:
+        rects.append((kind, x0, z, x1, z + depth))
+        z += depth
+    return rects
 
 
 def _rows(
@@ -243,27 +376,29 @@ def _rows(
     rng: np.random.Generator,
     stairs: float = 0.0,
     length: float | None = None,
+    beyond: float = 0.0,
 ) -> tuple[list[tuple[str, float]], list[tuple[str, float]]] | None:
     """(kind, width) along each side of the hall, the two sides equally long; None if that would distort the rooms.
 
     stairs: width of the staircase at the head of the first row, 0 for none. length: of both rows; by default what the
-    rooms ask for.
+    rooms ask for. beyond: by how much the first row is longer.
     """
     rows: tuple[list[tuple[str, float]], list[tuple[str, float]]] = ([("stairs", stairs)] if stairs else [], [])
-    for kind in _grouped(kinds, rng):
+    for number, kind in enumerate(_grouped(kinds, rng)):
         lengths = [sum(width for _, width in row) for row in rows]
         shortest = not rows[0] or kind not in ("kitchen", "dining")
         side = int(np.argmin(lengths)) if shortest else _side_of(rows, "living")
-        width = float(rng.uniform(*_SIZES[kind])) / depths[side]
+        width = float(rng.uniform(*_SIZES["sitting" if kind == "living" and number else kind])) / depths[side]
         rows[side].append((kind, max(width, _LEAST_WIDTH.get(kind, 2.8))))
     lengths = [sum(width for _, width in row) for row in rows]
-    goal = sum(lengths) / 2 if length is None else length
-    fixed = (stairs, 0.0)
-    if not all(0.87 < (goal - own) / max(total - own, 1e-9) < 1.22 for total, own in zip(lengths, fixed, strict=True)):
+    goal = (sum(lengths) - beyond) / 2 if length is None else length
+    goals, fixed = (goal + beyond, goal), (stairs, 0.0)
+    shares = [(to - own) / max(total - own, 1e-9) for to, total, own in zip(goals, lengths, fixed, strict=True)]
+    if not all(0.87 < share < 1.22 for share in shares):
         return None
     scaled = tuple(
-        [(kind, width if kind == "stairs" else width * (goal - own) / (total - own)) for kind, width in row]
-        for row, total, own in zip(rows, lengths, fixed, strict=True)
+        [(kind, width if kind == "stairs" else width * share) for kind, width in row]
+        for row, share in zip(rows, shares, strict=True)
     )
     fair = all(width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for row in scaled for kind, width in row if kind != "stairs")
     return scaled if fair else None  # type: ignore[return-value]
@@ -272,7 +407,7 @@ def _rows(
 def _grouped(kinds: list[str], rng: np.random.Generator) -> list[str]:
     """Living, dining and kitchen first and together, the rest shuffled."""
     public = [kind for kind in ("living", "dining", "kitchen") if kind in kinds]
-    private = [kind for kind in kinds if kind not in public]
+    private = _without(kinds, public)
     return public + [private[k] for k in rng.permutation(len(private))]
 
 
@@ -281,10 +416,13 @@ def _side_of(rows: tuple[list[tuple[str, float]], ...], kind: str) -> int:
 
 
 def _lay_out(
-    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]], depths: tuple[float, float], hall: float
+    rows: tuple[list[tuple[str, float]], list[tuple[str, float]]],
+    depths: tuple[float, float],
+    hall: float,
+    length: float | None = None,
 ) -> list[Rect]:
-    """Return the hall along x between two rows of rooms."""
-    length = sum(width for _, width in rows[0])
+    """Lay out the hall along x between two rows of rooms; length: of the hall, by default of the first row."""
+    length = sum(width for _, width in rows[0]) if length is None else length
     rects: list[Rect] = [("hall", 0.0, depths[0], length, depths[0] + hall)]
     for row, z0, z1 in ((rows[0], 0.0, depths[0]), (rows[1], depths[0] + hall, depths[0] + hall + depths[1])):
         x = 0.0
@@ -369,39 +507,58 @@ def _along(areas: tuple[Area, ...], axis: Axis, line: float, cuts: list[float]) 
 
 # -- doors -------------------------------------------------------------------------------------------------------------
 def _with_doors(
-    walls: list[Wall], areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
+    walls: list[Wall],
+    areas: tuple[Area, ...],
+    rng: np.random.Generator,
+    upper: bool = False,
+    opened: frozenset[str] = frozenset(),
 ) -> list[Wall] | None:
-    """Doors from the hall to every room (a second bathroom may open from a bedroom), wide passages to the living room,
-    the stairs open to the hall, and on the ground floor the front door at an outer end of the hall."""
+    """Doors from the hall to every room, wide passages to the living room or nothing between, the stairs open to the
+    hall, and on the ground floor the front door at an outer end of the hall. Without a hall, the rooms open from the
+    living and the dining room. opened: kinds of room between two of which there is no wall."""
     kind = {area.name: area.kind for area in areas} | {"": ""}
-    walls = list(walls)
-    linked = {"hall"}
+    hubs = _hubs(areas)
+    walls, linked = list(walls), set(hubs)
     for index in rng.permutation(len(walls)):
         wall = walls[index]
         names, length = {wall.low, wall.high}, wall.end - wall.start
         kinds = {kind[wall.low], kind[wall.high]}
-        if names == {"hall", "stairs"}:
+        if "stairs" in kinds and "hall" in kinds:
             linked |= names
-            middle, width = round((wall.start + wall.end) / 2, 3), round(length - WALL, 3)
-            walls[index] = replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, "stairs"),))
-        elif "hall" in names and "" not in names and (names - {"hall"}).isdisjoint(linked) and length > 1.3:
+            walls[index] = _opened(wall, "stairs")
+        elif "" not in names and (names <= hubs or kinds <= opened) and length > 1.1:
             linked |= names
-            walls[index] = replace(wall, openings=(_door(wall, kind, rng),))
-        elif kinds in ({"living", "kitchen"}, {"living", "dining"}, {"kitchen", "dining"}) and length > 2.2:
+            walls[index] = _opened(wall, "open")
+        elif names & hubs and "" not in names and (names - hubs).isdisjoint(linked) and length > 1.3:
+            linked |= names
+            walls[index] = replace(wall, openings=(_door(wall, hubs, kind, rng),))
+        elif kinds <= PUBLIC and len(kinds) == 2 and length > 2.2:
             width = round(float(rng.uniform(1.2, 1.7)), 2)
             at = round((wall.start + wall.end) / 2 + float(rng.uniform(-0.3, 0.3)), 2)
             walls[index] = replace(wall, openings=(Opening(at, width, 0.0, 2.15, "passage"),))
-    if not linked >= {area.name for area in areas if area.kind != "kitchen"}:
+    if not linked >= {area.name for area in areas if area.kind not in opened | {"kitchen"}}:
         return None
-    if not _joined(walls, areas):
+    if not _joined(walls, areas, hubs):
         return None
-    return walls if upper else _front_door(walls, rng)
+    return walls if upper else _front_door(walls, hubs, rng)
 
 
-def _door(wall: Wall, kind: dict[str, str], rng: np.random.Generator) -> Opening:
+def _hubs(areas: tuple[Area, ...]) -> set[str]:
+    """Names of the areas that the other rooms open from."""
+    halls = {area.name for area in areas if area.kind == "hall"}
+    return halls or {area.name for area in areas if area.name in ("living", "dining")}
+
+
+def _opened(wall: Wall, kind: Literal["stairs", "open"]) -> Wall:
+    """Return a wall of which nothing is left but the thickness of those that it meets."""
+    middle, width = round((wall.start + wall.end) / 2, 3), round(wall.end - wall.start - WALL, 3)
+    return replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, kind),))
+
+
+def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Generator) -> Opening:
     """Return a door near a corner of the room, its leaf standing open along the side wall; a wide one without to the
     living room."""
-    into = wall.high if wall.low == "hall" else wall.low
+    into = wall.high if wall.low in hubs else wall.low
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):
         width = round(min(float(rng.uniform(1.1, 1.6)), length - 0.5), 2)
@@ -414,9 +571,9 @@ def _door(wall: Wall, kind: dict[str, str], rng: np.random.Generator) -> Opening
     return Opening(at, width, 0.0, DOOR_HEIGHT, "door", leaf, opens_low=wall.low == into)
 
 
-def _joined(walls: list[Wall], areas: tuple[Area, ...]) -> bool:
+def _joined(walls: list[Wall], areas: tuple[Area, ...], hubs: set[str]) -> bool:
     """Every room can be walked to."""
-    reached, grown = {"hall"}, True
+    reached, grown = {min(hubs)}, True
     while grown:
         before = len(reached)
         for wall in walls:
@@ -426,10 +583,16 @@ def _joined(walls: list[Wall], areas: tuple[Area, ...]) -> bool:
     return reached == {area.name for area in areas}
 
 
-def _front_door(walls: list[Wall], rng: np.random.Generator) -> list[Wall] | None:
-    ends = [k for k, wall in enumerate(walls) if {wall.low, wall.high} == {"hall", ""} and wall.end - wall.start > 1.3]
-    if not ends:
+def _front_door(walls: list[Wall], hubs: set[str], rng: np.random.Generator) -> list[Wall] | None:
+    """In one of the shortest walls that lead out; the long ones are for windows."""
+    outer = {
+        number: round(wall.end - wall.start, 2)
+        for number, wall in enumerate(walls)
+        if "" in (wall.low, wall.high) and {wall.low, wall.high} & hubs and wall.end - wall.start > 1.3
+    }
+    if not outer:
         return None
+    ends = [k for k, length in outer.items() if length < min(outer.values()) + 0.1]
     index = ends[int(rng.integers(len(ends)))]
     wall = walls[index]
     door = Opening(round((wall.start + wall.end) / 2, 2), 0.95, 0.0, DOOR_HEIGHT, "front_door")
@@ -442,16 +605,27 @@ def _with_windows(
     walls: list[Wall] | None, areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
 ) -> list[Wall] | None:
     """Windows in the outer walls: small and high ones where people wash, large ones where they live; above the stairs
-    only."""
+    only. Of the outer walls of a living room the shortest has none: a television stands there."""
     if walls is None:
         return None
     kind = {area.name: area.kind for area in areas}
+    plain = _television_walls(walls, kind)
     result = []
-    for wall in walls:
+    for number, wall in enumerate(walls):
         inside = wall.low or wall.high
-        outer = "" in (wall.low, wall.high) and (upper or kind[inside] != "stairs")
+        outer = "" in (wall.low, wall.high) and (upper or kind[inside] != "stairs") and number not in plain
         result.append(wall if not outer or wall.openings else replace(wall, openings=_windows(wall, kind[inside], rng)))
     return result
+
+
+def _television_walls(walls: list[Wall], kind: dict[str, str]) -> set[int]:
+    """Return the shortest outer wall without a door of each living room that has two or more."""
+    outer: dict[str, list[tuple[float, int]]] = {}
+    for number, wall in enumerate(walls):
+        inside = wall.low or wall.high
+        if "" in (wall.low, wall.high) and kind[inside] == "living" and not wall.openings:
+            outer.setdefault(inside, []).append((wall.end - wall.start, number))
+    return {min(found)[1] for found in outer.values() if len(found) > 1}
 
 
 def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[Opening, ...]:

@@ -14,8 +14,8 @@ from humanclaw.scene import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library
-from humanclaw_houses.names import seed_of
-from humanclaw_houses.plan import Area, FloorPlan, draw_plans
+from humanclaw_houses.names import GENERATOR, seed_of
+from humanclaw_houses.plan import Area, FloorPlan, Layout, draw_plans
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock
@@ -25,6 +25,8 @@ from humanclaw_houses.validity import problems
 _DRAFTS: Final = 12
 _STOREYS: Final = 1_015
 """Sets the draw of the number of storeys apart from those of the drafts."""
+_LAYOUT: Final = 2_012
+"""Sets the draw of the layout apart likewise."""
 _TWO_STOREYS: Final = 1 / 3
 """The share of houses with two storeys."""
 _MOVABLE: Final = 0.21
@@ -43,9 +45,9 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
     """Return a house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none
     is."""
     wrong: list[str] = []
-    storeys = storeys_of(seed)
+    layout = layout_of(seed)
     for draft in range(_DRAFTS):
-        scene = _draft(np.random.default_rng([*seed, draft]), name, storeys, library)
+        scene = _draft(np.random.default_rng([*seed, draft]), name, layout, library)
         wrong = problems(scene)
         if not wrong:
             return scene
@@ -59,8 +61,13 @@ def storeys_of(seed: Sequence[int]) -> int:
     return 2 if np.random.default_rng([*seed, _STOREYS]).random() < _TWO_STOREYS else 1
 
 
-def _draft(rng: np.random.Generator, name: str, storeys: int, library: Library | None) -> Scene:
-    plans, style = draw_plans(rng, storeys), Style.draw(rng)
+def layout_of(seed: Sequence[int]) -> Layout:
+    """Draw what the house of a seed is like, all its drafts alike."""
+    return Layout.draw(np.random.default_rng([*seed, _LAYOUT]), storeys_of(seed))
+
+
+def _draft(rng: np.random.Generator, name: str, layout: Layout, library: Library | None) -> Scene:
+    plans, style = draw_plans(rng, layout), Style.draw(rng)
     placed: list[Placed] = []
     for plan in plans:
         placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
@@ -93,7 +100,7 @@ def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng:
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
-    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": "humanclaw-houses"})
+    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": f"humanclaw-houses {GENERATOR}"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
 
 

@@ -128,8 +128,10 @@ class Space:
                 self.windows.append((side, hole))
                 self._taken.append(Block(self._strip(side, hole.at, hole.width, 0.22), hole.bottom - 0.07, hole.top))
             else:
-                self._doors.append(self._strip(side, hole.at, hole.width, 0.8))
-                self._kept.append(self._strip(side, hole.at, hole.width + 0.14, 0.8))
+                # Before an open side one walks along it, and half of the way is in the other room.
+                deep = 0.45 if hole.kind == "open" and hole.width > 2 else 0.8
+                self._doors.append(self._strip(side, hole.at, hole.width, deep))
+                self._kept.append(self._strip(side, hole.at, hole.width + 0.14, deep))
             if hole.leaf and hole.opens_low == (wall.low == self.area.name):
                 edge = self._strip(side, hole.at + hole.leaf * (hole.width / 2 + 0.08), 0.16, 0.94)
                 self._taken.append(Block(edge, 0.0, 2.1))
@@ -200,6 +202,15 @@ class Space:
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
             return False
         return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
+
+    def before_window(self, obj: Placed) -> bool:
+        """Seen from inside, there is a window behind some of a piece at a wall."""
+        rect, side = block_of(obj).rect, next((s for s in SIDES if YAW[s] == obj.yaw), None)
+        low, high = (rect.x0, rect.x1) if side in ("south", "north") else (rect.z0, rect.z1)
+        return any(
+            side == wall and low < hole.at + hole.width / 2 + 0.1 and hole.at - hole.width / 2 - 0.1 < high
+            for wall, hole in self.windows
+        )
 
     def clear_of_doors(self, obj: Placed) -> bool:
         return not any(block_of(obj).rect.meets(door) for door in self._doors)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from humanclaw import hookimpl
@@ -13,12 +14,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 
-def _renderer() -> Renderer:
+def _renderer(samples: int = 1) -> Renderer:
     from humanclaw_raster.renderer import RasterRenderer
 
-    return RasterRenderer()
+    return RasterRenderer(samples)
 
 
 @hookimpl
 def humanclaw_renderers(register: Register[RendererFactory]) -> None:
     register("raster", _renderer, "Software rasterizer: colour, depth and object ids on one CPU core.")
+    register("raster-2x", partial(_renderer, 2), "The same with smooth edges, from 2 x 2 samples a pixel; slower.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.interfaces import BODY_ID, Camera, View, WorldState
 from humanclaw.pose import Array, forward_kinematics, matrix_from_quaternion
 from humanclaw_raster import kernels
-from humanclaw_raster.kernels import GBuffer, Instances, Pinhole
+from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.robot import robot
@@ -38,7 +39,12 @@ class RasterRenderer:
     Pixels where nothing is have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, samples: int = 1) -> None:
+        """Hold no scene yet.
+
+        samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its middle.
+        """
+        self._samples = samples
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
@@ -78,13 +84,23 @@ class RasterRenderer:
         self._put_body(instances, state.body, camera.position)
         pinhole = _pinhole(camera)
         gbuffer = _gbuffer(model, instances, pinhole, camera)
-        light = kernels.ambient_occlusion(model, instances, pinhole, gbuffer, overhead.now(instances))
-        rgb = _sky(camera)
-        kernels.paint(model, instances, pinhole, gbuffer, light, rgb)
+        rgb = self._colours(camera, gbuffer, overhead.now(instances))
         with np.errstate(divide="ignore"):
             depth = np.float32(1) / gbuffer.inverse_depth
         # The last place of the table is reached with -1, which stands for nothing.
         return View(rgb, depth, np.append(instances.id, np.int32(0))[gbuffer.instance])
+
+    def _colours(self, camera: Camera, gbuffer: GBuffer, above: OverheadMap) -> NDArray[np.uint8]:
+        """(H, W, 3); each pixel the mean of its samples. gbuffer: of the camera itself."""
+        assert self._loaded is not None
+        model, instances, _ = self._loaded
+        if self._samples > 1:
+            camera = replace(camera, width=self._samples * camera.width, height=self._samples * camera.height)
+            gbuffer = _gbuffer(model, instances, _pinhole(camera), camera)
+        light = kernels.ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
+        rgb = _sky(camera)
+        kernels.paint(model, instances, _pinhole(camera), gbuffer, light, rgb)
+        return _averaged(rgb, self._samples)
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
@@ -119,6 +135,15 @@ def _pinhole(camera: Camera) -> Pinhole:
     return Pinhole(
         np.asarray(camera.position, float), np.stack([right, np.cross(forward, right), forward]), float(focal)
     )
+
+
+def _averaged(rgb: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
+    """Every samples x samples pixels to their mean, rounded."""
+    if samples == 1:
+        return rgb
+    height, width = rgb.shape[0] // samples, rgb.shape[1] // samples
+    total = rgb.reshape(height, samples, width, samples, 3).sum((1, 3), dtype=np.uint16)
+    return np.asarray((total + samples * samples // 2) // (samples * samples), np.uint8)
 
 
 def _sky(camera: Camera) -> NDArray[np.uint8]:

@@ -10,6 +10,7 @@ from humanclaw_raster.renderer import RasterRenderer
 
 def test_the_renderer_is_found_under_its_name():
     assert isinstance(Plugins.discover().make("renderers", "raster"), RasterRenderer)
+    assert isinstance(Plugins.discover().make("renderers", "raster-2x"), RasterRenderer)
 
 
 def test_importing_the_plugin_does_not_load_the_compiler():

@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import ModuleType
+
     import click
 
-    from humanclaw import Reporter
+    from humanclaw import Plugins, Reporter
     from humanclaw.hookspecs import Register, ReporterFactory
 
 __version__ = "0.1.0"
@@ -28,6 +32,23 @@ def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_report.command import report
+    from humanclaw_report.command import film, report, watch
 
     cli.add_command(report)
+    cli.add_command(film)
+    cli.add_command(watch)
+
+
+@hookimpl
+def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
+    from humanclaw_report import hookspecs
+
+    register(hookspecs)
+
+
+@hookimpl(optionalhook=True)
+def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
+    """Write the page of a run of the benchmark."""
+    from humanclaw_report.page import report_of
+
+    tell(f"report: {report_of(run, plugins)}")

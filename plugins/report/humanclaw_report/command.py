@@ -1,22 +1,74 @@
-"""`humanclaw report`: write the page of a run that is already recorded."""
+"""`humanclaw report` and `humanclaw film`: look at runs that are already recorded."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
-from humanclaw import HumanclawError, Plugins
+from humanclaw import Plugins, RecordedEpisode, Renderer
+from humanclaw.cli import plugin_files
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--out", type=click.Path(path_type=Path), help="Where to write; the default is report.html in the run.")
-def report(folder: Path, out: Path | None) -> None:
-    """Write the page that shows a run: filmstrips, maps, calls and tables."""
+@click.argument("runs", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="RUN...")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Where to write; the default is report.html in the run, of several runs in this folder.",
+)
+@plugin_files
+def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) -> None:
+    """Write the page that shows a run, or several side by side: tables, and every episode with its replay."""
     from humanclaw_report.report import write_report
 
+    plugins = Plugins.discover(files)
+
+    click.echo(
+        write_report(
+            runs, out, plugins.scene,
+            contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page),
+        )
+    )  # fmt: skip
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE")
+@click.option("--out", type=click.Path(path_type=Path), help="MP4 or GIF; the default is film.mp4 in the episode.")
+@click.option("--height", type=click.IntRange(90, 2160), default=720, show_default=True, help="Pixels; 16 to 9.")
+@click.option("--every", type=click.IntRange(1, 30), default=2, show_default=True, help="Of 30 frames a second.")
+@click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
+@plugin_files
+def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
+    """Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."""
+    from humanclaw_report.film import film as make
+
+    episode, plugins = RecordedEpisode(folder), Plugins.discover(files)
+    out = out or folder / "film.mp4"
+    size = (2 * round(height * 8 / 9), height // 2 * 2)
+    kind: Literal["mp4", "gif"] = "gif" if out.suffix == ".gif" else "mp4"
+    drawing: Renderer = plugins.make("renderers", renderer)
     try:
-        click.echo(write_report(folder, out, Plugins.discover().scene))
-    except OSError as error:
-        raise HumanclawError(f"cannot write the report: {error}.", "Name another file with --out.") from error
+        make(episode, plugins.scene(episode.record.spec.scene), drawing, out, kind, every, size)
+    finally:
+        drawing.close()
+    click.echo(out)
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="RUN")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="The default is a free one.")
+@plugin_files
+def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
+    """Show a run while it is under way, in a browser on this machine. Reads only; Ctrl-C ends it."""
+    from humanclaw_report.watch import Watcher, server
+
+    serving = server(Watcher(folder, Plugins.discover(files).scene), port)
+    click.echo(f"http://127.0.0.1:{serving.server_address[1]}/")
+    try:
+        serving.serve_forever()
+    except KeyboardInterrupt:
+        click.echo("ended")
+    finally:
+        serving.server_close()

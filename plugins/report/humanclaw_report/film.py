@@ -11,7 +11,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from tqdm import tqdm
 
 from humanclaw import Motion, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
@@ -19,7 +19,8 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
 from humanclaw.pose import FPS, HISTORY, Array
-from humanclaw_report.report import HouseMap, PathMap, house_maps, path_maps, storeys_at
+from humanclaw.scene import GROUND
+from humanclaw_report.maps import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]
 
@@ -32,7 +33,13 @@ _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "ri
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
-FILM_SIZE: Final = (512, 384)
+FILM_SIZE: Final = (1280, 720)
+FADE: Final = 6
+"""Frames of film in which what gets in the way fades out, or comes back."""
+AHEAD: Final = 12
+"""Frames of motion before and after it is in the way that an object is left out."""
+AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+"""Where an object is put that is left out."""
 SLAB: Final = 0.4
 """The thickest floor that hides those below it, metres."""
 FILLS: Final = {"fixed": "#cfc8b9", "movable": "#e6dfc9", "stairs": "#ffffff"}
@@ -101,6 +108,8 @@ class Replay:
     objects: dict[int, Array]
     eyes: Array
     """(T, 3) camera positions, metres."""
+    hidden: tuple[frozenset[int], ...]
+    """For each frame the ids of the objects that are left out, since they are between the camera and the body."""
 
     @classmethod
     def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
@@ -114,10 +123,16 @@ class Replay:
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
         storeys = storeys_at(floors, _smooth(motion.root[:, 1], 6.0))
         plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
-        return cls(episode, scenes, storeys, motion, objects, follow(plans, storeys, motion))
+        eyes = follow(plans, storeys, motion)
+        hidden = in_the_way(scene, motion, eyes)
+        loose = frozenset().union(*hidden)
+        scenes = tuple(loosened(shown, loose) for shown in scenes)
+        return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
 
-    def state(self, frame: int) -> WorldState:
-        return WorldState(self.motion[frame : frame + 1], {key: path[frame] for key, path in self.objects.items()})
+    def state(self, frame: int, without: frozenset[int] = frozenset()) -> WorldState:
+        """Return the world at a frame. without: ids of objects that are left out."""
+        places = {key: path[frame] for key, path in self.objects.items()}
+        return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
@@ -137,6 +152,39 @@ def opened(scene: Scene, above: float = np.inf) -> Scene:
     """Return the same scene, open from above: without its ceilings and without what begins above a height, metres."""
     kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
     return replace(scene, objects=tuple(kept))
+
+
+def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
+    """Return the same scene with these objects movable, so that a renderer takes from each state where they are."""
+    return replace(scene, objects=tuple(replace(o, movable=True) if o.id in ids else o for o in scene.objects))
+
+
+def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
+    """For each frame the ids of what is between the eye and the body, in time for it to fade.
+
+    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for what the hips are in: a seat stays.
+    """
+    objects = [obj for obj in scene.objects if obj.category not in (*GROUND, "rug")]
+    joints = motion.joints()
+    hips = joints[:, 0]
+    points = np.stack([joints[:, JOINT_INDEX["head"]], hips, joints[:, JOINT_INDEX["left_foot"]] + [0, 0.1, 0]], 1)
+    sets: list[set[int]] = [set() for _ in eyes]
+    for obj in objects:
+        low, high = scene.aabb(obj.id)
+        around = ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
+        hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
+            sets[frame].add(obj.id)
+    return tuple(map(frozenset, sets))
+
+
+def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Whether the segments from start to end, each (..., 3), meet the box; one that begins in it does."""
+    way = end - start
+    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+    near, far = (low - start) / way, (high - start) / way
+    enters, leaves = np.minimum(near, far).max(-1), np.maximum(near, far).min(-1)
+    return np.asarray((enters <= leaves) & (leaves > 0) & (enters < 0.98))
 
 
 def sight(scene: Scene, floor: float) -> OccupancyGrid:
@@ -194,7 +242,8 @@ def _discomfort(
     ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
     veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
-    return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
+    # What is in the way is left out of the picture, so this weighs less than a calm camera.
+    return np.asarray(1.5 * hidden + 0.5 * veiled + behind + steep[None])
 
 
 def _ring(radius: float) -> Array:
@@ -218,14 +267,24 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
-    """Yield the body from outside at each frame, in the scene as it is shown then."""
+    """Yield the body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
     shown: Scene | None = None
+    before = goal = frozenset[int]()
+    left = 0
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
         if scene is not shown:
             renderer.load(scene)
-            shown = scene
-        yield renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
+            shown, goal, left = scene, replay.hidden[frame], 0
+        if replay.hidden[frame] != goal:
+            before, goal, left = goal, replay.hidden[frame], FADE
+        camera = replay.camera(frame, size)
+        picture = renderer.render(replay.state(frame, goal), camera).rgb
+        if left:
+            old = renderer.render(replay.state(frame, before), camera).rgb
+            share, left = left / (FADE + 1), left - 1
+            picture = (share * old.astype(np.float32) + (1 - share) * picture).astype(np.uint8)
+        yield picture
 
 
 def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
@@ -248,7 +307,7 @@ def _ego(path: Path, side: int) -> Image.Image | None:
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:
-    """Return the ego view in the corner, and the call that is being executed."""
+    """Return the ego view in the corner; below, the call that is being executed, and why, in the agent's words."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     if ego:
@@ -256,10 +315,23 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
         draw.rectangle((x - 2, 10, x + ego.width + 1, 13 + ego.height), fill="white")
         image.paste(ego, (x, 12))
     if step and step.call:
-        font = ImageFont.load_default(size=image.height // 26)
-        place = (14, image.height - 14)
-        draw.text(place, f"{step.step}  {step.call}", "white", font, "ls", stroke_width=2, stroke_fill="black")
+        said = step.decision.reasoning.split("\n")[0]
+        y = image.height - 14
+        if said:
+            _line(draw, said, y, image.height // 32, image.width - 28)
+            y -= image.height // 22
+        _line(draw, f"{step.step}  {step.call}", y, image.height // 24, image.width - 28)
     return np.asarray(image)
+
+
+def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -> None:
+    """Draw a line of white text with a dark edge, cut off where the picture ends."""
+    font = ImageFont.load_default(size=max(size, 9))
+    if draw.textlength(text, font) > width:
+        while text and draw.textlength(text + "\u2026", font) > width:
+            text = text[:-1]
+        text += "\u2026"
+    draw.text((14, y), text, "white", font, "ls", stroke_width=2, stroke_fill="black")
 
 
 def _draw(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:

@@ -10,6 +10,16 @@ from humanclaw_report.film import film, poster
 from humanclaw_report.report import write_report
 
 
+def report_of(run: Path, plugins: Plugins) -> Path:
+    """Write the page of a run with what plugins add to it."""
+    return write_report(
+        run,
+        None,
+        plugins.scene,
+        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page),
+    )
+
+
 class PageReporter:
     """Writes film.mp4 or film.gif and poster.png beside an episode, and report.html beside the run."""
 
@@ -20,7 +30,7 @@ class PageReporter:
     def write(self, run: Path, episode: RecordedEpisode, plugins: Plugins) -> dict[str, Path]:
         """Film and poster first: the page embeds them. Returns what was written, by what a person calls it."""
         written = self._pictures(episode, plugins) if self._film != "none" else {}
-        return written | {"report": write_report(run, None, plugins.scene)}
+        return written | {"report": report_of(run, plugins)}
 
     def _pictures(self, episode: RecordedEpisode, plugins: Plugins) -> dict[str, Path]:
         scene = plugins.scene(episode.record.spec.scene)

@@ -12,7 +12,9 @@ from made import broken_off, record_episode
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
-from humanclaw_report.report import Table, house_maps, in_words, milestones, path_maps, storeys_at, write_report
+from humanclaw_report.facts import in_words, milestones
+from humanclaw_report.maps import house_maps, path_maps, storeys_at
+from humanclaw_report.report import write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -24,6 +26,7 @@ class Page(HTMLParser):
         super().__init__()
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text, self._open = "", []
+        self.scripts: list[str] = []
         self.feed(html)
         assert self._open == []
 
@@ -39,27 +42,31 @@ class Page(HTMLParser):
         assert self._open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if not self._open or self._open[-1] != "style":
+        if self._open and self._open[-1] == "script":
+            self.scripts.append(data)
+        elif not self._open or self._open[-1] != "style":
             self.text += " ".join(data.split()) + " " if data.strip() else ""
+
+    @property
+    def paths(self) -> list[dict[str, str | None]]:
+        """The stretches of the walked path on the maps."""
+        return [line for line in self.all("polyline") if line.get("class") == "path"]
 
     def all(self, name: str) -> list[dict[str, str | None]]:
         return [attrs for tag, attrs in self.tags if tag == name]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene]:
+    """One episode, whose instruction is markup."""
     folder = tmp_path_factory.mktemp("run")
-    scene = record_episode(folder / "one")
-    record_episode(folder / "two", instruction="<script>alert(1)</script> find a couch", name="couch-1")
-    return folder, scene
+    return folder, record_episode(folder / "one", instruction="<script>alert(1)</script> find a couch")
 
 
 @pytest.fixture(scope="module")
-def page(run: tuple[Path, Scene]) -> Page:
-    path = write_report(
-        run[0], None, lambda name: run[1], tables=[Table("Rates", ("", "NavSR"), (("oracle", "100 %"),))]
-    )
-    assert path == run[0] / "report.html"
+def page(made: tuple[Path, Scene]) -> Page:
+    path = write_report(made[0], None, lambda name: made[1])
+    assert path == made[0] / "report.html"
     return Page(path.read_text("utf-8"))
 
 
@@ -67,12 +74,12 @@ def test_the_page_needs_nothing_from_outside(page: Page) -> None:
     links = [attrs.get(key) or "" for _, attrs in page.tags for key in ("src", "href") if key in attrs]
     assert links
     assert all(link.startswith(("data:image/jpeg;base64,", "#")) for link in links)
-    assert not page.all("script")
     assert not page.all("link")
 
 
 def test_an_instruction_is_text_and_never_markup(page: Page) -> None:
     assert "<script>alert(1)</script> find a couch" in page.text
+    assert "alert(1)" not in "".join(page.scripts)
 
 
 def test_every_picture_is_described_and_every_link_leads_somewhere(page: Page) -> None:
@@ -80,11 +87,12 @@ def test_every_picture_is_described_and_every_link_leads_somewhere(page: Page) -
     assert all(svg.get("aria-label") or svg.get("aria-hidden") for svg in page.all("svg"))
     ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
     assert len(ids) == len(set(ids))
-    assert {(a.get("href") or "")[1:] for a in page.all("a") + page.all("use")} <= set(ids)
+    links = {(a.get("href") or "")[1:] for a in page.all("a") + page.all("use")}
+    assert {link for link in links if not link.startswith("step=")} <= set(ids)
 
 
-def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tuple[Path, Scene]) -> None:
-    episode = RecordedEpisode(run[0] / "one")
+def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, made: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(made[0] / "one")
     for step in episode.steps:
         assert step.decision.reasoning in page.text
         assert step.decision.visible_state in page.text
@@ -92,8 +100,8 @@ def test_each_step_tells_its_call_its_reason_and_the_verdict(page: Page, run: tu
     assert "too far" in page.text
 
 
-def test_the_outcome_is_told_in_words(run: tuple[Path, Scene]) -> None:
-    episode = RecordedEpisode(run[0] / "one")
+def test_the_outcome_is_told_in_words(made: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(made[0] / "one")
     reached = milestones(episode)
     assert {stage.name: stage.met for stage in reached} == {
         "in view": True,
@@ -105,15 +113,14 @@ def test_the_outcome_is_told_in_words(run: tuple[Path, Scene]) -> None:
     assert words.startswith("The body had the couch in view, ended within reach of it, sat on it and stopped")
 
 
-def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, run: tuple[Path, Scene]) -> None:
-    lines = [line["points"] or "" for line in page.all("polyline")]
-    steps = RecordedEpisode(run[0] / "one").steps
-    half = lines[: len(lines) // 2]
+def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, made: tuple[Path, Scene]) -> None:
+    walked = page.paths
+    steps = RecordedEpisode(made[0] / "one").steps
+    half = [line["points"] or "" for line in walked]
     assert half[0].split()[0] == "100,100"
     end = steps[-1].end
     assert [float(v) for v in half[-1].split()[-1].split(",")] == pytest.approx([100 * end[0], 100 * end[2]], abs=1)
-    colours = [line["stroke"] for line in page.all("polyline")]
-    assert len(set(colours[: len(half)])) == len(half)
+    assert len({line["stroke"] for line in walked}) == len(half)
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +200,7 @@ def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_pa
     broken_off(tmp_path, steps=0)
     (tmp_path / "steps.jsonl").write_text("")
     page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
-    assert not page.all("polyline")
+    assert not page.paths
     assert "start end" in page.text
 
 
@@ -205,18 +212,14 @@ def test_contacts_name_the_object_and_the_part_of_the_body(page: Page) -> None:
     assert re.search(r"couch 20 left ankle 18.20", page.text)
 
 
-def test_a_scene_that_cannot_be_loaded_leaves_a_note(run: tuple[Path, Scene], tmp_path: Path) -> None:
+def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], tmp_path: Path) -> None:
     def fail(name: str) -> Scene:
         raise SceneError(f"there is no scene {name}.")
 
-    page = Page(write_report(run[0], tmp_path / "out.html", fail).read_text("utf-8"))
+    page = Page(write_report(made[0], tmp_path / "out.html", fail).read_text("utf-8"))
     assert "The house is not drawn: there is no scene test:rooms." in page.text
-    assert page.all("polyline")
+    assert page.paths
     assert not page.all("symbol")
-
-
-def test_a_table_of_metrics_is_shown(page: Page) -> None:
-    assert "Rates NavSR oracle 100 %" in page.text
 
 
 def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
@@ -238,7 +241,7 @@ def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> No
     broken_off(tmp_path / "one")
     (tmp_path / "one" / "motion.npz").unlink()
     page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
-    assert len(page.all("polyline")) > 10
+    assert len(page.paths) > 10
 
 
 def test_a_folder_without_records_is_an_error(tmp_path: Path) -> None:

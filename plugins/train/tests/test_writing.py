@@ -11,7 +11,9 @@ from tiny_motion import WALK
 from humanclaw.motion import AdapterConfig, Card, ModelConfig, checkpoint
 from humanclaw_train.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.control import Adapter
+from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
+from humanclaw_train.train import adapter_config
 
 START = torch.zeros(5, 3), torch.zeros(5, 24, 3)
 NORMALISER = Normaliser(torch.zeros(219), torch.ones(219))
@@ -42,6 +44,17 @@ def test_an_adapter_comes_back_with_its_numbers_in_half_precision(base, tmp_path
         assert stored[f"model.{name}"].dtype == np.float16
         assert np.array_equal(stored[f"model.{name}"], value.numpy())
         assert torch.equal(value, adapter.state_dict()[name].half().float())
+
+
+def test_the_header_says_what_each_parameter_was_trained_to_command(base, tmp_path):
+    """So that a schema in which two parameters of one unit have changed places is found."""
+    path, names, measures = tmp_path / "adapter.safetensors", ("x", "z"), ("hips.left", "hips.forward")
+    poses = torch.zeros(4, 20, 3), torch.zeros(4, 20, 24, 3)
+    params = torch.linspace(0.0, 0.4, 8).reshape(4, 2)
+    config = adapter_config(ChunkTensors("veer", *poses, params, {}, names, measures))
+    save_adapter(path, Adapter(base.model, config), base.digest, Card())
+    assert load_adapter(path, base, "veer").config.measures == measures
+    assert checkpoint.read_header(path)["adapter"]["measures"] == list(measures)
 
 
 def test_a_card_is_read_by_the_runtime_as_it_was_written(base, tmp_path):

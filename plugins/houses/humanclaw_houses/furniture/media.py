@@ -13,8 +13,8 @@ def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
     m.add(box((width * 0.55, height * 0.5, 0.03), (0, y + 0.06, z - 0.06)), style.black)
-    glass = sheet((-width / 2 + 0.014, y + 0.03, z + 0.002), (width - 0.028, 0, 0), (0, height - 0.044, 0))
-    m.add(Shape((glass,)), t.screen(style.rng, on=style.chance(0.35)))
+    glass = sheet((-width / 2 + 0.018, y + 0.032, z + 0.002), (width - 0.036, 0, 0), (0, height - 0.05, 0))
+    m.add(Shape((glass,)), t.screen(style.rng, on=True))
     m.add(box((0.07, 0.008, 0.004), (0, y + 0.01, z)), style.steel)
     return height
 

@@ -49,8 +49,8 @@ def _spread(style: Style, count: int) -> np.ndarray:
 def _palm(m: Model, style: Style, leaf: Tile, y: float) -> None:
     trunk = style.between(0.25, 0.5)
     m.add(post(0.03, trunk, (0, y, 0), 0.022), t.wood((120, 92, 62), style.rng), "box")
-    for k, heading in enumerate(_spread(style, 16)):
-        rise = 35.0 + 45.0 * (k % 4) / 3
+    for k, heading in enumerate(_spread(style, 22)):
+        rise = 30.0 + 50.0 * (k % 4) / 3
         m.add(blade((0, y + trunk, 0), heading, style.between(0.4, 0.5), 0.11, rise, 85.0, 5), leaf)
 
 
@@ -85,8 +85,8 @@ def _tree(m: Model, style: Style, leaf: Tile, y: float) -> None:
 
 def _broad(m: Model, style: Style, leaf: Tile, y: float) -> None:
     stalk = t.plain((88, 128, 70), style.rng)
-    for k, heading in enumerate(_spread(style, 15)):
-        lean, high = 0.08 + 0.14 * (k % 3) / 2, 0.2 + 0.5 * ((k * 7) % 15) / 14
+    for k, heading in enumerate(_spread(style, 21)):
+        lean, high = 0.08 + 0.14 * (k % 3) / 2, 0.2 + 0.5 * ((k * 8) % 21) / 20
         tip = (lean * float(np.sin(heading)), y + high, lean * float(np.cos(heading)))
         m.add(tube([(0, y, 0), tip], 0.007, 5), stalk)
         m.add(blade(tip, heading, style.between(0.22, 0.28), 0.2, 35.0, 75.0, 5), leaf)

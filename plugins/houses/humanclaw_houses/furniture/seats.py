@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import ball, box, post, soft_box, tube
@@ -86,6 +88,7 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
         for z in () if kind == "wooden" else (-cut.depth / 2 + 0.08, cut.depth / 2 - 0.08):
             m.add(post(0.018, cut.leg + 0.02, (side * (cut.width / 2 - 0.08), 0, z), 0.026), style.second_wood)
         m.solid((cut.arm, cut.arm_top - cut.leg, cut.depth), (side * (cut.width - cut.arm) / 2, cut.leg, 0))
+    _scatter_cushions(m, style, cut)
     m.solid((cut.inner, cut.seat - cut.leg, cut.reach), (0, cut.leg, cut.middle))
     m.solid(
         (cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2)
@@ -111,6 +114,15 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
                 (cut.per_seat - 0.02, cut.back - cut.seat + 0.06, 0.15), radius=0.03 if kind == "boxy" else 0.065
             )
             m.add(pad.moved((x, cut.seat - 0.02, cut.BACK_DEPTH - cut.depth / 2 + 0.045), (-9, 0, 0)), cover)
+
+
+def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
+    """One in each corner of a couch, one at most on an armchair; they give way to who sits down."""
+    tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.16
+    out = cut.inner / 2 - 0.24
+    for x in (-out, out) if cut.seats > 1 else (0.0,) if style.chance(0.4) else ():
+        pad = soft_box((0.42, 0.38, 0.13), radius=0.06)
+        m.add(pad.moved((x, cut.seat - 0.02, z), (-20, -14 * np.sign(x), 0)), tile)
 
 
 def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:

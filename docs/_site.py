@@ -1,0 +1,117 @@
+"""What mkdocs builds besides the pages as they stand: the READMEs as pages, and the commands as click knows them."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+from click.testing import CliRunner
+from mkdocs.structure.files import File, Files
+
+from humanclaw import Plugins
+from humanclaw.cli import build
+
+ROOT = Path(__file__).parents[1]
+INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
+"""READMEs that have a page of another name."""
+_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)")
+
+
+# -- READMEs -----------------------------------------------------------------------------------------------------------
+def pages() -> dict[str, str]:
+    """README, by its path in the repository, to the page that it becomes."""
+    found = [path.relative_to(ROOT) for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/")]
+    listed = {f"{path}/README.md": f"packages/{path.parts[0]}-{path.name}.md" for path in found}
+    return {path: page for path, page in {**listed, **INCLUDED}.items() if (ROOT / path).is_file()}
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add a page for every README of a package, and a list of them."""
+    for path, page in pages().items():
+        text = relinked((ROOT / path).read_text("utf-8"), path, page)
+        files.append(File.generated(config, page, content=text))
+    files.append(File.generated(config, "packages.md", content="\n".join(_listed())))
+    return files
+
+
+def _listed() -> Iterator[str]:
+    yield "# Packages\n\nEvery distribution of the repository, by its README.\n"
+    for path, page in sorted(pages().items()):
+        text = (ROOT / path).read_text("utf-8")
+        first = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text.split("\n\n")[1].replace("\n", " "))
+        yield f"* [`{Path(path).parent.as_posix()}`]({page}): {first}"
+
+
+def relinked(text: str, path: str, page: str) -> str:
+    """Point the links of a README at pages; what has none is named and not linked."""
+    known = pages() | {f"docs/{one.relative_to(ROOT / 'docs')}": one.relative_to(ROOT / "docs").as_posix()
+                       for one in (ROOT / "docs").rglob("*.md")}  # fmt: skip
+
+    def link(match: re.Match[str]) -> str:
+        target = posixpath.normpath(posixpath.join(posixpath.dirname(path), match[2]))
+        goal = known.get(target) or known.get(f"{target}/README.md")
+        if goal is None:
+            return f"{match[1]} (`{target}`)" if target not in match[1] else match[1]
+        return f"[{match[1]}]({posixpath.relpath(goal, posixpath.dirname(page) or '.')}{match[3] or ''})"
+
+    return _LINK.sub(link, text)
+
+
+# -- commands ----------------------------------------------------------------------------------------------------------
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Write the commands where their page asks for them."""
+    return (
+        markdown.replace("<!-- commands -->", "\n".join(commands()))
+        if page.file.src_path == "commands.md"
+        else markdown
+    )
+
+
+def commands() -> Iterator[str]:
+    """Every command that is installed, with every option, as Markdown."""
+    root = build(Plugins.discover)
+    for words, command in walk(root, ("humanclaw",)):
+        context = click.Context(command, info_name=" ".join(words))
+        yield f"\n## `{' '.join(words)}`\n\n{command.help or ''}\n"
+        if command.context_settings.get("ignore_unknown_options"):
+            yield from _forwarded(command)
+            continue
+        usage = command.collect_usage_pieces(context)
+        yield f"```text\n{' '.join([*words, *usage])}\n```\n"
+        options = [one.get_help_record(context) for one in command.get_params(context)]
+        rows = [f"| `{_cell(record[0])}` | {_cell(record[1])} |" for record in options if record]
+        yield "\n".join(["| option | |", "| --- | --- |", *rows]) + "\n"
+
+
+def _forwarded(command: click.Command) -> Iterator[str]:
+    """Print what a command says of itself whose options another module reads, and its subcommands too."""
+    told = _help(command)
+    yield f"```text\n{told}\n```\n"
+    subcommands = re.search(r"\{([a-z,]+)\} \.\.\.", told)
+    for name in subcommands[1].split(",") if subcommands else ():
+        yield f"```text\n{_help(command, name)}\n```\n"
+
+
+def _help(command: click.Command, *words: str) -> str:
+    done = CliRunner(env={"COLUMNS": "110"}).invoke(command, [*words, "--help"])
+    return done.output.strip() if done.exit_code == 0 else f"Needs {done.exception}."
+
+
+def walk(command: click.Command, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    """Every command below a group that does something itself, with the words that call it."""
+    if not isinstance(command, click.Group):
+        yield words, command
+        return
+    context = click.Context(command, info_name=words[-1])
+    for name in command.list_commands(context):
+        found = command.get_command(context, name)
+        if found is not None and not found.hidden:
+            yield from walk(found, (*words, name))
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")

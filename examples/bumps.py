@@ -1,0 +1,25 @@
+"""An observer: counts what the body runs into, whoever decides. `humanclaw run --plugin examples/bumps.py`
+
+An observer is told of every recorded step and of the end of an episode. One that raises changes nothing of the episode.
+"""
+
+from collections import Counter
+
+from humanclaw import hookimpl
+
+FLOOR = 0.03
+"""Contacts below this height are steps, metres."""
+bumps: dict[str, Counter[str]] = {}
+
+
+@hookimpl
+def humanclaw_step(episode, step):
+    groups = {contact.group for contact in step.contacts if contact.height > FLOOR}
+    bumps.setdefault(episode.spec.id, Counter()).update(groups)
+
+
+@hookimpl
+def humanclaw_episode_end(episode, folder):
+    counts = bumps.pop(episode.spec.id, Counter())
+    told = ", ".join(f"{group} in {count}" for group, count in counts.most_common()) or "nothing"
+    print(f"{episode.spec.id} ({episode.outcome}): of {episode.steps} steps touched {told}")

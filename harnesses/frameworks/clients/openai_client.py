@@ -1,0 +1,21 @@
+# /// script
+# dependencies = ["openai==3.54.0"]
+# ///
+"""OpenAI's client: ask the model, answer its calls, until it has none."""
+
+import os
+
+from openai import OpenAI
+
+from humanclaw import Body
+
+client = OpenAI(base_url=f"{os.environ['MODEL_URL']}", api_key="unused")
+messages = [{"role": "user", "content": os.environ["TASK"]}]
+with Body("house:0") as body:
+    tools = body.tools("openai")
+    while True:
+        answer = client.chat.completions.create(model="scripted", messages=messages, tools=tools).choices[0].message
+        if not answer.tool_calls:
+            break
+        messages += [answer, *tools.answer(answer)]
+    print(answer.content, body.step, "steps")

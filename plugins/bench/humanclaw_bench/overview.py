@@ -1,0 +1,72 @@
+"""What the page of a run shows of the benchmark: the paper's tables, why episodes failed, and two runs in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from humanclaw import RecordedEpisode, RecordError
+from humanclaw_bench.export import Scored, metrics_of, scored
+from humanclaw_bench.metrics import ALL, common, compare
+from humanclaw_bench.statistics import Difference
+from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, asked_of, compared, named, texts
+
+SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
+DRAWN = ("funnel", "causes")
+"""Tables of shares, which bars make quicker to read."""
+
+
+class Page(Protocol):
+    """As humanclaw_report.hookspecs.Overview has it."""
+
+    def table(
+        self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *,
+        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (),
+    ) -> None: ...  # fmt: skip
+
+    def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None: ...
+
+
+def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
+    """Add the tables of some runs, and what came of each of their episodes, to a page."""
+    from humanclaw import Plugins
+
+    extra = metrics_of(Plugins.discover())
+    found = {run: scored(episodes, extra, run.name) for run, episodes in runs.items()}
+    for run, pairs in found.items():
+        _tell_episodes(run, pairs, page)
+    results = named({str(run): pairs for run, pairs in found.items()}, {str(run): asked_of(run) for run in runs})
+    tables = all_tables(results, paper=False)
+    for name in SHOWN:
+        if tables[name].rows and tables[name].columns:
+            _add(tables[name], page, drawn=name in DRAWN)
+        if name == "main" and len(results) == 2:
+            _add_comparison(results[0], results[1], page)
+
+
+def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
+    for scores, cause in pairs:
+        success = scores.success if scores.finished else None
+        page.episode(run, scores.episode, success=success, cause=cause.label if cause else "", tier=scores.tier)
+
+
+def _add(table: ResultTable, page: Page, *, drawn: bool) -> None:
+    head, rows = texts(table)
+    shares = [[cell.value for cell in row.cells] for row in table.rows] if drawn else ()
+    page.table(table.title, head, rows, notes=table.all_notes, shares=shares)
+
+
+def _add_comparison(one: Result, two: Result, page: Page) -> None:
+    """Both runs over the episodes that both finished; nothing where they share none."""
+    try:
+        differences: Mapping[str, Difference] = compare(one.scores, two.scores)
+    except RecordError:
+        return
+    rows = [compared(Column.of(metric), differences[metric.name]) for metric in ALL if metric.name in differences]
+    both = len(common(one.scores, two.scores))
+    notes = (
+        f"Over the {both} episodes that both finished. A: {one.name}. B: {two.name}. p: McNemar's exact test for "
+        "rates, random swaps for the rest, raised (Holm).",
+    )
+    page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)

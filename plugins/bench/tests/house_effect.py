@@ -1,0 +1,52 @@
+"""How often intervals of a rate hold the truth where houses differ; `python house_effect.py` prints the table.
+
+Houses draw their chance of success from a beta distribution whose intraclass correlation is given; episodes of a house
+succeed by that chance.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from humanclaw_bench.statistics import rate, ratio, wilson
+
+SIZES: Final = {
+    "val": (30,) * 41, "val-400": (10,) * 31 + (9,) * 10, "mini": (2,) * 23 + (3,) * 18, "50 in 10 houses": (5,) * 10,
+}  # fmt: skip
+"""Episodes of each house."""
+
+
+def in_houses(
+    rng: np.random.Generator, share: float, sizes: tuple[int, ...], icc: float = 0.13
+) -> tuple[list[bool], list[str]]:
+    """Draw successes and the house of each."""
+    chances = rng.beta(share * (1 / icc - 1), (1 - share) * (1 / icc - 1), len(sizes))
+    met = [bool(x) for chance, size in zip(chances, sizes, strict=True) for x in rng.random(size) < chance]
+    return met, [f"house:{k}" for k, size in enumerate(sizes) for _ in range(size)]
+
+
+def coverage(share: float, sizes: tuple[int, ...], draws: int, *, bootstrap: bool = False) -> np.ndarray:
+    """Return (2 or 3, 2) share of the draws whose interval holds the truth, and its mean half-width.
+
+    Wilson's, with houses, and the plain bootstrap over houses.
+    """
+    rng, found = np.random.default_rng(10), []
+    for seed in range(draws):
+        met, houses = in_houses(rng, share, sizes)
+        intervals = [wilson(sum(met), len(met)), rate(met, houses)]
+        if bootstrap:
+            intervals.append(ratio(np.array(met, float), np.ones(len(met)), houses, seed=seed))
+        found.append([(one.low <= share <= one.high, (one.high - one.low) / 2) for one in intervals])
+    return np.mean(found, axis=0)
+
+
+if __name__ == "__main__":
+    print("| episodes | rate | Wilson | bootstrap over houses | as `bench table` | half-width |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: |")
+    for name, sizes in SIZES.items():
+        for share in (0.03, 0.17, 0.5, 0.9):
+            plain, ours, drawn = coverage(share, sizes, 300, bootstrap=True)
+            shares = " | ".join(f"{100 * one[0]:.0f} %" for one in (plain, drawn, ours))
+            print(f"| {name} | {100 * share:.0f} % | {shares} | {100 * ours[1]:.1f} |", flush=True)

@@ -1,0 +1,142 @@
+"""How often a detector trained on photos knows a target: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
+
+Looks at every kind of target in HOUSES houses (or in those of a comma-separated list) from places where a body can
+stand. Of the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with
+MobileNet-v3, COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with
+the target's visible pixels of 0.3 or more. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from
+it. Needs node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red
+go to build/recognise.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from humanclaw import Plugins, Renderer, Scene
+from humanclaw.interfaces import WorldState, ego_camera
+from humanclaw.navigation import MultiFloorMap
+from humanclaw.pose import Pose2D, rest_pose
+
+HERE, OUT = Path(__file__).parent, Path("build/recognise")
+CLASSES = {"chair": 56, "couch": 57, "potted_plant": 58, "bed": 59, "toilet": 61, "tv": 62}
+SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
+EACH, VIEWS = 2, 2
+"""Targets of a category that are looked at in a house, and views of each."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels."""
+
+    category: str
+    source: str
+    box: tuple[float, float, float, float]
+
+
+def standing(place: np.ndarray, towards: np.ndarray) -> WorldState:
+    yaw = float(np.arctan2(towards[0], towards[2]))
+    return WorldState(Pose2D(float(place[0]), float(place[2]), yaw, float(place[1])).to_world(rest_pose()), {})
+
+
+def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndarray, list[Target]]]:
+    """Pictures of a house in each of which a target that was looked for fills enough, with all that do."""
+    rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
+    start = np.array([scene.start.x, scene.start.floor, scene.start.z])
+    places = np.concatenate(floors.starts(start, room=0.35))
+    renderer.load(scene)
+    for category in CLASSES:
+        objects = list(scene.of_category(category))
+        for k in rng.permutation(len(objects))[:EACH]:
+            obj, left = objects[k], VIEWS
+            way = np.array(obj.position) - places
+            near = (np.linalg.norm(way[:, [0, 2]], axis=1) > 1.3) & (np.linalg.norm(way[:, [0, 2]], axis=1) < 4.0)
+            for at in rng.permutation(np.flatnonzero(near & (np.abs(way[:, 1]) < 1.5)))[:20]:
+                state = standing(places[at], way[at])
+                small = renderer.render(state, ego_camera(state.body, 96))
+                if left and (small.ids == obj.id).mean() > SHARE:
+                    view = renderer.render(state, ego_camera(state.body))
+                    yield view.rgb, targets(scene, view.ids)
+                    left -= 1
+
+
+def targets(scene: Scene, ids: np.ndarray) -> list[Target]:
+    found = []
+    for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
+        obj = scene.by_id.get(int(key))
+        if obj is not None and obj.category in CLASSES and count > SHARE * ids.size:
+            rows, columns = np.nonzero(ids == key)
+            box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
+            found.append(Target(obj.category, scene.assets[obj.asset].source, box))
+    return found
+
+
+def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    shared = max(wide, 0.0) * max(high, 0.0)
+    area = [(box[2] - box[0]) * (box[3] - box[1]) for box in (a, b)]
+    return shared / max(sum(area) - shared, 1e-9)
+
+
+def score(target: Target, boxes: list[list[float]]) -> float:
+    """Return the highest score of a box of the right class over a target."""
+    fitting = [box[4] for box in boxes if box[5] == CLASSES[target.category] and overlap(target.box, box) >= OVERLAP]
+    return max(fitting, default=0.0)
+
+
+def detect(pictures: list[np.ndarray]) -> list[list[list[float]]]:
+    """(x0, y0, x1, y1, score, class) of everything that the detector sees in each picture."""
+    raw = OUT / "pictures.raw"
+    raw.write_bytes(b"".join(np.ascontiguousarray(picture).tobytes() for picture in pictures))
+    models = HERE / "node_modules/@vladmandic/human/models"
+    call = ["node", str(HERE / "detect.mjs"), str(models), str(raw), str(len(pictures))]
+    done = subprocess.run(call, check=True, capture_output=True, text=True)
+    raw.unlink()
+    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+
+
+def table(scores: list[tuple[Target, float]]) -> str:
+    lines = [f"{'category':<14}{'targets':>8}" + "".join(f"{f'at {s}':>8}" for s in SCORES)]
+    for source in ("generated", "imported"):
+        kept = [(t, s) for t, s in scores if (t.source == "generated") == (source == "generated")]
+        count = Counter(t.category for t, _ in kept)
+        for name in (*CLASSES, "all") if kept else ():
+            of = [s for t, s in kept if name in (t.category, "all")]
+            shares = "".join(f"{np.mean([s >= least for s in of]):>8.0%}" for least in SCORES) if of else ""
+            lines.append(f"{name:<14}{count[name] if name != 'all' else len(kept):>8}{shares}  {source}")
+    return "\n".join(lines)
+
+
+def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image:
+    image = Image.fromarray(picture)
+    for target, value in found:
+        colour = "lime" if value >= SCORES[0] else "red"
+        ImageDraw.Draw(image).rectangle(target.box, outline=colour, width=2)
+        ImageDraw.Draw(image).text((target.box[0] + 4, target.box[1] + 2), f"{target.category} {value:.2f}", colour)
+    return image
+
+
+def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> None:
+    plugins = Plugins.discover()
+    renderer = plugins.make("renderers", drawn_by)
+    OUT.mkdir(parents=True, exist_ok=True)
+    numbers = houses.split(",") if "," in houses else [str(k) for k in range(int(houses))]
+    scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
+    shown = [view for number, scene in enumerate(scenes) for view in views(scene, renderer, number)]
+    boxes = detect([picture for picture, _ in shown])
+    judged = [[(t, score(t, seen)) for t in found] for (_, found), seen in zip(shown, boxes, strict=True)]
+    for number, ((picture, _), found) in enumerate(zip(shown, judged, strict=True)):
+        drawn(picture, found).save(OUT / f"{number:04d}.png")
+    print(f"{len(shown)} pictures of {len(scenes)} houses\n" + table([pair for found in judged for pair in found]))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,306 @@
+"""The page of one episode: one time line drives the view, the replay in three dimensions, the map and the calls.
+
+Everything comes from the record; the scene is only needed to draw the house around it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+import markupsafe
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.outcomes import touched_above_ground
+from humanclaw.pose import Array
+from humanclaw.records import Usage
+from humanclaw_report.facts import (
+    ContactRow,
+    Milestone,
+    contacts_of,
+    counted,
+    in_words,
+    milestones,
+    name_of_object,
+    verdict_of,
+)
+from humanclaw_report.maps import HouseMap, PathMap, colour, house_maps, path_maps
+from humanclaw_report.replay import EVERY, data_uri, house, replay, spans
+from humanclaw_report.three import three
+
+PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
+FILM_BYTES: Final = 4_000_000
+"""A larger film is linked and not put into the page."""
+FRAMES_BYTES: Final = 12_000_000
+"""Views of more than this together are linked and not put into the page."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A scene as pages show it."""
+
+    scene: Scene | None
+    maps: tuple[HouseMap, ...]
+    note: str = ""
+    """Why the house is not drawn."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> Drawn:
+        return cls(scene, house_maps(scene, "house"))
+
+    @classmethod
+    def missing(cls, why: str) -> Drawn:
+        return cls(None, (HouseMap("house", (0, 0, 0, 0)),), f"The house is not drawn: {why}")
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Where a page that is not complete in itself finds what many pages share, relative to the page."""
+
+    three: str
+    house: str
+    run: str
+    """The page of the run."""
+
+
+@dataclass(frozen=True)
+class StepView:
+    """One row of the list of calls."""
+
+    record: StepRecord
+    call: str
+    picture: str
+    """Where its view is: a data URI, a path relative to the page, or empty."""
+    refusals: tuple[str, ...]
+    verdict: str
+    verdict_kind: str
+    contacts: str
+    sensor_readings: str
+    """What sensors other than vision told of it."""
+    pixels: int
+    colour: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A quantity over the time of the episode, to be drawn in a box of 100 by 30."""
+
+    title: str
+    unit: str
+    points: str
+    top: str
+    key: str
+
+
+@dataclass(frozen=True)
+class FilmView:
+    """A film beside the record: a data URI where it is small enough, else a path relative to the page."""
+
+    kind: str
+    source: str
+    inside: bool
+
+
+@dataclass(frozen=True)
+class EpisodeView:
+    """One episode as its page tells it."""
+
+    recorded: RecordedEpisode
+    words: str
+    milestones: tuple[Milestone, ...]
+    times: Mapping[str, float]
+    usage: Usage
+    steps: tuple[StepView, ...]
+    maps: tuple[PathMap, ...]
+    """The storeys that the path or a target is on, lowest first."""
+    contacts: tuple[ContactRow, ...]
+    charts: tuple[Chart, ...]
+    film: FilmView | None
+
+
+def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None) -> str:
+    """Return the HTML of an episode. page: where it will lie; shared: None for a page that is complete in itself."""
+    view = _view(recorded, drawn, page, inside=shared is None)
+    moving = replay(recorded, drawn.scene)
+    return environment().get_template("episode.html").render(
+        view=view,
+        record=recorded.record,
+        house=drawn.maps if drawn.scene else (),
+        parts=PARTS,
+        shared=shared,
+        three="" if shared or not moving else script(three()),
+        house_script="" if shared or not drawn.scene else script(house_script(drawn.scene)),
+        replay=as_json(moving),
+        moments=as_json(_moments(view, drawn.scene)),
+        speeds=as_json(_speeds(recorded).round(3).tolist()),
+        frames=moving["frames"] if moving else _last_frame(recorded),
+    )  # fmt: skip
+
+
+def house_script(scene: Scene) -> str:
+    """Return a script that hands a house to the page; a page opened from disk may read a script and no data file."""
+    return f"window.humanclawHouse = {json.dumps(house(scene))};"
+
+
+def script(text: str) -> markupsafe.Markup:
+    """Put a script into a page as it is; nothing in it may end the element that holds it."""
+    return markupsafe.Markup(text.replace("</script", "<\\/script"))
+
+
+def source(name: str) -> markupsafe.Markup:
+    """One of our own scripts, as a page holds it."""
+    return script(resources.files("humanclaw_report").joinpath("scripts", name).read_text("utf-8"))
+
+
+def as_json(value: Any) -> markupsafe.Markup:
+    """JSON that a script element can hold whatever a model wrote."""
+    return markupsafe.Markup(json.dumps(value).replace("<", "\\u003c"))
+
+
+def environment() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("humanclaw_report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals["source"] = source
+    made.filters |= {"seconds": _seconds, "counted": counted}
+    return made
+
+
+def _seconds(value: float) -> str:
+    if value >= 60:
+        return f"{int(value // 60)} min {value % 60:.0f} s"
+    return f"{value:.1f} s" if value >= 1 else f"{1000 * value:.0f} ms"
+
+
+def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) -> EpisodeView:
+    met = milestones(recorded)
+    source = _pictures(recorded, page, inside=inside)
+    return EpisodeView(
+        recorded=recorded,
+        words=in_words(recorded, met),
+        milestones=met,
+        times={part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS},
+        usage=sum((step.usage for step in recorded.steps), Usage()),
+        steps=tuple(_step(recorded, s, n, source[s.step], drawn.scene) for n, s in enumerate(recorded.steps)),
+        maps=path_maps(recorded, drawn.maps, drawn.note),
+        contacts=contacts_of(recorded, drawn.scene),
+        charts=_charts(recorded),
+        film=_film(recorded.folder, page),
+    )
+
+
+def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[int, str]:
+    """Step to where its view is found; empty for a view that was not kept."""
+    files = {step.step: recorded.folder / step.frame_file for step in recorded.steps if step.frame_file}
+    kept = {step: path for step, path in files.items() if path.is_file()}
+    inside = inside and sum(path.stat().st_size for path in kept.values()) <= FRAMES_BYTES
+    found = {
+        step: data_uri(path.read_bytes(), "image/jpeg") if inside else link(path, page) for step, path in kept.items()
+    }
+    return {step.step: found.get(step.step, "") for step in recorded.steps}
+
+
+def link(target: Path, page: Path) -> str:
+    """From a page to a file, as a relative address."""
+    return Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix()
+
+
+def _film(folder: Path, page: Path) -> FilmView | None:
+    """Return the film that `humanclaw run` left in the episode's folder, if it did."""
+    for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
+        path = folder / f"film.{kind}"
+        if path.is_file():
+            small = path.stat().st_size <= FILM_BYTES
+            return FilmView(kind, data_uri(path.read_bytes(), media) if small else link(path, page), small)
+    return None
+
+
+def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, scene: Scene | None) -> StepView:
+    kind, verdict = verdict_of(step)
+    touched = {
+        c.object_id: f"{c.joint.replace('_', ' ')} on {name_of_object(scene, c.object_id)}"
+        for c in touched_above_ground(recorded, step)
+    }
+    return StepView(
+        record=step,
+        call=str(step.call or "no usable call"),
+        picture=picture,
+        refusals=tuple(attempt.error for attempt in step.attempts if attempt.error),
+        verdict=verdict,
+        verdict_kind=kind,
+        contacts="; ".join(touched.values()),
+        sensor_readings=step.feedback.sensor_readings if step.status == "executed" else "",
+        pixels=sum(step.target_pixels.values()),
+        colour=colour(number / max(1, len(recorded.steps) - 1)),
+    )
+
+
+# -- what the script is told -------------------------------------------------------------------------------------------
+def _moments(view: EpisodeView, scene: Scene | None) -> list[dict[str, Any]]:
+    """Return what the page shows of each step while it is played."""
+    return [
+        {
+            "step": step.record.step,
+            "first": first / EVERY,
+            "end": end / EVERY,
+            "call": step.call,
+            "words": step.record.decision.reasoning or step.record.decision.visible_state,
+            "touches": step.contacts,
+            "distance": _finite(step.record.target_distance),
+            "tokens": step.record.usage.tokens_in + step.record.usage.tokens_out,
+        }
+        for step, (first, end) in zip(view.steps, spans(view.recorded), strict=True)
+    ]
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else round(value, 3)
+
+
+def _last_frame(recorded: RecordedEpisode) -> int:
+    return max(1, spans(recorded)[-1][1] // EVERY) if recorded.steps else 1
+
+
+def _speeds(recorded: RecordedEpisode) -> Array:
+    """(N,) speed of the hips over the floor in each frame of the replay, over half a second, m/s."""
+    try:
+        root = recorded.motion().root[::EVERY, [0, 2]]
+    except (OSError, KeyError):
+        return np.zeros(0)
+    moved = np.linalg.norm(np.diff(root, axis=0, prepend=root[:1]), axis=1)
+    return np.asarray(uniform_filter1d(moved * 30 / EVERY, 7, mode="nearest"))
+
+
+def _charts(recorded: RecordedEpisode) -> tuple[Chart, ...]:
+    """Distance to the target, speed and tokens over the time of the episode, as far as they were recorded."""
+    last = max(1.0, _last_frame(recorded) - 1.0)
+    ends = [min(1.0, end / EVERY / last) for _, end in spans(recorded)]
+    far = [step.target_distance for step in recorded.steps]
+    tokens = [step.usage.tokens_in + step.usage.tokens_out for step in recorded.steps]
+    speeds = _speeds(recorded)
+    charts = []
+    if far and all(value is not None and np.isfinite(value) for value in far):
+        charts.append(_chart("Distance to the target", "m", ends, [value or 0.0 for value in far], "distance-now"))
+    if len(speeds) > 1:
+        charts.append(_chart("Speed", "m/s", np.linspace(0, 1, len(speeds)), speeds.tolist(), "speed-now"))
+    if any(tokens):
+        charts.append(_chart("Tokens of a step", "", ends, [float(value) for value in tokens], "tokens-now"))
+    return tuple(charts)
+
+
+def _chart(title: str, unit: str, shares: Sequence[float] | Array, values: Sequence[float], key: str) -> Chart:
+    top = max(*values, 1e-9) if len(values) > 1 else max(values[0], 1e-9)
+    points = " ".join(f"{100 * x:.2f},{29 - 28 * y / top:.2f}" for x, y in zip(shares, values, strict=True))
+    return Chart(title, unit, points, f"{top:.0f}" if top >= 100 else f"{top:.2f}", key)

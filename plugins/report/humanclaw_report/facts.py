@@ -1,0 +1,133 @@
+"""What the records of an episode say, in words: how far it came, how it ended, what was verified and touched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
+
+
+@dataclass(frozen=True)
+class Milestone:
+    """Found, reached, sat or stopped: whether, and one fact about it."""
+
+    name: str
+    met: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class ContactRow:
+    obj: str
+    parts: str
+    steps: str
+    kind: str
+    depth: float
+
+
+def counted(number: int, noun: str) -> str:
+    """1 step, 2 steps."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
+    """How far an episode came, by geometry and the active stop alone; metrics also ask what the agent acknowledged."""
+    spec, steps = recorded.record.spec, recorded.steps
+    stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {counted(len(steps), 'step')}")
+    if not spec.target_ids:
+        return (stopped,)
+    seen = [s.step for s in steps if in_view(s)]
+    last = end_distance(recorded)
+    found = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
+    near = Milestone(
+        "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
+    )
+    if not spec.interact:
+        return found, near, stopped
+    return found, near, _sat(recorded), stopped
+
+
+def _sat(recorded: RecordedEpisode) -> Milestone:
+    """Whether the hips were on a target when the episode was stopped."""
+    on = [step.step for step in recorded.steps if on_target(recorded, step)]
+    if on and on[-1] == recorded.steps[-1].step:
+        return Milestone("sat", True, f"since step {on[-1]}")
+    return Milestone("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
+
+
+def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
+    """Return the outcome as a sentence."""
+    record = recorded.record
+    endings = {
+        "running": "has not ended",
+        "stopped": f"stopped of its own accord after {counted(len(recorded.steps), 'step')}",
+        "out_of_steps": f"ran out of its {counted(record.spec.max_steps, 'step')}",
+        "plugin_error": f"was broken off by a fault in a plugin ({record.error})",
+        "infra_error": f"was broken off by a provider failure ({record.error})",
+        "limit_reached": f"was ended by a limit ({record.error})",
+        "interrupted": f"was interrupted after {counted(len(recorded.steps), 'step')}",
+    }
+    facts = {stage.name: stage for stage in met}
+    noun = record.spec.target_category.replace("_", " ") or "target"
+    told = [f"{'had' if facts[name].met else 'never had'} the {noun} in view" for name in facts if name == "in view"]
+    told += [
+        f"{'ended' if facts[name].met else 'did not end'} within reach of it" for name in facts if name == "reached"
+    ]
+    told += [f"{'sat' if facts[name].met else 'did not sit'} on it" for name in facts if name == "sat"]
+    told.append(endings[record.outcome])
+    return "The body " + (", ".join(told[:-1]) + " and " if told[:-1] else "") + told[-1] + "."
+
+
+def verdict_of(step: StepRecord) -> tuple[str, str]:
+    """Kind (none, accepted, replaced or open) and words."""
+    verdict, calls = step.verdict, step.decision.calls
+    proposed = calls[0] if calls else None
+    if verdict is None:
+        return "none", ""
+    if verdict.failed_open:
+        return "open", f"let through unverified: {verdict.failed_open}"
+    if verdict.accepted or verdict.replacement is None:
+        return "accepted", "accepted"
+    failed = "; ".join(answer.note or answer.check for answer in verdict.failed)
+    asked = f"in the place of {proposed}" if proposed else "by the verifier"
+    return "replaced", asked + (f": {failed}" if failed else "")
+
+
+def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
+    """Return what was touched other than by standing on it, the longest first."""
+    rows: dict[int, list[tuple[int, str, float, bool]]] = {}
+    for step in recorded.steps:
+        for contact in touched_above_ground(recorded, step):
+            part = contact.joint.replace("_", " ")
+            rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
+    table = [
+        ContactRow(
+            name_of_object(scene, key),
+            ", ".join(sorted({part for _, part, _, _ in found})),
+            _ranges(sorted({number for number, _, _, _ in found})),
+            "movable" if found[0][3] else "fixed",
+            max(depth for _, _, depth, _ in found),
+        )
+        for key, found in sorted(rows.items(), key=lambda item: -len({n for n, _, _, _ in item[1]}))
+    ]
+    return tuple(table)
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """1, 2, 3, 7 as '1-3, 7'."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]}\u2013{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+
+
+def name_of_object(scene: Scene | None, key: int) -> str:
+    obj = scene.by_id.get(key) if scene else None
+    return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"

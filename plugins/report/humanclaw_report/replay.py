@@ -1,0 +1,194 @@
+"""An episode and its house as data for the page's script: small integers, compressed, in JSON."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from humanclaw import Motion, RecordedEpisode, Scene
+from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, PARENTS, Box
+from humanclaw.interfaces import GAZE_PITCH
+from humanclaw.navigation import floors_of
+from humanclaw.outcomes import touched_above_ground
+from humanclaw.pose import FPS, HISTORY, Array, matrix_from_vector, quaternion_from_matrix
+from humanclaw.scene import STRUCTURE, Asset, Mesh
+from humanclaw.storage import jpeg
+from humanclaw_report.facts import name_of_object
+
+EVERY: Final = 2
+"""Frames of motion a frame of the replay, which is drawn in between."""
+MILLIMETRES: Final = 1000.0
+MOST_FACES: Final = 12_000
+"""An asset with more triangles is shown by its collision hulls."""
+MOVED: Final = 0.001
+"""Metres an object has to move to be moved in the replay."""
+
+
+def data_uri(data: bytes, media: str) -> str:
+    return f"data:{media};base64,{base64.b64encode(data).decode()}"
+
+
+def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Arrays as JSON: what each is, and the bytes of all of them, little-endian, gzip and base64."""
+    parts = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
+    # Four bytes each at least, so that every array begins where a view of its type may begin.
+    padded = b"".join(part.tobytes() + b"\0" * (-part.nbytes % 4) for part in parts.values())
+    head = [{"name": name, "type": part.dtype.name, "shape": list(part.shape)} for name, part in parts.items()]
+    return {"arrays": head, "bytes": base64.b64encode(gzip.compress(padded, 6, mtime=0)).decode()}
+
+
+# -- the body ----------------------------------------------------------------------------------------------------------
+def skeleton() -> dict[str, Any]:
+    """Return the body's joints and the shape of each link."""
+    links = [
+        {"joint": JOINT_INDEX[link.joint], "name": link.joint.replace("_", " ")} | _shape(link.shape) for link in LINKS
+    ]
+    return {
+        "offsets": OFFSETS.round(4).tolist(),
+        "parents": list(PARENTS),
+        "links": links,
+        "head": JOINT_INDEX["head"],
+        "gaze": float(GAZE_PITCH),
+    }
+
+
+def _shape(shape: Any) -> dict[str, Any]:
+    if isinstance(shape, Box):
+        return {"box": [shape.centre, shape.half]}
+    return {"capsule": [shape.a, shape.b, shape.radius]}
+
+
+def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
+    """First frame of each step in motion.npz and the one after its last; the same for a step that moved nothing."""
+    ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
+    return [(int(end) - step.motion_frames, int(end)) for step, end in zip(recorded.steps, ends, strict=True)]
+
+
+def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | None:
+    """Return what moves in an episode; None if its motion was not kept."""
+    try:
+        simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
+    except (OSError, KeyError):
+        return None
+    moved = {key: path for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED}
+    arrays = _pose("simulated", simulated) | _pose("generated", generated)
+    arrays |= {f"object_{key}": path[_kept(len(path))].astype(np.float32) for key, path in moved.items()}
+    return {
+        "fps": FPS / EVERY,
+        "frames": len(_kept(len(simulated))),
+        "body": skeleton(),
+        "steps": [[first / EVERY, end / EVERY] for first, end in spans(recorded)],
+        "moved": sorted(moved),
+        "contacts": _contacts(recorded, scene),
+        "floors": list(floors_of(scene)) if scene else [recorded.record.start.floor],
+        "targets": [[low, high] for low, high in recorded.record.targets.values()],
+        "motion": packed(arrays),
+    }
+
+
+def _kept(frames: int) -> NDArray[np.int64]:
+    return np.arange(0, frames, EVERY)
+
+
+def _pose(kind: str, motion: Motion) -> dict[str, NDArray[Any]]:
+    kept = _kept(len(motion))
+    turns = quaternion_from_matrix(matrix_from_vector(motion.rotations[kept]))
+    return {
+        f"{kind}_root": motion.root[kept].astype(np.float32),
+        f"{kind}_turns": np.round(turns * 32767).astype(np.int16),
+    }
+
+
+def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]:
+    """First and last frame of the replay, joint, and what it touches, other than the ground."""
+    return [
+        [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
+         name_of_object(scene, contact.object_id)]
+        for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)
+        for contact in touched_above_ground(recorded, step)
+        if contact.frames
+    ]  # fmt: skip
+
+
+# -- the house ---------------------------------------------------------------------------------------------------------
+def house(scene: Scene) -> dict[str, Any]:
+    """Return a scene as meshes with pictures on them, each asset and each picture once."""
+    names = sorted({obj.asset for obj in scene.objects})
+    meshes = [_mesh(scene.assets[name]) for name in names]
+    pictures: dict[bytes, int] = {}
+    which = [pictures.setdefault(_picture(mesh), len(pictures)) for mesh in meshes]
+    starts = np.cumsum([[0, 0], *([len(m.vertices), len(m.faces)] for m in meshes)], axis=0)
+    arrays = {
+        "vertices": np.round(np.concatenate([m.vertices for m in meshes]) * MILLIMETRES)
+        .clip(-32768, 32767)
+        .astype(np.int16),
+        "uv": np.round(np.concatenate([m.uv for m in meshes]).clip(0, 1) * 65535).astype(np.uint16),
+        "faces": np.concatenate([m.faces for m in meshes]).astype(np.uint16 if _short(meshes) else np.uint32),
+    }
+    assets = [
+        {"vertices": [int(a[0]), int(b[0])], "faces": [int(a[1]), int(b[1])], "picture": picture}
+        for a, b, picture in zip(starts[:-1], starts[1:], which, strict=True)
+    ]
+    return {
+        "assets": assets,
+        "objects": [_object(scene, key, names) for key in scene.by_id],
+        "pictures": [data_uri(picture, "image/jpeg") for picture in pictures],
+        "meshes": packed(arrays),
+    }
+
+
+def _short(meshes: Sequence[Mesh]) -> bool:
+    return max(len(mesh.vertices) for mesh in meshes) < 65536
+
+
+def _object(scene: Scene, key: int, names: Sequence[str]) -> dict[str, Any]:
+    obj = scene.by_id[key]
+    low, high = scene.aabb(key)
+    return {
+        "id": key,
+        "asset": names.index(obj.asset),
+        "name": name_of_object(scene, key),
+        "kind": obj.category if obj.category in STRUCTURE else "furniture",
+        "place": [*obj.position, *obj.rotation],
+        "box": [low.round(3).tolist(), high.round(3).tolist()],
+    }
+
+
+def _picture(mesh: Mesh) -> bytes:
+    return jpeg(mesh.texture, quality=82)
+
+
+def _mesh(asset: Asset) -> Mesh:
+    """Return the asset's mesh, or its hulls in its mean colour where it has too many triangles to be sent along."""
+    if len(asset.mesh.faces) <= MOST_FACES or not asset.hulls:
+        return asset.mesh
+    vertices, faces, count = [], [], 0
+    for hull in asset.hulls:
+        try:
+            simplices = ConvexHull(hull).simplices
+        except QhullError:
+            continue
+        vertices.append(hull)
+        faces.append(_outward(hull, simplices) + count)
+        count += len(hull)
+    if not faces:
+        return asset.mesh
+    points = np.concatenate(vertices).astype(np.float32)
+    colour = asset.mesh.texture.reshape(-1, 3).mean(0).astype(np.uint8)
+    uv = np.full((len(points), 2), 0.5, np.float32)
+    return Mesh(points, np.concatenate(faces).astype(np.int32), uv, np.tile(colour, (8, 8, 1)))
+
+
+def _outward(points: Array | NDArray[np.float32], faces: NDArray[Any]) -> NDArray[Any]:
+    """Return the same triangles, counter-clockwise from outside."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inside = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - points.mean(0)) < 0
+    faces = faces.copy()
+    faces[inside] = faces[inside][:, ::-1]
+    return faces

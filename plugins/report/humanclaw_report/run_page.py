@@ -1,0 +1,202 @@
+"""The page of one or more runs: tables, and a list of episodes that can be sorted, filtered and opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Final
+
+from humanclaw import RecordedEpisode
+from humanclaw.records import EpisodeSpec, Usage
+from humanclaw_report.episode_page import PARTS, environment, link
+from humanclaw_report.facts import Milestone, milestones
+
+WORDS: Final = {True: "success", False: "failure", None: "not counted"}
+"""What an episode came to, in a word: it can be read without colour."""
+
+
+# -- what plugins add --------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Cell:
+    text: str
+    share: float | None = None
+    """Per cent of the cell that a bar fills; None: no bar."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the summary."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a benchmark says of an episode."""
+
+    success: bool | None
+    cause: str = ""
+    tier: str = ""
+
+
+@dataclass
+class Collected:
+    """Tables and facts as plugins add them (humanclaw_report.hookspecs.Overview)."""
+
+    tables: list[Table] = field(default_factory=list)
+    facts: dict[tuple[Path, str], Facts] = field(default_factory=dict)
+
+    def table(
+        self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *,
+        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (),
+    ) -> None:  # fmt: skip
+        lined = [_cells(row, shares[n] if n < len(shares) else ()) for n, row in enumerate(rows)]
+        self.tables.append(Table(title, tuple(head), tuple(lined), tuple(notes)))
+
+    def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
+        self.facts[run, name] = Facts(success, cause, tier)
+
+
+def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
+    drawn = [100 * share if isfinite(share) else None for share in shares]
+    drawn += [None] * (len(row) - 1 - len(drawn))
+    return Cell(row[0]), *(Cell(text, share) for text, share in zip(row[1:], drawn, strict=False))
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Result:
+    """What came of an episode in one run."""
+
+    word: str
+    outcome: str
+    cause: str
+    steps: int
+    milestones: tuple[Milestone, ...]
+    page: str
+    """Where its page is, relative to this one."""
+    picture: str
+    """Its last view, relative to this page; empty if none was kept."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row of the list: an episode, and its result in each run, None where the run has not got it."""
+
+    spec: EpisodeSpec
+    tier: str
+    results: tuple[Result | None, ...]
+
+    @property
+    def changed(self) -> bool:
+        """Whether its runs came to different ends."""
+        return len({result.word for result in self.results if result}) > 1
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(result.word for result in self.results if result))
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(result.cause for result in self.results if result and result.cause))
+
+
+Runs = Mapping[Path, Sequence[RecordedEpisode]]
+
+
+def run_page(
+    runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path], asked: Mapping[Path, int]
+) -> str:
+    """Return the HTML of the page. page_of: where the page of an episode lies; asked: how many episodes a run is of."""
+    lines = _lines(runs, found, out, page_of)
+    every = [episode for episodes in runs.values() for episode in episodes]
+    return environment().get_template("run.html").render(
+        title=" and ".join(run.resolve().name for run in runs),
+        names=_names(runs),
+        counts=[(len(episodes), max(asked.get(run, 0), len(episodes))) for run, episodes in runs.items()],
+        lines=lines,
+        tables=found.tables or [_milestone_table(runs)],
+        totals=_totals(every),
+        parts=PARTS,
+        categories=sorted({line.spec.target_category for line in lines} - {""}),
+        tiers=[tier for tier in ("easy", "medium", "hard") if any(line.tier == tier for line in lines)],
+        causes=sorted({cause for line in lines for cause in line.causes}),
+        words=[word for word in WORDS.values() if any(word in line.words for line in lines)],
+    )  # fmt: skip
+
+
+def _names(runs: Runs) -> list[str]:
+    """Return the agent of each run, with the run's own name where several are shown."""
+    agents = [", ".join(dict.fromkeys(e.record.agent for e in episodes)) for episodes in runs.values()]
+    return agents if len(runs) == 1 else [f"{run.resolve().name} ({a})" for run, a in zip(runs, agents, strict=True)]
+
+
+def _lines(runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path]) -> list[Line]:
+    by_name = [{episode.record.spec.id: episode for episode in episodes} for episodes in runs.values()]
+    lines = []
+    for name in sorted({name for episodes in by_name for name in episodes}, key=_natural):
+        there = [episodes.get(name) for episodes in by_name]
+        facts = [found.facts.get((run, name)) for run in runs]
+        results = tuple(
+            _result(one, fact, out, page_of(one)) if one else None for one, fact in zip(there, facts, strict=True)
+        )
+        spec = next(one.record.spec for one in there if one)
+        lines.append(Line(spec, next((fact.tier for fact in facts if fact), ""), results))
+    return lines
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Order house-2 before house-10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in name.split("-")]
+
+
+def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path) -> Result:
+    met, record = milestones(episode), episode.record
+    facts = facts or Facts(
+        None if record.outcome in ("infra_error", "interrupted", "running") else all(m.met for m in met)
+    )
+    views = [step.frame_file for step in episode.steps if step.frame_file]
+    return Result(
+        word=WORDS[facts.success],
+        outcome=record.outcome.replace("_", " "),
+        cause=facts.cause,
+        steps=len(episode.steps),
+        milestones=met,
+        page=link(page, out),
+        picture=link(episode.folder / views[-1], out) if views else "",
+    )
+
+
+def _milestone_table(runs: Runs) -> Table:
+    """Return what the records alone say, where no benchmark scored them."""
+    rows, names = [], ("in view", "reached", "sat", "stopped")
+    for name, episodes in zip(_names(runs), runs.values(), strict=True):
+        met = [{stage.name: stage.met for stage in milestones(episode)} for episode in episodes]
+        asked = [[stages[key] for stages in met if key in stages] for key in names]
+        cells = [
+            Cell(f"{sum(one)} of {len(one)}", 100 * sum(one) / len(one)) if one else Cell("\u2013") for one in asked
+        ]
+        rows.append((Cell(name), *cells))
+    notes = (
+        "By geometry and the active stop: a target counts as in view from 100 pixels on, as reached within 0.2 m of "
+        "its bounding box, as sat on while the hips touch it.",
+    )
+    return Table("How far the episodes came", ("agent", *names), tuple(rows), notes)
+
+
+def _totals(episodes: Sequence[RecordedEpisode]) -> dict[str, object]:
+    usage = sum((step.usage for episode in episodes for step in episode.steps), Usage())
+    return {
+        "episodes": len(episodes),
+        "steps": sum(len(episode.steps) for episode in episodes),
+        "times": {part: sum(s.seconds.get(part, 0.0) for e in episodes for s in e.steps) for part in PARTS},
+        "tokens_in": usage.tokens_in,
+        "tokens_out": usage.tokens_out,
+        "cost": usage.cost,
+        "errors": sum(episode.record.outcome == "infra_error" for episode in episodes),
+    }

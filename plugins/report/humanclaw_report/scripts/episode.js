@@ -1,0 +1,272 @@
+// One time line for an episode: view, replay, map, charts and the list of calls all show the same moment.
+// @ts-check
+/// <reference path="viewer.js" />
+"use strict";
+
+/** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null, tokens: number}} Moment */
+
+const find = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const read = (/** @type {string} */ id) => JSON.parse(find(id).textContent ?? "null");
+
+class Player {
+  /** @param {Moment[]} moments @param {number} frames @param {number} fps @param {Stage | null} stage */
+  constructor(moments, frames, fps, stage) {
+    this.moments = moments;
+    this.frames = frames;
+    this.fps = fps;
+    this.stage = stage;
+    this.time = 0;
+    this.playing = false;
+    this.speed = 1;
+    this.shown = -1;
+    this.before = 0;
+    this.slider = /** @type {HTMLInputElement} */ (find("time"));
+    this.rows = [...document.querySelectorAll("#calls > li")];
+    this.markers = [.../** @type {NodeListOf<SVGGElement>} */ (document.querySelectorAll(".now"))];
+    this.cursors = [.../** @type {NodeListOf<SVGLineElement>} */ (document.querySelectorAll(".cursor"))];
+    this.speeds = read("speeds");
+  }
+
+  /** The last step that has begun. */
+  get current() {
+    const begun = this.moments.filter((moment) => Math.min(moment.first, this.frames - 1) <= this.time + 1e-6);
+    return Math.max(0, begun.length - 1);
+  }
+
+  /** @param {number} time in frames */
+  seek(time) {
+    this.time = Math.max(0, Math.min(time, this.frames - 1));
+    this.slider.value = String(this.time);
+    this.draw();
+  }
+
+  /** @param {number} index */
+  jump(index) {
+    const held = Math.max(0, Math.min(index, this.moments.length - 1));
+    this.seek(this.moments[held]?.first ?? 0);
+  }
+
+  /** @param {boolean} on */
+  play(on) {
+    if (on && this.time >= this.frames - 1) this.time = 0;
+    this.playing = on;
+    find("play").textContent = on ? "Pause" : "Play";
+    find("play").setAttribute("aria-pressed", String(on));
+    this.before = performance.now();
+    if (on) requestAnimationFrame((now) => this.tick(now));
+  }
+
+  /** @param {number} now */
+  tick(now) {
+    if (!this.playing) return;
+    this.seek(this.time + ((now - this.before) / 1000) * this.fps * this.speed);
+    this.before = now;
+    if (this.time >= this.frames - 1) this.play(false);
+    else requestAnimationFrame((later) => this.tick(later));
+  }
+
+  draw() {
+    const index = this.current;
+    if (index !== this.shown) this.tell(index);
+    const seconds = this.time / this.fps;
+    find("clock").textContent = `${seconds.toFixed(1)} of ${((this.frames - 1) / this.fps).toFixed(1)} s`;
+    this.slider.setAttribute("aria-valuetext", `${seconds.toFixed(1)} seconds, step ${this.moments[index]?.step ?? 0}`);
+    const speed = this.speeds[Math.round(this.time)];
+    find("speed-now").textContent = speed === undefined ? "" : `${speed.toFixed(2)} m/s`;
+    const share = this.frames > 1 ? (100 * this.time) / (this.frames - 1) : 0;
+    for (const cursor of this.cursors) cursor.setAttribute("transform", `translate(${share} 0)`);
+    if (this.stage) this.stage.draw(this.time);
+    this.mark();
+  }
+
+  /** Show a step's view and words. @param {number} index */
+  tell(index) {
+    this.shown = index;
+    const moment = this.moments[index];
+    if (!moment) return;
+    const row = this.rows[index];
+    const picture = /** @type {HTMLImageElement} */ (find("ego"));
+    const thumb = /** @type {HTMLImageElement | null} */ (row?.querySelector("img"));
+    picture.hidden = !thumb;
+    if (thumb) picture.src = thumb.src;
+    picture.alt = `Ego view before step ${moment.step}`;
+    find("step-now").textContent = `Step ${moment.step} of ${this.moments[this.moments.length - 1].step}`;
+    find("call-now").textContent = moment.call;
+    find("words-now").textContent = moment.words;
+    find("touch-now").textContent = moment.touches ? `Touches ${moment.touches}` : "";
+    find("distance-now").textContent = moment.distance === null ? "" : `${moment.distance.toFixed(2)} m`;
+    find("tokens-now").textContent = moment.tokens ? moment.tokens.toLocaleString("en") : "";
+    this.rows.forEach((other, k) => (k === index ? other.setAttribute("aria-current", "step") : other.removeAttribute("aria-current")));
+    this.follow(row);
+    if (!this.playing) history.replaceState(null, "", `#step=${moment.step}`);
+  }
+
+  /** Keep the row in sight within its list, without moving the page. @param {Element | undefined} row */
+  follow(row) {
+    const list = find("calls");
+    if (!(row instanceof HTMLElement) || list.scrollHeight <= list.clientHeight) return;
+    list.scrollTop = row.offsetTop - list.offsetTop - list.clientHeight / 3;
+  }
+
+  /** Put the marker where the body is on the map of its storey. */
+  mark() {
+    const root = this.stage?.motion.simulated_root;
+    if (!root || !this.stage) return;
+    const [frame, next, share] = between(this.time, root.length / 3);
+    const place = mixed(root, frame, next, share, 3);
+    const heading = (this.stage.heading ?? [])[frame] ?? 0;
+    const heights = this.markers.map((marker) => Number(marker.dataset.floor));
+    const under = Math.max(...heights.filter((floor) => floor <= place.y + 0.1), Math.min(...heights));
+    for (const marker of this.markers) {
+      marker.toggleAttribute("hidden", Number(marker.dataset.floor) !== under);
+      marker.style.display = Number(marker.dataset.floor) === under ? "" : "none";
+      const bearing = 180 - (heading * 180) / Math.PI;
+      marker.setAttribute("transform", `translate(${100 * place.x} ${100 * place.z}) rotate(${bearing}) scale(${marker.dataset.scale})`);
+    }
+  }
+
+  /** Follow a link to a moment: #step=12 or #t=6.5 (seconds). */
+  visit() {
+    const [, kind, value] = /^#(step|t)=([\d.]+)$/.exec(location.hash) ?? [];
+    if (kind === "t") this.seek(Number(value) * this.fps);
+    if (kind === "step") this.jump(this.moments.findIndex((moment) => moment.step === Number(value)));
+  }
+}
+
+/** @param {Player} player */
+function connect(player) {
+  const press = (/** @type {string} */ id, /** @type {() => void} */ act) => find(id).addEventListener("click", act);
+  press("play", () => player.play(!player.playing));
+  press("back", () => player.jump(player.current - 1));
+  press("next", () => player.jump(player.current + 1));
+  player.slider.addEventListener("input", () => player.seek(Number(player.slider.value)));
+  const rate = /** @type {HTMLSelectElement} */ (find("rate"));
+  rate.addEventListener("change", () => (player.speed = Number(rate.value)));
+  window.addEventListener("hashchange", () => player.visit());
+  window.addEventListener("resize", () => player.draw());
+  document.addEventListener("keydown", (event) => key(event, player));
+}
+
+/** @param {KeyboardEvent} event @param {Player} player */
+function key(event, player) {
+  const inside = event.target instanceof Element && event.target.closest("input, select, textarea, button, a, summary, video");
+  if (event.ctrlKey || event.metaKey || event.altKey || (inside && !["[", "]"].includes(event.key))) return;
+  /** @type {Record<string, () => void>} */
+  const acts = {
+    " ": () => player.play(!player.playing),
+    ArrowLeft: () => player.seek(player.time - player.fps / 5),
+    ArrowRight: () => player.seek(player.time + player.fps / 5),
+    "[": () => player.jump(player.current - 1),
+    "]": () => player.jump(player.current + 1),
+    Home: () => player.seek(0),
+    End: () => player.seek(player.frames - 1),
+  };
+  if (!acts[event.key]) return;
+  event.preventDefault();
+  acts[event.key]();
+}
+
+/** @param {Player} player @param {Stage} stage */
+function steer(player, stage) {
+  const view = /** @type {HTMLSelectElement} */ (find("view"));
+  view.addEventListener("change", () => {
+    stage.view = /** @type {View} */ (view.value);
+    player.draw();
+  });
+  for (const [id, set] of /** @type {[string, (on: boolean) => void][]} */ ([
+    ["ghost", (on) => (stage.ghost.root.visible = on)],
+    ["marks", (on) => (stage.marks = on)],
+    ["cut", (on) => (stage.cut = on)],
+  ])) {
+    const box = /** @type {HTMLInputElement} */ (find(id));
+    box.addEventListener("change", () => {
+      set(box.checked);
+      player.draw();
+    });
+  }
+  drag(player, stage);
+}
+
+/** Turn with the pointer, the arrow keys or two fingers' pinch; zoom with the wheel, + and -. @param {Player} player @param {Stage} stage */
+function drag(player, stage) {
+  const canvas = stage.canvas;
+  /** @type {Map<number, PointerEvent>} */
+  const held = new Map();
+  const spread = () => {
+    const [a, b] = [...held.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    held.set(event.pointerId, event);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const last = held.get(event.pointerId);
+    if (!last) return;
+    const wide = held.size === 2 ? spread() : 0;
+    held.set(event.pointerId, event);
+    if (held.size === 2) stage.zoom(wide / Math.max(1, spread()));
+    else stage.turn((last.clientX - event.clientX) / 150, (event.clientY - last.clientY) / 150);
+    player.draw();
+  });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(/** @type {PointerEvent} */ (event).pointerId));
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return; // The page scrolls until the replay has the focus.
+    event.preventDefault();
+    stage.zoom(Math.exp(event.deltaY / 600));
+    player.draw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    /** @type {Record<string, () => void>} */
+    const acts = {
+      ArrowLeft: () => stage.turn(-0.1, 0),
+      ArrowRight: () => stage.turn(0.1, 0),
+      ArrowUp: () => stage.turn(0, 0.08),
+      ArrowDown: () => stage.turn(0, -0.08),
+      "+": () => stage.zoom(0.9),
+      "-": () => stage.zoom(1.1),
+    };
+    if (!acts[event.key]) return;
+    event.preventDefault();
+    event.stopPropagation();
+    acts[event.key]();
+    player.draw();
+  });
+}
+
+/** @param {Replay | null} replay */
+async function stageOf(replay) {
+  const canvas = /** @type {HTMLCanvasElement} */ (find("stage"));
+  try {
+    if (!replay || typeof THREE === "undefined") throw new Error("The motion of this episode was not kept.");
+    const stage = new Stage(canvas, replay);
+    await stage.load(/** @type {any} */ (window).humanclawHouse ?? null);
+    return stage;
+  } catch (fault) {
+    // Without WebGL or motion the page still tells the episode: view, words, map and charts.
+    canvas.hidden = true;
+    find("no-stage").textContent = `No replay in three dimensions: ${fault instanceof Error ? fault.message : fault}`;
+    find("steering").hidden = true;
+    return null;
+  }
+}
+
+async function main() {
+  const replay = /** @type {Replay | null} */ (read("replay"));
+  const moments = /** @type {Moment[]} */ (read("moments"));
+  const frames = replay?.frames ?? Math.max(1, Math.ceil(moments[moments.length - 1]?.end ?? 1));
+  const stage = await stageOf(replay);
+  const player = new Player(moments, frames, replay?.fps ?? 15, stage);
+  player.slider.max = String(frames - 1);
+  connect(player);
+  if (stage) steer(player, stage);
+  const asked = location.hash;
+  player.draw();
+  if (asked) {
+    history.replaceState(null, "", asked);
+    player.visit();
+  }
+  document.documentElement.dataset.ready = stage ? "3d" : "flat";
+}
+
+main();

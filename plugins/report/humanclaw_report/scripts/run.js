@@ -1,0 +1,73 @@
+// The list of episodes: filter, sort, and a look at the last view before a page is opened.
+// @ts-check
+"use strict";
+
+{
+  const form = /** @type {HTMLFormElement} */ (document.getElementById("filters"));
+  const table = /** @type {HTMLTableElement} */ (document.getElementById("list"));
+  const body = table.tBodies[0];
+  const rows = [...body.rows];
+  const texts = new Map(rows.map((row) => [row, (row.textContent ?? "").toLowerCase()]));
+
+  /** Whether a row has every value that is asked for. @param {HTMLTableRowElement} row @param {[string, string][]} wanted */
+  const fits = (row, wanted) =>
+    wanted.every(([name, value]) =>
+      name === "text" ? texts.get(row)?.includes(value.toLowerCase()) : (row.dataset[name] ?? "").split("|").includes(value),
+    );
+
+  const filter = () => {
+    const wanted = /** @type {[string, string][]} */ ([...new FormData(form)].filter(([, value]) => value));
+    let count = 0;
+    for (const row of rows) {
+      const shown = fits(row, wanted);
+      row.hidden = !shown;
+      count += Number(shown);
+    }
+    /** @type {HTMLOutputElement} */ (document.getElementById("count")).value = `${count} of ${rows.length} episode${rows.length === 1 ? "" : "s"}`;
+    history.replaceState(null, "", wanted.length ? `#${new URLSearchParams(wanted)}` : location.pathname);
+  };
+
+  /** @param {HTMLTableCellElement} cell */
+  const keyOf = (cell) => cell.dataset.key ?? cell.textContent ?? "";
+
+  /** @param {HTMLTableCellElement} head */
+  const sort = (head) => {
+    const down = head.getAttribute("aria-sort") === "ascending";
+    for (const other of head.parentElement?.children ?? []) other.removeAttribute("aria-sort");
+    head.setAttribute("aria-sort", down ? "descending" : "ascending");
+    const compare = new Intl.Collator("en", { numeric: true }).compare;
+    const keys = new Map(rows.map((row) => [row, keyOf(row.cells[head.cellIndex])]));
+    rows.sort((a, b) => (down ? -1 : 1) * compare(keys.get(a) ?? "", keys.get(b) ?? ""));
+    body.append(...rows);
+  };
+
+  const peek = /** @type {HTMLElement} */ (document.getElementById("peek"));
+  const picture = /** @type {HTMLImageElement} */ (peek.querySelector("img"));
+  /** @param {Event} event */
+  const look = (event) => {
+    const link = event.target instanceof Element ? event.target.closest("a[data-picture]") : null;
+    const source = link instanceof HTMLElement ? link.dataset.picture : "";
+    peek.hidden = !source;
+    if (!source || !link) return;
+    picture.src = source;
+    const box = link.getBoundingClientRect();
+    peek.style.top = `${Math.max(8, Math.min(innerHeight - 210, box.top - 70))}px`;
+    peek.style.left = `${box.right + 180 < innerWidth ? box.right + 12 : Math.max(8, box.left - 180)}px`;
+  };
+
+  form.addEventListener("input", filter);
+  form.addEventListener("reset", () => setTimeout(filter));
+  form.addEventListener("submit", (event) => event.preventDefault());
+  for (const head of table.tHead?.rows[0].cells ?? []) head.querySelector("button")?.addEventListener("click", () => sort(head));
+  for (const kind of ["mouseover", "focusin"]) table.addEventListener(kind, look);
+  for (const kind of ["mouseleave", "focusout"]) table.addEventListener(kind, () => (peek.hidden = true));
+  if (location.hash.includes("=")) {
+    for (const [name, value] of new URLSearchParams(location.hash.slice(1))) {
+      const field = form.elements.namedItem(name);
+      if (field instanceof HTMLInputElement && field.type === "checkbox") field.checked = true;
+      else if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
+    }
+    filter();
+  }
+  document.documentElement.dataset.ready = "yes";
+}

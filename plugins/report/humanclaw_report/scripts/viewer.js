@@ -1,0 +1,335 @@
+// The body in its house, in three dimensions. Draws one moment when it is asked to; keeps no time of its own.
+// @ts-check
+"use strict";
+
+/** @typedef {{name: string, type: "int16" | "uint16" | "uint32" | "float32", shape: number[]}} Head */
+/** @typedef {{arrays: Head[], bytes: string}} Packed */
+/** @typedef {{joint: number, name: string, box?: number[][], capsule?: [number[], number[], number]}} Link */
+/** @typedef {{offsets: number[][], parents: number[], links: Link[], head: number, gaze: number}} BodyData */
+/** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
+/** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
+/** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
+/** @typedef {{fps: number, frames: number, body: BodyData, steps: [number, number][], moved: number[], contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
+/** @typedef {"follow" | "free" | "above" | "ego"} View */
+
+const ARRAYS = { int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+const FADED = 0.1;
+const STOREY = 2.2; // Metres over a floor from which on a thing hides the body from above.
+
+/** Undo `packed` of replay.py. @param {Packed} packed @returns {Promise<Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>>} */
+async function unpack(packed) {
+  const zipped = Uint8Array.from(atob(packed.bytes), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const buffer = await new Response(stream).arrayBuffer();
+  /** @type {Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>} */
+  const found = {};
+  let start = 0;
+  for (const { name, type, shape } of packed.arrays) {
+    const count = shape.reduce((product, size) => product * size, 1);
+    found[name] = new ARRAYS[type](buffer, start, count);
+    start += 4 * Math.ceil((count * ARRAYS[type].BYTES_PER_ELEMENT) / 4);
+  }
+  return found;
+}
+
+/** A tree of joints with a solid on each. */
+class Figure {
+  /** @param {BodyData} body @param {THREE.Material} skin @param {THREE.Material} touched */
+  constructor(body, skin, touched) {
+    this.skin = skin;
+    this.touched = touched;
+    this.root = new THREE.Group();
+    this.joints = body.offsets.map(() => new THREE.Group());
+    this.joints.forEach((joint, index) => {
+      const parent = body.parents[index];
+      if (index) joint.position.fromArray(body.offsets[index]);
+      (parent < 0 ? this.root : this.joints[parent]).add(joint);
+    });
+    /** @type {Map<number, THREE.Mesh>} */
+    this.links = new Map();
+    for (const link of body.links) {
+      const mesh = Figure.solid(link, skin);
+      this.joints[link.joint].add(mesh);
+      this.links.set(link.joint, mesh);
+    }
+    this.from = new THREE.Quaternion();
+    this.to = new THREE.Quaternion();
+  }
+
+  /** @param {Link} link @param {THREE.Material} skin */
+  static solid(link, skin) {
+    if (link.box) {
+      const [centre, half] = link.box;
+      const mesh = new THREE.Mesh(new THREE.BoxGeometry(2 * half[0], 2 * half[1], 2 * half[2]), skin);
+      mesh.position.fromArray(centre);
+      return mesh;
+    }
+    const [start, end, radius] = /** @type {[number[], number[], number]} */ (link.capsule);
+    const a = new THREE.Vector3().fromArray(start);
+    const b = new THREE.Vector3().fromArray(end);
+    const mesh = new THREE.Mesh(new THREE.CapsuleGeometry(radius, a.distanceTo(b), 6, 14), skin);
+    mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), b.clone().sub(a).normalize());
+    mesh.position.copy(a.add(b).multiplyScalar(0.5));
+    return mesh;
+  }
+
+  /** @param {ArrayLike<number>} root @param {ArrayLike<number>} turns @param {number} time */
+  pose(root, turns, time) {
+    const [frame, next, share] = between(time, root.length / 3);
+    this.joints[0].position.copy(mixed(root, frame, next, share, 3));
+    this.joints.forEach((joint, index) => {
+      const at = (/** @type {number} */ f) => 4 * (f * this.joints.length + index);
+      this.from.set(turns[at(frame)], turns[at(frame) + 1], turns[at(frame) + 2], turns[at(frame) + 3]).normalize();
+      this.to.set(turns[at(next)], turns[at(next) + 1], turns[at(next) + 2], turns[at(next) + 3]).normalize();
+      joint.quaternion.slerpQuaternions(this.from, this.to, share);
+    });
+  }
+
+  /** @param {Set<number>} joints */
+  mark(joints) {
+    for (const [joint, mesh] of this.links) mesh.material = joints.has(joint) ? this.touched : this.skin;
+  }
+}
+
+/** The frames on both sides of a time, and how far it is to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
+function between(time, count) {
+  const held = Math.max(0, Math.min(time, count - 1));
+  const frame = Math.floor(held);
+  return [frame, Math.min(frame + 1, count - 1), held - frame];
+}
+
+/** @param {ArrayLike<number>} values @param {number} a @param {number} b @param {number} share @param {number} stride */
+function mixed(values, a, b, share, stride) {
+  const at = (/** @type {number} */ k) => values[stride * a + k] * (1 - share) + values[stride * b + k] * share;
+  return new THREE.Vector3(at(0), at(1), at(2));
+}
+
+/** One object of the house, and whether it is in the way. */
+class Furnishing {
+  /** @param {ObjectData} data @param {THREE.Mesh} mesh */
+  constructor(data, mesh) {
+    this.data = data;
+    this.mesh = mesh;
+    this.box = new THREE.Box3(new THREE.Vector3().fromArray(data.box[0]), new THREE.Vector3().fromArray(data.box[1]));
+    this.material = /** @type {THREE.MeshLambertMaterial} */ (mesh.material);
+  }
+
+  /** @param {boolean} shown @param {boolean} faded */
+  show(shown, faded) {
+    this.mesh.visible = shown;
+    this.material.transparent = faded;
+    this.material.opacity = faded ? FADED : 1;
+    this.material.depthWrite = !faded;
+  }
+}
+
+class Stage {
+  /** @param {HTMLCanvasElement} canvas @param {Replay} replay */
+  constructor(canvas, replay) {
+    this.canvas = canvas;
+    this.replay = replay;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(50, 1, 0.03, 120);
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    this.renderer.outputEncoding = THREE.sRGBEncoding;
+    const sun = new THREE.DirectionalLight(0xffffff, 0.55);
+    sun.position.set(2, 6, 3);
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8b0a4, 0.75), sun);
+    const plain = (/** @type {number} */ colour) => new THREE.MeshLambertMaterial({ color: colour });
+    this.body = new Figure(replay.body, plain(0x3d6ceb), plain(0xffa21a));
+    const ghost = new THREE.MeshLambertMaterial({ color: 0x20b090, transparent: true, opacity: 0.35, depthWrite: false });
+    this.ghost = new Figure(replay.body, ghost, ghost);
+    this.scene.add(this.body.root, this.ghost.root);
+    /** @type {Furnishing[]} */
+    this.furnishings = [];
+    /** @type {View} */
+    this.view = "follow";
+    this.time = 0;
+    this.around = { azimuth: 2.6, elevation: 0.55, distance: 3.6 };
+    this.centre = new THREE.Vector3();
+    this.ghost.root.visible = false;
+    this.marks = true;
+    this.cut = true;
+    /** @type {Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>} */
+    this.motion = {};
+  }
+
+  /** @param {House | null} house */
+  async load(house) {
+    this.motion = await unpack(this.replay.motion);
+    if (house) await this.furnish(house);
+    else this.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
+    this.scene.add(this.path(), ...this.replay.targets.map(outline));
+    const root = this.motion.simulated_root;
+    this.centre.set(root[0], root[1], root[2]);
+    this.heading = this.headings();
+  }
+
+  /** @param {House} house */
+  async furnish(house) {
+    const meshes = await unpack(house.meshes);
+    const textures = await Promise.all(house.pictures.map((uri) => new THREE.TextureLoader().loadAsync(uri)));
+    for (const texture of textures) texture.encoding = THREE.sRGBEncoding;
+    const shapes = house.assets.map((asset) => shapeOf(asset, meshes));
+    for (const data of house.objects) {
+      const map = textures[house.assets[data.asset].picture];
+      const material = new THREE.MeshLambertMaterial({ map, side: THREE.DoubleSide });
+      const mesh = new THREE.Mesh(shapes[data.asset], material);
+      mesh.position.fromArray(data.place);
+      mesh.quaternion.fromArray(data.place, 3);
+      this.scene.add(mesh);
+      this.furnishings.push(new Furnishing(data, mesh));
+    }
+  }
+
+  /** The walked path, a hand above the floor. */
+  path() {
+    const root = this.motion.simulated_root;
+    const points = [];
+    for (let k = 0; k < root.length; k += 3) points.push(new THREE.Vector3(root[k], this.floor(root[k + 1]) + 0.03, root[k + 2]));
+    return new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xd4488f }));
+  }
+
+  /** The floor that a pelvis at this height stands over. @param {number} height */
+  floor(height) {
+    return this.replay.floors.filter((floor) => floor < height - 0.2).pop() ?? this.replay.floors[0];
+  }
+
+  /** Where the body faces in every frame, smoothed, so that a camera behind it does not shake. */
+  headings() {
+    const turns = this.motion.simulated_turns;
+    const count = this.replay.frames;
+    const joints = this.replay.body.offsets.length;
+    const facing = Array.from({ length: count }, (_, frame) => {
+      const [x, y, z, w] = [0, 1, 2, 3].map((k) => turns[4 * joints * frame + k] / 32767);
+      return [2 * (x * z + w * y), 1 - 2 * (x * x + y * y)];
+    });
+    const reach = Math.round(1.2 * this.replay.fps);
+    return facing.map((_, frame) => {
+      const near = facing.slice(Math.max(0, frame - reach), frame + reach + 1);
+      return Math.atan2(near.reduce((sum, f) => sum + f[0], 0), near.reduce((sum, f) => sum + f[1], 0));
+    });
+  }
+
+  /** Draw a moment. @param {number} time in frames of the replay */
+  draw(time) {
+    this.time = time;
+    this.body.pose(this.motion.simulated_root, this.motion.simulated_turns, time);
+    this.ghost.pose(this.motion.generated_root, this.motion.generated_turns, time);
+    this.body.mark(new Set(this.marks ? this.touching(time).map(([, , joint]) => joint) : []));
+    for (const furnishing of this.furnishings) this.move(furnishing, time);
+    this.body.root.updateMatrixWorld(true);
+    this.aim(time);
+    this.clear();
+    this.resize();
+    this.renderer.setClearColor(getComputedStyle(this.canvas).getPropertyValue("--sky").trim() || "#dfe9f2");
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** @param {number} time */
+  touching(time) {
+    return this.replay.contacts.filter(([first, last]) => first - 0.5 <= time && time <= last + 0.5);
+  }
+
+  /** @param {Furnishing} furnishing @param {number} time */
+  move({ data, mesh, box }, time) {
+    const path = this.motion[`object_${data.id}`];
+    if (!path) return;
+    const [frame, next, share] = between(time, path.length / 7);
+    mesh.position.copy(mixed(path, frame, next, share, 7));
+    mesh.quaternion.set(path[7 * frame + 3], path[7 * frame + 4], path[7 * frame + 5], path[7 * frame + 6]);
+    box.setFromObject(mesh);
+  }
+
+  /** @param {number} time */
+  aim(time) {
+    const pelvis = this.body.joints[0].position;
+    this.ego = this.view === "ego";
+    this.body.links.forEach((mesh, joint) => (mesh.visible = !(this.ego && joint === this.replay.body.head)));
+    if (this.ego) return this.lookOut();
+    if (this.view === "follow") this.centre.lerp(pelvis, 1);
+    if (this.view === "above") this.centre.copy(pelvis);
+    const heading = this.view === "follow" ? (this.heading ?? [])[Math.round(time)] ?? 0 : 0;
+    const { azimuth, elevation, distance } = this.around;
+    const steep = this.view === "above" ? 1.45 : elevation;
+    const far = this.view === "above" ? 2.2 * distance : distance;
+    const angle = azimuth + heading;
+    const flat = Math.cos(steep) * far;
+    this.camera.position.set(Math.sin(angle) * flat, Math.sin(steep) * far, Math.cos(angle) * flat).add(this.centre);
+    this.camera.fov = 50;
+    this.camera.up.set(0, 1, 0);
+    this.camera.lookAt(this.centre);
+  }
+
+  /** From the eyes, level, as the pictures of the record. */
+  lookOut() {
+    const head = this.body.joints[this.replay.body.head];
+    const facing = new THREE.Vector3(0, 0, 1).transformDirection(head.matrixWorld);
+    const eye = head.localToWorld(new THREE.Vector3(0, 0.08, 0.11));
+    const level = Math.atan2(facing.x, facing.z);
+    const forward = new THREE.Vector3(Math.sin(level), Math.tan(this.replay.body.gaze), Math.cos(level));
+    this.camera.fov = 90;
+    this.camera.position.copy(eye);
+    this.camera.lookAt(eye.add(forward));
+  }
+
+  /** Cut away what is above the body, and fade what is between it and the camera. */
+  clear() {
+    const pelvis = this.body.joints[0].position;
+    const top = this.floor(pelvis.y) + STOREY;
+    const points = [pelvis, this.body.joints[this.replay.body.head].getWorldPosition(new THREE.Vector3())];
+    points.push(new THREE.Vector3(pelvis.x, this.floor(pelvis.y) + 0.15, pelvis.z));
+    const cutting = this.cut && !this.ego;
+    for (const furnishing of this.furnishings) {
+      const above = cutting && furnishing.box.min.y > top;
+      const fixed = furnishing.data.kind === "floor" || furnishing.data.kind === "stairs";
+      furnishing.show(!above, cutting && !fixed && !above && points.some((point) => hides(furnishing.box, this.camera.position, point)));
+    }
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    this.renderer.setPixelRatio(ratio);
+    if (this.canvas.width !== Math.floor(width * ratio) || this.canvas.height !== Math.floor(height * ratio)) this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / Math.max(1, height);
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** Turn and tilt the camera around what it looks at, radians. @param {number} azimuth @param {number} elevation */
+  turn(azimuth, elevation) {
+    this.around.azimuth += azimuth;
+    this.around.elevation = Math.max(-0.1, Math.min(1.5, this.around.elevation + elevation));
+  }
+
+  /** @param {number} factor */
+  zoom(factor) {
+    this.around.distance = Math.max(0.8, Math.min(25, this.around.distance * factor));
+  }
+}
+
+/** @param {AssetData} asset @param {Record<string, ArrayLike<number> & {slice(a: number, b: number): any}>} meshes */
+function shapeOf(asset, meshes) {
+  const [a, b] = asset.vertices;
+  const [c, d] = asset.faces;
+  const shape = new THREE.BufferGeometry();
+  shape.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(meshes.vertices.slice(3 * a, 3 * b), (mm) => mm / 1000), 3));
+  shape.setAttribute("uv", new THREE.BufferAttribute(meshes.uv.slice(2 * a, 2 * b), 2, true));
+  shape.setIndex(new THREE.BufferAttribute(meshes.faces.slice(3 * c, 3 * d), 1));
+  const flat = shape.toNonIndexed(); // An edge is an edge: no normals that are shared around it.
+  flat.computeVertexNormals();
+  return flat;
+}
+
+/** Whether a box is between the eye and a point. @param {THREE.Box3} box @param {THREE.Vector3} eye @param {THREE.Vector3} point */
+function hides(box, eye, point) {
+  const ray = new THREE.Ray(eye, point.clone().sub(eye).normalize());
+  const hit = ray.intersectBox(box, new THREE.Vector3());
+  return hit !== null && !box.containsPoint(point) && hit.distanceTo(eye) < eye.distanceTo(point) - 0.05;
+}
+
+/** The outline of a target's box. @param {number[][]} corners */
+function outline([low, high]) {
+  const box = new THREE.Box3(new THREE.Vector3().fromArray(low), new THREE.Vector3().fromArray(high));
+  return new THREE.Box3Helper(box, new THREE.Color(0x1fa060));
+}

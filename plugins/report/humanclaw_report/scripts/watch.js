@@ -1,0 +1,68 @@
+// A run under way: what the server tells of it, as it comes.
+// @ts-check
+"use strict";
+
+{
+  /** @typedef {{id: string, instruction: string, outcome: string, words: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string}} Row */
+  /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
+
+  const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+
+  /** @param {string} tag @param {string} text @param {string} [kind] */
+  const made = (tag, text, kind = "") => {
+    const element = document.createElement(tag);
+    element.textContent = text;
+    element.className = kind;
+    return element;
+  };
+
+  /** @param {Row} row */
+  const line = (row) => {
+    const cells = [made("th", row.id), made("td", row.outcome.replace("_", " ")), made("td", String(row.steps), "num"), made("td", row.call)];
+    cells[0].setAttribute("scope", "row");
+    const element = document.createElement("tr");
+    element.append(...cells, made("td", row.distance === null ? "" : `${row.distance.toFixed(2)} m`, "num"));
+    return element;
+  };
+
+  /** The card of an episode, made once. @param {Row} row */
+  const card = (row) => {
+    const known = document.querySelector(`[data-episode="${CSS.escape(row.id)}"]`);
+    if (known instanceof HTMLElement) return known;
+    const element = made("article", "", "card");
+    element.dataset.episode = row.id;
+    const picture = document.createElement("img");
+    picture.width = picture.height = 320;
+    element.append(made("h3", `${row.id}: ${row.instruction}`), picture, made("p", "", "said"), made("div", "", "map"));
+    return element;
+  };
+
+  /** @param {Row} row */
+  const show = async (row) => {
+    const element = card(row);
+    const picture = /** @type {HTMLImageElement} */ (element.querySelector("img"));
+    picture.alt = `What the body sees before step ${row.steps}`;
+    if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
+    const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
+    said.textContent = `${row.steps}  ${row.call}  ${row.reasoning}`;
+    if (element.dataset.map !== row.map) {
+      element.dataset.map = row.map;
+      const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
+      map.innerHTML = await (await fetch(row.map)).text();
+    }
+    return element;
+  };
+
+  const events = new EventSource("/events");
+  events.onmessage = async (event) => {
+    const state = /** @type {State} */ (JSON.parse(event.data));
+    const of = state.asked ? ` of ${state.asked}` : "";
+    at("lede").textContent = `${state.ended}${of} ended, ${state.episodes - state.ended} under way.`;
+    at("rows").replaceChildren(...state.rows.map(line));
+    const running = state.rows.filter((row) => row.outcome === "running");
+    const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
+    at("live").replaceChildren(...(await Promise.all(live.map(show))));
+    document.documentElement.dataset.ready = "yes";
+  };
+  events.onerror = () => (at("lede").textContent = "The watch has ended; the records are in the run's folder.");
+}

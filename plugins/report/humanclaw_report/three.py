@@ -1,0 +1,34 @@
+"""three.js, out of an installed package that carries it: no third-party script lies in this project.
+
+trimesh brings a built three.js (MIT) for its own viewer, in a template. The library is the licence comment and the one
+line after it.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import re
+import zipfile
+from importlib import resources
+from typing import Final
+
+from humanclaw import HumanclawError
+
+_LIBRARY: Final = re.compile(r"/\*\*\n \* @license\n(?: \*[^\n]*\n)*? \*/\n[^\n]*\.THREE=\{\}[^\n]*")
+
+
+@functools.cache
+def three() -> str:
+    """Return the script of three.js with its licence notice. Raises HumanclawError if the package does not hold it."""
+    archive = resources.files("trimesh").joinpath("resources/templates/viewer.zip")
+    found = None
+    if archive.is_file():
+        with zipfile.ZipFile(io.BytesIO(archive.read_bytes())) as files:
+            text = "\n".join(files.read(name).decode() for name in files.namelist())
+        found = _LIBRARY.search(text)
+    if found is None:
+        raise HumanclawError(
+            "the installed trimesh carries no three.js.", "Install another: pip install trimesh==5.2.0."
+        )
+    return found[0]

@@ -1,0 +1,156 @@
+"""The pages in a real browser: no error, the replay moves, the filter filters, nothing serious for a screen reader.
+
+Slow, and for machines that have Chromium and playwright: HUMANCLAW_SLOW=1.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made import record_episode
+
+from humanclaw import RecordedEpisode
+from humanclaw_report.report import write_report
+from humanclaw_report.run_page import Collected, run_page
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
+SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+pytestmark = pytest.mark.skipif(
+    not (os.environ.get("HUMANCLAW_SLOW") and CHROMIUM), reason="starts a browser: HUMANCLAW_SLOW=1, and Chromium"
+)
+PHONE, DESK = {"width": 390, "height": 844}, {"width": 1400, "height": 1000}
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The page of one episode, and that of two runs of two episodes, of which one changed."""
+    folder = tmp_path_factory.mktemp("pages")
+    scene = record_episode(folder / "one" / "couch-0")
+    for run in ("a", "b"):
+        for name in ("couch-0", "couch-1"):
+            record_episode(folder / run / name, name=name)
+
+    def contribute(runs: Any, page: Any) -> None:
+        for run in runs:
+            page.episode(run, "couch-0", success=True, tier="easy")
+            page.episode(run, "couch-1", success=run.name == "a", cause="" if run.name == "a" else "nav: too far")
+
+    return {
+        "episode": write_report(folder / "one", None, lambda name: scene),
+        "runs": write_report(
+            [folder / "a", folder / "b"], folder / "pair.html", lambda name: scene, contribute=contribute
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    sync = pytest.importorskip("playwright.sync_api")
+    with sync.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield started
+        started.close()
+
+
+def opened(browser: Any, page: Path, size: dict[str, int] = DESK, scheme: str = "light") -> tuple[Any, list[str]]:
+    """A page that is ready, and the list into which its errors go."""
+    tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    tab.set_default_timeout(120_000)
+    tab.goto(page.as_uri())
+    tab.wait_for_function("document.documentElement.dataset.ready")
+    return tab, errors
+
+
+def test_the_replay_moves_and_view_words_and_map_go_with_it(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["episode"])
+    assert tab.evaluate("document.documentElement.dataset.ready") == "3d"
+    before, marker = tab.locator("#stage").screenshot(), tab.locator(".now").first.get_attribute("transform")
+    tab.keyboard.press("]")
+    tab.keyboard.press("]")
+    assert tab.locator("#step-now").inner_text().startswith("Step 2 of")
+    assert tab.locator("#stage").screenshot() != before
+    assert tab.locator(".now").first.get_attribute("transform") != marker
+    assert tab.url.endswith("#step=2")
+    assert not errors
+
+
+def test_playing_advances_and_a_link_leads_to_a_moment(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["episode"])
+    tab.click("#play")
+    tab.wait_for_function("Number(document.getElementById('time').value) > 2")
+    tab.click("#play")
+    tab.evaluate("location.hash = '#step=5'")
+    tab.wait_for_function("document.getElementById('step-now').textContent.startsWith('Step 5')")
+    assert tab.locator("#calls li[aria-current]").count() == 1
+    tab.select_option("#view", "ego")
+    tab.check("#ghost")
+    assert not errors
+
+
+def test_the_list_of_episodes_is_filtered_and_sorted(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["runs"])
+    shown = tab.locator("#list tbody tr:visible")
+    assert shown.count() == 2
+    tab.check("input[name=changed]")
+    assert shown.count() == 1
+    assert tab.locator("#count").inner_text() == "1 of 2 episodes"
+    tab.click("button[type=reset]")
+    tab.wait_for_function("document.getElementById('count').value.startsWith('2')")
+    tab.fill("#text", "nothing like it")
+    assert shown.count() == 0
+    tab.fill("#text", "")
+    tab.click("#list thead th:first-child button")
+    assert shown.first.locator("th").inner_text() == "couch-1"
+    assert not errors
+
+
+def test_an_episode_is_opened_from_the_list(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["runs"])
+    tab.locator("#list tbody a").first.click()
+    tab.wait_for_function("document.documentElement.dataset.ready == '3d'")
+    assert not errors
+
+
+@pytest.mark.parametrize("name", ["episode", "runs"])
+@pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
+def test_a_page_fits_and_has_no_serious_barrier(
+    browser: Any, pages: dict[str, Path], name: str, size: dict[str, int], scheme: str
+) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    tab, errors = opened(browser, pages[name], size, scheme)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    found = axe.run(tab).response["violations"]
+    serious = [(one["id"], [node["html"][:90] for node in one["nodes"][:3]]) for one in found
+               if one["impact"] in ("serious", "critical")]  # fmt: skip
+    assert not serious
+    assert not errors
+
+
+def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp_path: Path) -> None:
+    record_episode(tmp_path / "one")
+    one = RecordedEpisode(tmp_path / "one")
+    episodes = [_renamed(one, f"house-{k // 30}-couch-{k}") for k in range(1218)]
+    html = run_page({tmp_path: episodes}, Collected(), tmp_path / "report.html", lambda e: e.folder / "page.html", {})
+    (tmp_path / "report.html").write_text(html, "utf-8")
+    began = time.monotonic()
+    tab, errors = opened(browser, tmp_path / "report.html")
+    assert time.monotonic() - began < 2
+    assert tab.locator("#list tbody tr").count() == 1218
+    assert not errors
+
+
+def _renamed(episode: RecordedEpisode, name: str) -> RecordedEpisode:
+    other = copy.copy(episode)
+    other.record = episode.record.model_copy(
+        update={"spec": episode.record.spec.model_copy(update={"id": name}), "outcome": "stopped"}
+    )
+    return other

@@ -1,0 +1,79 @@
+"""Two thousand decisions in one process: memory, handles, threads and temporary files stay what they were.
+
+python tests/evidence/soak.py --decisions 2000     # `make soak`
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw import Backends, Body, Episode, Plugins, default_simulator
+from humanclaw.tasks import free_episode
+from humanclaw.testing import resident
+
+EPISODE = 100
+"""Decisions an episode."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What the process holds."""
+
+    decisions: int
+    mebibytes: float
+    handles: int
+    threads: int
+    temporary: int
+
+    @classmethod
+    def now(cls, decisions: int) -> Sample:
+        folder = Path(f"/proc/{os.getpid()}/fd")
+        handles = len(list(folder.iterdir())) if folder.exists() else 0
+        return cls(decisions, resident(), handles, threading.active_count(), len(os.listdir(tempfile.gettempdir())))
+
+
+def grows(samples: list[Sample]) -> str:
+    """What still grows in the second half; empty if nothing does. Memory may sway by a twentieth."""
+    half = len(samples) // 2
+    early, late = samples[1 : half + 1], samples[half + 1 :]
+    slack = {"mebibytes": 1.05, "handles": 1.0, "threads": 1.0, "temporary": 1.0}
+    worse = [
+        name
+        for name, factor in slack.items()
+        if np.median([getattr(one, name) for one in late]) > factor * max(getattr(one, name) for one in early)
+    ]
+    return ", ".join(worse)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--decisions", type=int, default=2000)
+    parser.add_argument("--simulator", default="")
+    asked = parser.parse_args()
+    plugins = Plugins.discover()
+    samples = [Sample.now(0)]
+    backends = Backends(asked.simulator or default_simulator(plugins))
+    with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:
+        for number in range(max(4, asked.decisions // EPISODE)):
+            spec = free_episode("Walk about.", body.scene, seed=number, max_steps=EPISODE, name=f"soak-{number}")
+            agent = plugins.make("agents", "random", {})
+            with Episode(body, spec, agent, folder=Path(out) / spec.id) as episode:
+                while not episode.done:
+                    episode.ask()
+            samples.append(Sample.now((number + 1) * EPISODE))
+            print(samples[-1], flush=True)
+    worse = grows(samples)
+    print(f"still growing: {worse}" if worse else "flat")
+    return int(bool(worse))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

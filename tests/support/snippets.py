@@ -1,0 +1,65 @@
+"""The code in the documentation: every fenced block of README and docs, and how it is to be run.
+
+A comment right before a block says where it runs if not in every test session, and why:
+
+    <!-- snippet: slow. REASON -->        run with HUMANCLAW_SLOW=1
+    <!-- snippet: elsewhere. REASON -->   something else runs it; REASON names it
+    <!-- snippet: never. REASON -->       nobody here can; it is held to the commands and options that exist
+    <!-- snippet: text. REASON -->        no code
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+WAYS = ("always", "slow", "elsewhere", "never", "text")
+RUN_WHOLE = {"docs/tutorial-train.md": "tests/test_tutorial_train.py runs every command of the page"}
+_FENCE = re.compile(
+    r"(?:^<!-- snippet: (?P<way>\w+)[. ](?P<reason>[^\n]*?)-->\n)?^```(?P<language>\w*)\n(?P<code>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+
+_SAVED = re.compile(r"[Ss]ave (?:it )?as `(\w+\.py)`")
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """One block. reason: why it does not run always."""
+
+    page: str
+    line: int
+    language: str
+    code: str
+    way: str = "always"
+    reason: str = ""
+    file: str = ""
+    """What the page says to save it as."""
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+def pages() -> list[Path]:
+    """The pages that somebody reads who uses or extends the project; model cards hold none of our code."""
+    parts = ("plugins", "skills", "harnesses", "examples")
+    inside = [path for part in parts for depth in ("README.md", "*/README.md") for path in (ROOT / part).glob(depth)]
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(inside)]
+
+
+def snippets() -> Iterator[Snippet]:
+    """Find every fenced block of the pages but of those that another test runs whole, in their order."""
+    for path in pages():
+        if path.relative_to(ROOT).as_posix() in RUN_WHOLE:
+            continue
+        text = path.read_text("utf-8")
+        for found in _FENCE.finditer(text):
+            line = text[: found.start("code")].count("\n")
+            way, reason = found["way"] or "always", (found["reason"] or "").strip()
+            before = text[max(0, found.start() - 250) : found.start()].rpartition("```")[2]
+            file = _SAVED.search(before) if found["language"] == "python" else None
+            where = path.relative_to(ROOT).as_posix()
+            yield Snippet(where, line, found["language"], found["code"], way, reason, file[1] if file else "")

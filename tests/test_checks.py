@@ -1,0 +1,454 @@
+"""Every named check of a skill: a legal skill of each kind passes them all, and for each there is one that fails it."""
+
+import json
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from declared import folder_of
+from pydantic import Field
+from safetensors.numpy import load_file, save
+
+from humanclaw import Call, Control, Keyframes, Plugins, hookimpl, skill
+from humanclaw._skill_check import CHECKS
+from humanclaw.cli import build
+from humanclaw.contract import Check, Skill
+from humanclaw.errors import CallError
+from humanclaw.loop import run_episode
+from humanclaw.tasks import free_episode
+from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
+from humanclaw.testing.fakes import Fakes
+from humanclaw.tools import publish
+
+pytest_plugins = ["pytester"]
+NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
+WALK = folder_of("walk") / "adapter.safetensors"
+
+
+def names(target, **options) -> set[str]:
+    return {fault.check for fault in examine(target, engines=(), **options).faults}
+
+
+# -- legal skills ------------------------------------------------------------------------------------------------------
+@dataclass
+class Beat:
+    degrees: Annotated[int, Field(ge=5, le=30)]
+    joint: Literal["head", "neck"]
+
+
+@skill(checks=["Is anybody in view?"])
+def choosing(side: Literal["left", "right"] = "left", twice: bool = False) -> Keyframes:
+    """Wave a hand."""
+    return Keyframes.cycle(f"{side}_elbow", axis="z", degrees=40, seconds=0.5, times=1 + twice)
+
+
+@skill()
+def listing(
+    turns: Annotated[list[Annotated[int, Field(ge=-30, le=30)]], Field(min_length=1, max_length=4)],
+) -> Keyframes:
+    """Turn the head so many degrees, one after another."""
+    keys = tuple((0.0, float(np.radians(turn)), 0.0) for turn in (0, *turns, 0))
+    return Keyframes(tuple(0.5 * k for k in range(len(keys))), {"head": keys})
+
+
+@skill()
+def gradual(degrees: Annotated[float, Field(ge=0, le=25.5)] = 10.0) -> Keyframes:
+    """Bow by so many degrees."""
+    return Keyframes.cycle("spine1", axis="x", degrees=degrees, seconds=1)
+
+
+@skill()
+def nested(beat: Beat) -> Keyframes:
+    """Nod with a joint."""
+    return Keyframes.cycle(beat["joint"], axis="x", degrees=beat["degrees"], seconds=0.5)
+
+
+@skill(role="locomotion")
+def amble(pace: Literal["slow", "brisk"], strides: Annotated[int, Field(ge=1, le=6)] = 2) -> list[Control]:
+    """Walk a few strides straight ahead, with the adapter of another skill."""
+    return [Control(WALK, {"x": 0.0, "z": 0.3 if pace == "slow" else 0.5, "yaw": 0.0})] * strides
+
+
+@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, amble], ids=lambda made: made.name)
+def test_a_legal_skill_passes_every_check(made):
+    report = examine(made, engines=())
+    assert (report.faults, report.notes) == ((), ())
+    assert report.calls >= 3
+
+
+def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tmp_path):
+    folder = shutil.copytree(folder_of("walk"), tmp_path / "saunter")
+    rewrite(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
+    assert names(folder) == {"adapter-skill"}
+    rewrite(folder, lambda schema: schema.update({"x-adapter": "walk"}))
+    assert names(folder) == set()
+
+
+def test_a_skill_that_is_still_to_be_trained_is_no_skill_yet_and_keeps_the_contract(tmp_path):
+    folder = shutil.copytree(folder_of("walk"), tmp_path / "walk")
+    (folder / "adapter.safetensors").unlink()
+    assert names(folder) == {"adapter-there"}
+    assert check_skill(folder, engines=()).trained is False
+    with pytest.raises(AssertionError, match="humanclaw train adapter walk"):
+        check_skill(folder, engines=(), trained=True)
+
+
+# -- broken skills -----------------------------------------------------------------------------------------------------
+def rewrite(folder: Path, change) -> None:
+    content = json.loads((folder / "schema.json").read_text())
+    change(content)
+    (folder / "schema.json").write_text(json.dumps(content))
+
+
+def written(folder: Path, change_header=lambda head: None, change_weights=lambda weights: None) -> None:
+    """Spoil an adapter."""
+    file = folder / "adapter.safetensors"
+    raw = file.read_bytes()
+    head = json.loads(json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])["__metadata__"]["humanclaw"])
+    weights = dict(load_file(file))
+    change_header(head)
+    change_weights(weights)
+    file.write_bytes(save(weights, {"humanclaw": json.dumps(head)}))
+
+
+def schema(change):
+    return lambda folder: rewrite(folder, change)
+
+
+def parameter(**words):
+    return schema(lambda content: content["properties"]["z_cm"].update(words))
+
+
+def header(**words):
+    return lambda folder: written(folder, lambda head: head["adapter"].update(words))
+
+
+def weights(change):
+    return lambda folder: written(folder, change_weights=change)
+
+
+def narrow(tensors):
+    name = "model.blocks.0.up.weight"
+    tensors[name] = tensors[name][:, :-8].copy()
+
+
+def spoil(tensors):
+    tensors["model.blocks.0.up.weight"].flat[3] = np.nan
+
+
+def text(name, content):
+    return lambda folder: (folder / name).write_text(content)
+
+
+def renamed(name):
+    return lambda folder: folder.rename(folder.with_name(name))
+
+
+CHECK = '[[check]]\nid = "{}"\nquestion = "{}"\n'
+FOLDERS = {
+    "name": renamed("step back"),
+    "name-reserved": renamed("reset"),
+    "schema-file": text("schema.json", "{"),
+    "schema-object": schema(lambda content: content.update(type="array")),
+    "schema-valid": parameter(type="whole"),
+    "references": parameter(**{"$ref": "other.json"}),
+    "role": schema(lambda content: content.update({"x-role": "dance"})),
+    "properties": schema(lambda content: content["properties"].update(z_cm=True)),
+    "types": schema(lambda content: content["properties"].update(z_cm={"type": ["integer", "string"]})),
+    "reasoning-names": schema(lambda content: content["properties"].update(progress={"type": "integer"})),
+    "closed": schema(lambda content: content.pop("additionalProperties")),
+    "told": schema(lambda content: content.update(minProperties=1)),
+    "described": schema(lambda content: content.update(description=" ")),
+    "parameters-described": parameter(description=""),
+    "bounds-order": parameter(minimum=40, maximum=10),
+    "bounds-finite": parameter(maximum=40.5),
+    "choices": parameter(enum=["a"]),
+    "required-declared": schema(lambda content: content["required"].append("speed")),
+    "defaults-given": schema(lambda content: content.update(required=[])),
+    "defaults-legal": parameter(default=400),
+    "checklist-file": text("checklist.toml", "[[check]"),
+    "checklist-words": text("checklist.toml", '[[checks]]\nid = "a"\nquestion = "Is it?"\n'),
+    "checklist-tables": text("checklist.toml", 'check = ["Is it?"]'),
+    "checks-unique": text("checklist.toml", 2 * CHECK.format("a", "Is it?")),
+    "checks-named": text("checklist.toml", CHECK.format("", "Is it?")),
+    "checks-questions": text("checklist.toml", CHECK.format("a", "maybe")),
+    "units": schema(lambda content: content["properties"].update(z=content["properties"].pop("z_cm"))),
+    "integers": parameter(type="number"),
+    "bounded": schema(lambda content: content["properties"]["z_cm"].pop("maximum")),
+    "names-unique": schema(lambda c: c["properties"].update(z_deg={**c["properties"]["z_cm"], "default": 9})),
+    "measures-known": parameter(**{"x-measure": "hips.retreat"}),
+    "measures-units": parameter(**{"x-measure": "heading.left"}),
+    "adapter-there": lambda folder: (folder / "adapter.safetensors").unlink(),
+    "adapter-readable": text("adapter.safetensors", "version https://git-lfs.github.com/spec/v1"),
+    "adapter-finite": weights(spoil),
+    "adapter-width": weights(narrow),
+    "adapter-header": header(scale=[0]),
+    "adapter-skill": header(skill="moonwalk"),
+    "adapter-base": lambda folder: written(folder, lambda head: head.update(base="0123456789abcdef")),
+    "adapter-parameters": header(params=["x"]),
+    "adapter-measures": header(measures=["hips.forward"]),
+    "adapter-bounds": parameter(maximum=90),
+    "publish-gemini": renamed("2_steps_back"),
+}
+
+
+@pytest.mark.parametrize("check", FOLDERS)
+def test_a_folder_that_fails_a_check_is_told_its_name_and_a_remedy(check, tmp_path):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    FOLDERS[check](folder)
+    (folder,) = tmp_path.iterdir()
+    report = examine(folder, engines=())
+    assert check in {fault.check for fault in report.faults}
+    assert all(fault.remedy for fault in report.faults)
+
+
+def planned(plan, properties=None, **more):
+    """A skill that plans by a function."""
+    content = {"type": "object", "properties": properties or {}, "additionalProperties": False}
+    return Skill("made", "Is made.", content | more, plan)
+
+
+TIMES = {"times": {"type": "integer", "default": 1}}
+BENT = {"left_knee": ((0.0, 0.0, 0.0), (-0.6, 0.0, 0.0))}
+PLANS = {
+    "publish-openai": planned(lambda params: NOD, {"turns": {"type": "array", "default": []}}),
+    "publish-anthropic": planned(lambda params: NOD, {"wie weit": {"type": "integer", "default": 1}}),
+    "plan-runs": planned(lambda params: Keyframes.cycle("head", "w", 10, 1)),
+    "plan-kind": planned(lambda params: "walk"),
+    "plan-repeats": planned(lambda params, seen=[]: seen.append(1) or Keyframes.cycle("head", "x", len(seen), 1)),
+    "duration": planned(lambda params: Keyframes.cycle("head", "x", 5, 0.5, max(1, params["times"])), TIMES),
+    "control-adapter": planned(lambda params: Control(Path("nowhere.safetensors"), {})),
+    "control-values": planned(lambda params: Control(WALK, {"z": 0.4})),
+    "control-finite": planned(lambda params: Control(WALK, {"x": 0.0, "z": float("nan"), "yaw": 0.0})),
+    "control-range": planned(lambda params: Control(WALK, {"x": 0.0, "z": 40.0, "yaw": 0.0})),
+    "keyframes-joints": planned(lambda params: Keyframes.cycle("tail", "x", 5, 1)),
+    "keyframes-times": planned(lambda params: Keyframes((0.0, 1.0, 0.5), {"head": ((0.0, 0.0, 0.0),) * 3})),
+    "keyframes-finite": planned(lambda params: Keyframes((0.0, 1.0), {"head": ((float("nan"), 0.0, 0.0),) * 2})),
+    "joint-limits": planned(lambda params: Keyframes.cycle("neck", "y", 170, 2)),
+    "joint-speed": planned(lambda params: Keyframes.cycle("right_shoulder", "x", 170, 0.2)),
+    "accepts-bounds": planned(lambda params: NOD, {"word": {"type": "string", "pattern": "^q"}}, required=["word"]),
+    "refuses-types": planned(lambda params: NOD, {"any": {"default": 1}}),
+}
+
+
+@pytest.mark.parametrize("check", PLANS)
+def test_a_plan_that_fails_a_check_is_told_its_name_and_a_remedy(check):
+    faults = [fault for fault in examine(PLANS[check], engines=()).faults if fault.check == check]
+    assert faults
+    assert all(fault.remedy for fault in faults)
+
+
+def test_a_knee_does_not_bend_forward():
+    assert names(planned(lambda params: Keyframes((0.0, 1.0), BENT))) == {"joint-limits"}
+
+
+ELSEWHERE = {
+    "loads": "test_a_file_that_raises_is_a_fault_of_the_file",
+    "publish-mcp": "what no MCP server takes is of no one type, which `types` finds first",
+    "refuses-unknown": "a schema that is closed refuses it; `closed` finds the others",
+    "refuses-nan": "Skill.check refuses it for everybody: test_no_number_of_a_call_may_be_nan",
+    "refuses-beyond": "JSON Schema refuses it for everybody",
+    "body-plays": "test_what_only_playing_finds",
+    "body-repeats": "test_what_only_playing_finds",
+    "engine-plays": "test_what_only_an_engine_finds",
+    "engine-finite": "test_what_only_an_engine_finds",
+}
+
+
+def test_every_named_check_has_a_skill_that_fails_it():
+    assert FOLDERS.keys() | PLANS.keys() | ELSEWHERE.keys() == CHECKS.keys()
+    assert len(CHECKS) >= 40
+
+
+def test_all_problems_are_told_at_once(tmp_path):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "reset")
+    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90, description=""))
+    text("checklist.toml", '[[checks]]\nid = "a"\n' + CHECK.format("a", "maybe"))(folder)
+    written(folder, lambda head: head.update(base="0123"))
+    assert names(folder) == {
+        "name-reserved", "parameters-described", "checklist-words", "checks-questions", "adapter-base",
+        "adapter-bounds", "adapter-skill",
+    }  # fmt: skip
+    with pytest.raises(AssertionError, match=r"(?s)checklist-words: .*name-reserved: .*adapter-bounds: "):
+        check_skill(folder, engines=())
+
+
+@pytest.mark.parametrize("odd", [float("nan"), float("inf")])
+def test_no_number_of_a_call_may_be_nan(odd):
+    with pytest.raises(CallError, match="gradual was not executed: degrees"):
+        gradual.check({"degrees": odd})
+
+
+class Moody:
+    """Plans otherwise once it has been planned often: what only playing finds."""
+
+    def __init__(self, often, then):
+        self.count, self.often, self.then = 0, often, then
+
+    def __call__(self, params):
+        self.count += 1
+        return self.then() if self.count > self.often else NOD
+
+
+def test_what_only_playing_finds():
+    assert "body-repeats" in names(planned(Moody(3, lambda: Keyframes.cycle("head", "x", 10, 0.5))))
+    assert "body-plays" in names(planned(Moody(3, lambda: 1 / 0)))
+
+
+class Engine:
+    """A simulator that loses the body, or breaks."""
+
+    def __init__(self, fault):
+        self.fault = fault
+
+    @hookimpl
+    def humanclaw_simulators(self, register):
+        fault = self.fault
+
+        class Loses(FakeWorld):
+            def execute(self, motion):
+                if fault == "breaks":
+                    raise RuntimeError("out of memory")
+                motion.root[:] = 1e3
+                return super().execute(motion)
+
+        register("odd", lambda profile="default": Loses())
+
+
+@pytest.mark.parametrize(("fault", "check"), [("breaks", "engine-plays"), ("loses", "engine-finite")])
+def test_what_only_an_engine_finds(fault, check):
+    plugins = Plugins()
+    plugins.add(Engine(fault), "odd")
+    report = examine(choosing, engines=["odd"], plugins=plugins)
+    assert [one.check for one in report.faults] == [check] * len(report.faults)
+    assert report.faults
+
+
+# -- formats -----------------------------------------------------------------------------------------------------------
+def test_an_odd_schema_takes_out_that_skill_alone_and_for_that_format_alone(caplog):
+    pool = [choosing, PLANS["publish-anthropic"], PLANS["publish-openai"]]
+    told = {form: len(publish(pool, form)) for form in ("openai", "anthropic", "mcp")}
+    assert told == {"openai": 2, "anthropic": 2, "mcp": 3}
+    assert len(publish(pool, "gemini")[0]["functionDeclarations"]) == 2
+    assert "skill 'made' is not among the anthropic tools" in caplog.text
+
+
+def test_a_skill_that_one_format_cannot_tell_is_used_in_the_others():
+    plugins = Plugins()
+    plugins.add(Fakes([PLANS["publish-anthropic"]]), "made")
+    assert set(plugins.skills) == {"made"}
+
+
+# -- the doors to the check --------------------------------------------------------------------------------------------
+FILE = '''
+from humanclaw import Keyframes, hookimpl, skill
+
+@skill()
+def nod({arguments}) -> Keyframes:
+    """Nod."""
+    return Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5, times={times})
+
+@hookimpl
+def humanclaw_skills(register):
+    register(nod)
+'''
+
+
+def test_the_command_line_checks_a_file_a_folder_and_a_name(tmp_path, plugins):
+    good, bad = tmp_path / "good.py", tmp_path / "bad.py"
+    good.write_text(FILE.format(arguments="", times=1))
+    bad.write_text(FILE.format(arguments="times: int = 1", times="times"))
+    command = build(lambda: plugins)
+
+    def run(*arguments):
+        done = CliRunner().invoke(command, ["check", "--engine", "none", *map(str, arguments)])
+        return done.exit_code, done.output
+
+    assert run(good) == (
+        0,
+        f"ok    nod: 1 calls played on a fake body\n1 skills, no fault; {len(CHECKS)} named checks.\n",
+    )
+    code, told = run(bad, folder_of("stop"), "turn_in_place")
+    assert code == 1
+    assert "duration: nod(times=1000)" in told
+    assert "ok    stop" in told
+    assert "ok    turn_in_place" in told
+    assert run("--list")[1].count("\n") == len(CHECKS)
+    code, told = run(bad, "--json")
+    (row,) = json.loads(told)
+    assert {fault["check"] for fault in row["faults"]} == {"duration", "keyframes-times"}
+
+
+@pytest.mark.parametrize(
+    ("code", "check"),
+    [
+        ("1 / 0", "loads"),
+        ("import humanclaw", "loads"),
+        (FILE.format(arguments="", times=1).replace("nod", "look"), "name-reserved"),
+    ],
+)
+def test_a_file_that_raises_is_a_fault_of_the_file(tmp_path, plugins, code, check):
+    (tmp_path / "odd.py").write_text(code)
+    (report,) = check_target(str(tmp_path / "odd.py"), plugins, engines=())
+    assert [fault.check for fault in report.faults] == [check]
+
+
+def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
+    plugins = Plugins()
+    plugins.add(Fakes([folder]), "mine")
+    for name in ("step_back", "mine:step_back"):
+        (report,) = check_target(name, plugins, engines=())
+        assert {fault.check for fault in report.faults} == {"adapter-bounds"}
+
+
+def test_the_pytest_plugin_makes_a_test_of_each_check(pytester):
+    pytester.makepyfile(good=FILE.format(arguments="", times=1))
+    pytester.makepyfile(bad=FILE.format(arguments="times: int = 1", times="times"))
+    # As it is where the entry point is installed, and where it is not.
+    loaded = ("-p", "no:humanclaw", "-p", "humanclaw.testing.pytest_plugin")
+    plain = (*loaded, "-p", "no:cacheprovider", "--humanclaw-engine=fake")
+    pytester.runpytest(*plain, "--humanclaw-skill=good.py").assert_outcomes(passed=len(CHECKS))
+    done = pytester.runpytest(*plain, "--humanclaw-skill=bad.py")
+    done.assert_outcomes(passed=len(CHECKS) - 2, failed=2)
+    done.stdout.fnmatch_lines(["*duration*", "*Bound the parameters that set how long it lasts.*"])
+
+
+# -- the fakes ---------------------------------------------------------------------------------------------------------
+def test_a_fake_model_plays_an_episode_of_any_skills_in_a_fake_world():
+    stop = Skill(
+        "halt", "Stop.", planned(None).schema, lambda params: NOD, (Check("here", "Is it here?"),), None, "stop"
+    )
+    with fake_body(choosing, gradual, stop) as body:
+        record = run_episode(body, free_episode("anything", body.scene), FakeModel(calls=4))
+    assert (record.outcome, record.steps) == ("stopped", 5)
+
+
+def test_a_fake_generator_goes_where_it_is_told(plugins):
+    with fake_body(plugins.skill("walk")) as body:
+        body.execute(Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 90}))
+        body.execute(Call("walk", {"x_cm": 10, "z_cm": 0, "yaw_deg": 0}))
+        x, _, z = body.state().body.root[-1]
+    assert (x, z) == pytest.approx((0.0, 0.3), abs=1e-6)
+
+
+def test_the_page_of_checks_names_every_one():
+    told = (Path(__file__).parents[1] / "docs/check.md").read_text("utf-8")
+    assert [line for line in told.splitlines() if line.startswith("| `")] == [
+        f"| `{name}` | {says} |" for name, says in CHECKS.items()
+    ]
+
+
+def test_a_body_calls_either_of_two_skills_of_one_name():
+    with fake_body(gradual) as body:
+        body.plugins.add(Fakes([replace(choosing, name="gradual")]), "other")
+        body.call("gradual", degrees=5.0)
+        body.call("other:gradual", side="right", twice=True)
+        assert len(body.last.chunks) == 2
+        with pytest.raises(CallError):
+            body.call("gradual", side="right")

@@ -1,0 +1,115 @@
+"""The documentation is whole: it tells of every hook, command, option and field of a record."""
+
+import ast
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+import humanclaw_bench.hookspecs
+from humanclaw import Plugins, hookspecs
+from humanclaw.cli import build
+from humanclaw.plugins import PREFIX, load_file
+
+ROOT = Path(__file__).parents[1]
+HOOKS = {
+    name: module
+    for module in (hookspecs, humanclaw_bench.hookspecs)
+    for name, value in vars(module).items()
+    if name.startswith(PREFIX) and callable(value)
+}
+PAGE = (ROOT / "docs" / "hooks.md").read_text("utf-8")
+SECTIONS = dict(re.findall(r"^## `(humanclaw_\w+)`\n(.*?)(?=^##? |\Z)", PAGE, re.MULTILINE | re.DOTALL))
+
+
+def test_the_page_of_hooks_has_those_that_there_are():
+    assert set(SECTIONS) == set(HOOKS)
+
+
+@pytest.mark.parametrize("hook", HOOKS)
+def test_a_hook_has_a_paragraph_an_example_a_user_and_a_test(hook):
+    words, _, rest = SECTIONS[hook].partition("```python")
+    assert len(words.split()) >= 15
+    assert f"def {hook}(" in rest
+    used, _, tested = rest.rpartition("Used by ")[2].partition("Tested by ")
+    users, tests = re.findall(r"`([\w/]+\.py)`", used), re.findall(r"`([\w/]+\.py)`", tested)
+    assert users
+    assert tests
+    assert all(f"def {hook}(" in (ROOT / path).read_text("utf-8") for path in users)
+    kind = hook.removeprefix(PREFIX)
+    texts = [(ROOT / path).read_text("utf-8") for path in tests]
+    assert any(hook in text or f'"{kind}"' in text or f".{kind}" in text for text in texts)
+
+
+def _commands(command, words):
+    if not isinstance(command, click.Group):
+        yield words, command
+        return
+    context = click.Context(command, info_name=words)
+    for name in command.list_commands(context):
+        yield from _commands(command.get_command(context, name), f"{words} {name}")
+
+
+def test_every_command_and_every_option_says_what_it_is_for(plugins):
+    found = list(_commands(build(lambda: plugins), "humanclaw"))
+    assert len(found) > 20
+    silent = [words for words, command in found if not command.help]
+    silent += [
+        f"{words} {one.opts[0]}"
+        for words, command in found
+        for one in command.params
+        if isinstance(one, click.Option) and not one.help and not isinstance(one.type, click.Choice)
+    ]
+    assert silent == []
+
+
+RECORDS = ("records.py", "_decisions.py", "_feedback.py")
+KEPT = {
+    "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
+    "Proprioception", "Refusal", "SkillInfo", "StepRecord", "Touch", "Usage", "Verdict",
+}  # fmt: skip
+
+
+def _fields():
+    """(record, field, whether the code says beside it what it is) of every field of every record."""
+    for name in RECORDS:
+        for node in ast.walk(ast.parse((ROOT / "core" / "humanclaw" / name).read_text("utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name in KEPT:
+                for part, after in zip(node.body, [*node.body[1:], None], strict=True):
+                    if isinstance(part, ast.AnnAssign) and not part.target.id.startswith("_"):
+                        yield node.name, part.target.id, isinstance(after, ast.Expr)
+
+
+def test_every_field_of_a_record_is_told_of():
+    page = (ROOT / "docs" / "records.md").read_text("utf-8")
+    rows = " ".join(re.findall(r"^\| (`.*?) \|", page, re.MULTILINE))
+    fields = list(_fields())
+    assert {record for record, _, _ in fields} == KEPT
+    assert [f"{record}.{name}" for record, name, told in fields if not told and f"`{name}`" not in rows] == []
+
+
+def test_every_page_of_the_site_is_in_its_contents():
+    contents = (ROOT / "mkdocs.yml").read_text("utf-8")
+    there = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
+    assert [page for page in there if page not in contents] == []
+
+
+def test_links_between_pages_of_the_repository_lead_somewhere():
+    pages = [ROOT / "README.md", *ROOT.glob("*/README.md"), *ROOT.glob("[phs]*/*/README.md")]
+    for page in pages:
+        for target in re.findall(r"\]\((?!https?://|#)([^)#\s]+)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}"
+
+
+def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_path):
+    """Load the examples on the page of hooks as plugins of one file."""
+    for hook in ("humanclaw_verifiers", "humanclaw_reports", "humanclaw_commands", "humanclaw_faults"):
+        code = re.search(r"```python\n(.*?)```", SECTIONS[hook], re.DOTALL)[1]
+        (tmp_path / f"{hook}.py").write_text(code)
+    plugins = Plugins.discover(sorted(tmp_path.glob("*.py")))
+    assert "careful" in [one.name for one in plugins.registered("verifiers")]
+    assert "sleeper" in [one.name for one in plugins.registered("faults")]
+    assert "lines" in [one.name for one in plugins.registered("reports")]
+    assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))
+    assert load_file(tmp_path / "humanclaw_verifiers.py").Careful.name == "careful"

@@ -1,0 +1,144 @@
+"""Every snippet of the documentation does what it says; the heavy ones with HUMANCLAW_SLOW=1."""
+
+import json
+import os
+import re
+import shlex
+import tomllib
+
+import click
+import pytest
+from click.testing import CliRunner
+from packaging.requirements import Requirement
+from snippets import ROOT, RUN_WHOLE, WAYS, Snippet, pages, snippets
+from wheels import distributions
+
+from humanclaw import Plugins
+from humanclaw.cli import build
+
+ALL = list(snippets())
+CODE = [one for one in ALL if one.way != "text"]
+NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in distributions()}
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+
+
+@pytest.fixture(scope="session")
+def command_line(plugins):
+    return build(lambda: plugins)
+
+
+@pytest.fixture(scope="session")
+def folders(tmp_path_factory):
+    """Make a folder a page, with what it says to save; what one block writes, the next one may read."""
+    made = {page: tmp_path_factory.mktemp("page") for page in {one.page for one in ALL}}
+    for one in ALL:
+        if one.file:
+            (made[one.page] / one.file).write_text(one.code)
+    return made
+
+
+def _words(snippet: Snippet) -> list[list[str]]:
+    """The commands of a block, a list of words each; `&&` begins another."""
+    lines = [shlex.split(line, comments=True) for line in snippet.code.splitlines()]
+    split = [part for words in lines for part in " ".join(map(shlex.quote, words)).split(" '&&' ")]
+    return [words for words in map(shlex.split, split) if words]
+
+
+def test_every_block_says_how_it_is_run_and_why_not_always():
+    assert len(ALL) > 60
+    assert {one.way for one in ALL} <= set(WAYS)
+    assert [str(one) for one in ALL if one.way != "always" and len(one.reason) < 10] == []
+    read = [path for path in pages() if path.relative_to(ROOT).as_posix() not in RUN_WHOLE]
+    fences = sum(len(re.findall(r"^```", path.read_text("utf-8"), re.MULTILINE)) for path in read)
+    assert fences == 2 * len(ALL)
+
+
+@pytest.mark.parametrize("snippet", [one for one in CODE if one.language == "python"], ids=str)
+def test_python_runs(snippet, folders, monkeypatch):
+    code = compile(snippet.code, str(snippet), "exec")
+    if snippet.way in ("elsewhere", "never"):
+        return
+    _skip_slow(snippet)
+    monkeypatch.chdir(folders[snippet.page])
+    names = {"__name__": f"snippet_{snippet.line}"}
+    exec(code, names)
+    if hooks := {name: value for name, value in names.items() if name.startswith("humanclaw_")}:
+        _registers(names, hooks)
+
+
+def _registers(names, hooks):
+    """A plugin of a snippet registers, beside the benchmark's, all that it means to."""
+    import types
+
+    plugins, plugin = Plugins(), types.ModuleType("snippet")
+    plugins.add(__import__("humanclaw_bench"), "bench")
+    for name, value in hooks.items():
+        if hasattr(value, "humanclaw_impl"):
+            setattr(plugin, name, value)
+    plugins.add(plugin, "snippet")
+    (info,) = (one for one in plugins.infos if one.name == "snippet")
+    assert (info.error, dict(info.disabled), info.duplicates) == ("", {}, ())
+    watching = {
+        "humanclaw_chunk",
+        "humanclaw_step",
+        "humanclaw_episode_end",
+        "humanclaw_commands",
+        "humanclaw_hookspecs",
+    }
+    assert info.provides or set(vars(plugin)) & watching
+
+
+@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("", "bash")], ids=str)
+def test_commands_exist_and_run(snippet, folders, command_line, monkeypatch):
+    commands = _words(snippet)
+    for words in commands:
+        _check(words, command_line)
+    if snippet.way in ("elsewhere", "never"):
+        return
+    _skip_slow(snippet)
+    monkeypatch.chdir(folders[snippet.page])
+    for words in commands:
+        if words[0] == "humanclaw":
+            done = CliRunner().invoke(build(Plugins.discover), words[1:])
+            assert done.exit_code in (0, 1), f"{shlex.join(words)}: {done.output} {done.exception!r}"
+
+
+def _check(words, command_line):
+    """A command of ours with options that it has; a distribution that there is; a target of the Makefile."""
+    program = words[0].rpartition("/")[2]
+    if program == "humanclaw":
+        _parse(command_line, words[1:])
+    elif program == "pip" and words[1] == "install":
+        ours = [Requirement(word) for word in words[2:] if word.startswith("humanclaw")]
+        assert {one.name for one in ours} <= NAMES
+        assert {extra for one in ours if one.name == "humanclaw" for extra in one.extras} <= set(EXTRAS)
+    elif program == "make":
+        assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), words
+    else:
+        assert program in {"python", "python3", "export", ".", "pip", "docker"}, words
+
+
+def _parse(command, words):
+    """Parse a command line as click would, without carrying it out."""
+    context = click.Context(command, info_name="humanclaw")
+    while isinstance(command, click.Group):
+        name, found, words = command.resolve_command(context, list(words))
+        context, command = click.Context(found, parent=context, info_name=name), found
+    if not command.context_settings.get("ignore_unknown_options"):
+        known = {option for one in command.get_params(context) for option in (*one.opts, *one.secondary_opts)}
+        given = {word.partition("=")[0] for word in words if word.startswith("--")}
+        assert given <= known, f"{command.name} has no {sorted(given - known)}"
+
+
+@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("json", "toml")], ids=str)
+def test_data_can_be_read(snippet):
+    assert (json.loads if snippet.language == "json" else tomllib.loads)(snippet.code)
+
+
+def test_no_block_is_in_another_language():
+    assert {one.language for one in CODE} <= {"", "bash", "python", "json", "toml"}
+
+
+def _skip_slow(snippet):
+    if snippet.way == "slow" and not os.environ.get("HUMANCLAW_SLOW"):
+        pytest.skip(f"HUMANCLAW_SLOW=1: {snippet.reason}")

@@ -1,0 +1,122 @@
+"""What a file says of names and sizes is checked before anything is opened, made or written by it."""
+
+import errno
+import io
+import json
+import os
+import zipfile
+
+import numpy as np
+import pytest
+from made import broken_off, record_episode
+
+from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
+from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord
+from humanclaw.storage import within
+from humanclaw.tasks import read_episodes
+
+SPEC = EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0")
+
+
+# -- names -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["../b", "/etc/passwd", "a/../../b", "..", "a/../.."])
+def test_a_name_cannot_lead_out_of_its_folder(tmp_path, name):
+    with pytest.raises(ValueError, match="outside"):
+        within(tmp_path / "home", name)
+
+
+@pytest.mark.parametrize("name", ["b", "a/b", "a/../b", "."])
+def test_a_name_inside_is_taken(tmp_path, name):
+    assert within(tmp_path / "home", name).is_relative_to(tmp_path / "home")
+
+
+@pytest.mark.parametrize("name", ["../a", "a/b", "a\\b", "..", "", ".hidden", "a\n", "a" * 101, "C:a", "é"])
+def test_an_id_that_is_no_name_of_a_folder_is_none(name):
+    with pytest.raises(ValueError, match="id"):
+        EpisodeSpec(id=name, instruction="Find a couch.", scene="house:0")
+
+
+def test_an_id_that_is_there_twice_is_named_by_its_lines(tmp_path):
+    file = tmp_path / "split.jsonl"
+    lines = [SPEC.model_copy(update={"id": name}).model_dump_json() for name in ("one", "two", "ONE")]
+    file.write_text("\n".join(lines) + "\n")
+    with pytest.raises(HumanclawError, match=r"split.jsonl:3 holds the id 'ONE' of line 1 again"):
+        read_episodes(file)
+    file.write_text("\n".join(lines[:2]))
+    assert [spec.id for spec in read_episodes(file)] == ["one", "two"]
+
+
+def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
+    (tmp_path / "split.jsonl").write_bytes(SPEC.model_dump_json().encode() + b"\n\xff\xfe\n")
+    with pytest.raises(HumanclawError, match=r"split.jsonl:2 is no episode"):
+        read_episodes(tmp_path / "split.jsonl")
+
+
+# -- sizes -------------------------------------------------------------------------------------------------------------
+def array(shape, data=b"", kind="<f8"):
+    """A file of an array as its header describes it, whatever follows."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": kind, "fortran_order": False, "shape": shape})
+    return stream.getvalue() + data
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        array((10**12, 20, 3)),
+        array((2**31, 2**31)),
+        array((3, 3), b"\0" * 71),
+        array((-1, 3)),
+        array((2,), b"\0" * 16, "|O"),
+        b"\x93NUMPY",
+        b"words",
+        b"",
+    ],
+)
+def test_an_array_that_says_it_is_larger_than_it_is_takes_no_memory(tmp_path, content):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    with zipfile.ZipFile(tmp_path / "couch-0" / "motion.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("simulated_root.npy", content)
+        archive.writestr("simulated_rotations.npy", array((0, 24, 3)))
+    with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
+        RecordedEpisode(tmp_path / "couch-0").motion()
+
+
+def test_what_a_zip_says_of_its_size_is_not_believed(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    before = RecordedEpisode(tmp_path / "couch-0").motion().root
+    assert np.isfinite(before).all(), "an honest file is read"
+    broken_off(tmp_path / "couch-0")
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(b"PK\x03\x04" + b"\0" * 40)
+    with pytest.raises(RecordError, match="cannot be read"):
+        RecordedEpisode(tmp_path / "couch-0").objects()
+
+
+# -- room --------------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def full(monkeypatch):
+    """full(): from now on nothing more gets onto the disk."""
+
+    def refuse(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    return lambda: monkeypatch.setattr("os.fsync", refuse)
+
+
+def step(number):
+    return StepRecord(step=number, status="invalid", attempts=())
+
+
+def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full):
+    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+    writer = EpisodeWriter(tmp_path / "a", record)
+    writer.step(step(0))
+    full()
+    for write in (lambda: writer.step(step(1)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(record, {})):
+        with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
+            write()
+    found = (tmp_path / "a" / "steps.jsonl").read_bytes()
+    assert [json.loads(line)["step"] for line in found.splitlines()] == [0]
+    assert not list((tmp_path / "a").rglob("*.partial"))
+    assert RecordedEpisode(tmp_path / "a").record.outcome == "running"
