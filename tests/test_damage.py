@@ -1,5 +1,6 @@
 """Damage to a record: whatever is cut, flipped or swapped is found, by file and line, or has changed nothing."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -118,3 +119,15 @@ def test_a_record_names_no_file_outside_its_folder(folder, name):
     write_record(folder, record.model_copy(update={"files": {}}))
     with pytest.raises(RecordError, match="not a step"):
         _ = RecordedEpisode(folder).digest
+
+
+def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):
+    path = folder / "episode.json"
+    content = json.loads(path.read_bytes())
+    del content["seal"], content["limit"]
+    said = json.dumps(content, sort_keys=True).encode()
+    path.write_text(json.dumps({**content, "seal": hashlib.sha256(said).hexdigest()}, indent=1))
+    assert RecordedEpisode(folder).record.limit == ""
+    path.write_text(path.read_text().replace('"steps": ', '"steps": 1'))
+    with pytest.raises(RecordError, match="changed since it was written"):
+        RecordedEpisode(folder)

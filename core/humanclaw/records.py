@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import io
+import json
 import math
 import os
 import re
@@ -280,8 +281,16 @@ class EpisodeRecord(Record):
     @property
     def sealed(self) -> EpisodeRecord:
         """The same with the seal that belongs to it."""
-        content = self.model_dump_json(exclude={"seal"}).encode()
-        return self.model_copy(update={"seal": hashlib.sha256(content).hexdigest()})
+        return self.model_copy(update={"seal": _seal(self.model_dump_json().encode())})
+
+
+def _seal(data: bytes) -> str:
+    """Return the seal of an episode.json, of what it says and not of how it is laid out.
+
+    Of the file itself and not of the record read from it: a field that a later version knows besides breaks no seal.
+    """
+    content = {key: value for key, value in json.loads(data).items() if key != "seal"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 # -- the folder --------------------------------------------------------------------------------------------------------
@@ -438,10 +447,11 @@ def _refuse_copies(episodes: Sequence[RecordedEpisode]) -> None:
 
 def _read_record(path: Path) -> EpisodeRecord:
     try:
-        record = EpisodeRecord.model_validate_json(_read(path))
+        data = _read(path)
+        record = EpisodeRecord.model_validate_json(data)
     except ValidationError as error:
         raise RecordError(f"{path}{_where(error)} is no record: {_told(error)}.", _AGAIN) from error
-    if record.seal and record.sealed.seal != record.seal:
+    if record.seal and _seal(data) != record.seal:
         raise RecordError(f"{path} has been changed since it was written.", _AGAIN)
     return record
 
