@@ -40,7 +40,7 @@ lint: install  ## Style, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
-	$(BIN)/lint-imports
+	PYTHONPATH=plugins/ray $(BIN)/lint-imports  # installed by nobody who has no Ray
 
 lint-pages:  ## The types of the pages' scripts (needs npx)
 	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json

@@ -20,8 +20,21 @@ def _imported(path: Path) -> set[str]:
     """The modules of the core that a file imports names from."""
     tree = ast.parse(path.read_text("utf-8"))
     plain = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-    named = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    named = {
+        _module(node.module, alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }
     return {name for name in plain | named if name.split(".")[0] == "humanclaw"}
+
+
+def _module(package: str, name: str) -> str:
+    """What `from package import name` reaches for: a module of the core of that name, unless a door offers the name."""
+    if package in DOORS and name in getattr(importlib.import_module(package), "__all__", ()):
+        return package
+    inner = ROOT / "core" / Path(*package.split("."), name)
+    return f"{package}.{name}" if inner.is_dir() or inner.with_suffix(".py").is_file() else package
 
 
 def _ways() -> list[tuple[str, str]]:
