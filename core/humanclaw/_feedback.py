@@ -112,7 +112,7 @@ class Feedback:
 
     @property
     def sensor_readings(self) -> str:
-        """What the body sensor_readings, in words; empty for one that only sees."""
+        """What the body felt, in words; empty for one that only sees."""
         return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
 
     def _action(self) -> str:

@@ -117,7 +117,7 @@ def _claim(folder: Path) -> None:
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """Return a request to end is Ctrl-C by another name: the record is closed and the report written."""
+    """Take a request to end as Ctrl-C by another name: the record is closed and the report written."""
 
     def handle(number: int, frame: object) -> None:
         raise KeyboardInterrupt

@@ -69,7 +69,7 @@ def feel(world: World, profile: Profile, movable: Collection[int], touches: Sequ
 
 
 def _borne(carrying: set[int], before: Reflex, step: float) -> Mapping[int, float]:
-    """Return a thigh that loses touch for a moment has not stood up: else it would come back down and push the body off
+    """Let a thigh that loses touch for a moment stay down: else it would come back down and push the body off
     the seat."""
     since = {thigh: 0.0 if thigh in carrying else before.borne.get(thigh, np.inf) + step for thigh in _THIGHS}
     return {thigh: seconds for thigh, seconds in since.items() if seconds < _PATIENCE}

@@ -282,7 +282,7 @@ class OracleAgent:
 
     # on stairs
     def _to_stairs(self, state: WorldState, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
-        """LevelSegment to where the next stairs begins."""
+        """Go on this floor to where the next stairs begin."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)

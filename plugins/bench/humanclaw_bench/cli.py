@@ -276,7 +276,7 @@ def _one(run: Path) -> Result:
 
 
 def console() -> Console:
-    """Return a pipe has no width: tables are as wide there as they need."""
+    """Return the console; a pipe has no width: tables are as wide there as they need."""
     console = Console()
     return console if console.is_terminal else Console(width=240)
 

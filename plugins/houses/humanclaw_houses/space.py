@@ -191,12 +191,12 @@ class Space:
         return any(block.meets(other, gap) for other in self._taken if other not in ignore)
 
     def is_free(self, rect: Rect) -> bool:
-        """Floor inside the room with nothing on it."""
+        """Tell whether it is floor inside the room with nothing on it."""
         return rect.within(self.rect) and not self._blocked(Block(rect, 0.03, 1.2), 0.0)
 
     def is_free_unit(self, side: Side, along: float, width: float) -> bool:
-        """Return a stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor in
-        front."""
+        """Tell whether a stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor
+        in front."""
         start = self.rect.x0 if side in ("south", "north") else self.rect.z0
         unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):

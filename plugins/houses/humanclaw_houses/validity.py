@@ -77,7 +77,8 @@ def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tup
 
 
 def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:
-    """Return a seat is where the asset says if a collision hull ends there, and it can be sat on at 0.35 to 0.65 m."""
+    """Say what is wrong with a seat: it is where the asset says if a collision hull ends there, and it can be sat on at
+    0.35 to 0.65 m."""
     asset = scene.assets[obj.asset]
     if asset.seat_height is None or not 0.35 <= asset.seat_height <= 0.65:
         return [f"{obj.asset} has its seat at {asset.seat_height} m"]

@@ -119,7 +119,7 @@ class _Pool:
         self._waiting[actor.play.remote(spec, pack(self._out / spec.id))] = (actor, spec)
 
     def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[WorkerReport]:
-        """Yield an actor has died: another takes its place and, up to a limit, its episode."""
+        """Note that an actor has died: another takes its place and, up to a limit, its episode."""
         reason = str(error).strip().splitlines()[0]
         self._deaths += 1
         if self._deaths > LIVES and self._deaths > len(self._waiting) + 1:
@@ -142,7 +142,7 @@ class _Pool:
 
 @contextmanager
 def _connected(address: str, workers: int) -> Iterator[None]:
-    """Return a connection to the cluster; one that is there already is used and left as it is."""
+    """Connect to the cluster; one that is there already is used and left as it is."""
     if ray.is_initialized():
         yield
         return

@@ -113,7 +113,7 @@ def _bars(counts: NDArray[np.int_]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
-    """Return the command line. skills: finds those that are trained; this module itself knows of none."""
+    """Run the command line. skills: finds those that are trained; this module itself knows of none."""
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))

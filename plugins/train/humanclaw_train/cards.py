@@ -154,7 +154,7 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Return the command line."""
+    """Run the command line."""
     options = _parser().parse_args(arguments)
     try:
         base = options.base or shipped_base()

@@ -599,7 +599,7 @@ def sequences_table(found: Mapping[str, float]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Return the command line."""
+    """Run the command line."""
     options = _parser().parse_args(arguments)
     try:
         generator = made_generator(options)

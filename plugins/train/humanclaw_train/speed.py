@@ -257,7 +257,7 @@ def _told(timings: Iterator[Timing]) -> Iterator[Timing]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Return the command line."""
+    """Run the command line."""
     options = _parser().parse_args(arguments)
     runtimes = installed()
     timings: list[Timing] = []

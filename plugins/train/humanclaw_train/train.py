@@ -398,7 +398,7 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Return the command line."""
+    """Run the command line."""
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
     device = torch.device(
