@@ -503,7 +503,7 @@ class OracleAgent:
         if not self._spec.target_ids:
             return "Stop."
         if self._memory.stand is None or not self._memory.arrived:
-            return f"LevelSegment to the {self._noun}."
+            return f"Straight to the {self._noun}."
         return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
 
     def _progress(self, pose: PelvisPose) -> str:
