@@ -41,7 +41,7 @@ def test_a_skill_without_its_adapter_is_known_and_refused_with_what_mends_it(cop
 def _squats(path: Path) -> None:
     """A clip of somebody who squats: thighs, shins and feet turn, and the hips go down by what the legs lose."""
     frames = 900
-    bend = 0.55 * (1 - np.cos(np.arange(frames) / 30 * np.pi)) * np.linspace(0.4, 1.0, frames)
+    bend = 0.68 * (1 - np.cos(np.arange(frames) / 30 * np.pi)) * np.linspace(0.8, 1.0, frames)
     standing = rest_pose(1)
     root, rotations = np.repeat(standing.root, frames, 0), np.repeat(standing.rotations, frames, 0)
     for side in ("left", "right"):
