@@ -7,7 +7,6 @@ from typing import Literal
 
 import click
 
-from humanclaw import Plugins, RecordedEpisode, Renderer
 from humanclaw.cli import plugin_files
 
 
@@ -21,6 +20,7 @@ from humanclaw.cli import plugin_files
 @plugin_files
 def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) -> None:
     """Write the page that shows a run, or several side by side: tables, and every episode with its replay."""
+    from humanclaw import Plugins
     from humanclaw_report.report import write_report
 
     plugins = Plugins.discover(files)
@@ -42,13 +42,14 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
     """Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."""
+    from humanclaw import Plugins, RecordedEpisode
     from humanclaw_report.film import film as make
 
     episode, plugins = RecordedEpisode(folder), Plugins.discover(files)
     out = out or folder / "film.mp4"
     size = (2 * round(height * 8 / 9), height // 2 * 2)
     kind: Literal["mp4", "gif"] = "gif" if out.suffix == ".gif" else "mp4"
-    drawing: Renderer = plugins.make("renderers", renderer)
+    drawing = plugins.make("renderers", renderer)
     try:
         make(episode, plugins.scene(episode.record.spec.scene), drawing, out, kind, every, size)
     finally:
@@ -62,6 +63,7 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
 @plugin_files
 def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
     """Show a run while it is under way, in a browser on this machine. Reads only; Ctrl-C ends it."""
+    from humanclaw import Plugins
     from humanclaw_report.watch import Watcher, server
 
     serving = server(Watcher(folder, Plugins.discover(files).scene), port)
