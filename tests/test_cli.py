@@ -38,8 +38,8 @@ def test_skills_lists_every_skill_with_owner_and_state(cli):
 
 def test_plugins_says_what_each_provides(cli):
     rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
-    assert "simulator bullet" in rows["bullet"]["provides"]
-    assert "renderer raster" in rows["raster"]["provides"]
+    assert "simulator bullet" in rows["humanclaw-bullet"]["provides"]
+    assert "renderer raster" in rows["humanclaw-raster"]["provides"]
     assert all(row["state"] == "in use" for row in rows.values())
 
 
@@ -61,7 +61,7 @@ def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
 def test_an_unknown_renderer_is_answered_with_the_nearest_name(cli):
     done = cli("run", "--renderer", "rastr", "--agent", "still", "--film", "none", "--out", "r")
     assert done.returncode != 0
-    assert "Did you mean raster?" in done.stderr
+    assert "Did you mean raster or raster-2x?" in done.stderr
 
 
 def test_the_ten_line_skill_can_be_called(cli, tmp_path):

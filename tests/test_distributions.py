@@ -87,7 +87,7 @@ def test_what_the_extra_does_not_hold_is_added_to_the_line():
         ("scenes", "house", "Run `pip install humanclaw-houses`."),
         ("executors", "ray", "Run `pip install humanclaw-ray`."),
         ("simulators", "mujocco", "Did you mean mujoco (of humanclaw-mujoco)?"),
-        ("renderers", "unheard-of", "Known: raster (of humanclaw-raster)."),
+        ("renderers", "unheard-of", "Known: raster (of humanclaw-raster), raster-2x (of humanclaw-raster)."),
     ],
 )
 def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_it(kind, name, remedy):

@@ -116,8 +116,8 @@ def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_p
     plugins = Plugins.discover(sorted(tmp_path.glob("*.py")))
     assert "careful" in [one.name for one in plugins.registered("verifiers")]
     told = []
-    plugins.tell("humanclaw_run_end", run="runs/x", plugins=plugins, tell=told.append)
-    assert "All of runs/x is played." in told
+    plugins.tell("humanclaw_run_end", run=Path("runs/x"), plugins=plugins, tell=told.append)
+    assert "0 records in runs/x" in told
     assert "sleeper" in [one.name for one in plugins.registered("faults")]
     assert "lines" in [one.name for one in plugins.registered("reports")]
     assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))

@@ -144,7 +144,7 @@ def test_a_run_that_ends_by_a_limit_says_so(shell):
         done = shell(*at(server), "--no-verifier", "--limit", "episode.tokens=1500")
     assert done.exit_code == 1
     assert "2200 tokens used; the limit episode.tokens is 1500" in done.stderr
-    assert "limit reached after 1 steps" in done.stdout
+    assert "limit reached after 1 step," in done.stdout
 
 
 def test_a_planted_key_is_in_no_artefact_of_a_run(shell, tmp_path, caplog):

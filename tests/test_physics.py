@@ -24,7 +24,7 @@ def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
 def test_the_command_prints_the_table_and_nothing_else(simulator):
     done = CliRunner().invoke(physics, ["--simulator", simulator, "free-space"])
     assert done.exit_code == 0
-    assert done.stdout.startswith("| law | measure | found | bound | holds |")
+    assert done.stdout.startswith("| check | measure | found | bound | holds |")
     assert len(done.stdout.splitlines()) == 5
 
 

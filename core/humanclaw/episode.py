@@ -201,9 +201,9 @@ class Episode:
     def ask(self) -> StepRecord | Refusal:
         """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent
         raises."""
+        self._check_open()
         if self._agent is None:
             raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
-        self._check_open()
         seen = self.observe()
         with self._closing(), blaming(_origin(self._agent)):
             decision = self._agent.decide(seen, self.history)
@@ -482,6 +482,7 @@ class Episode:
         if self._writer:
             self._writer.end(record, self._trajectory.arrays())
         self._record = record  # Not before: an end that could not be written may be written once there is room.
+        self._agent = self._verifier = None  # They know the episode by their context: a cycle would keep its house.
         self.body.plugins.tell("humanclaw_episode_end", episode=self._record, folder=self._folder)
 
     def _natural_outcome(self) -> Outcome:

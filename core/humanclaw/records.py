@@ -377,6 +377,11 @@ class RecordedEpisode:
         if self.record.files and len(self.steps) != self.record.steps:
             raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
 
+    @property
+    def has_motion(self) -> bool:
+        """Whether there is a motion.npz: an episode that is under way, or was cut short, has none."""
+        return (self.folder / "motion.npz").is_file()
+
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
         arrays = self._arrays(f"{kind}_root", f"{kind}_rotations")

@@ -144,14 +144,22 @@ class Client:
             raise
         except Exception as error:
             self._meter.check()  # A timeout that a limit has set is the limit's doing.
-            if self._may_stream(error):
-                self._streams = True
-                return self.complete(messages, request)
+            if self._may_stream(error) and (completion := self._in_pieces(messages, request)):
+                return completion
             raise self._sorted(error) from None  # The cause may hold the key.
         self._worked = True
         completion = self._completion(response, messages, request)
         self._settle(completion.usage, tokens_sent(messages, request) + self._answer)
         return completion
+
+    def _in_pieces(self, messages: list[Json], request: Mapping[str, Any]) -> Completion | None:
+        """Ask for an answer in pieces, and from then on; None if the server knows no such thing either."""
+        self._streams = True
+        try:
+            return self.complete(messages, request)
+        except ModelError:
+            self._streams = False
+            return None
 
     def _may_stream(self, error: Exception) -> bool:
         """Whether the server gives answers in pieces alone, as it says, or by what it sends."""

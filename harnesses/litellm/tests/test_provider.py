@@ -256,7 +256,7 @@ def test_a_cost_that_the_provider_tells_is_believed(begin, view):
         ({"model": "m", "params": {"tool_choice": "auto"}}, "tool_choice cannot be set here"),
         ({"model": "m", "api_key": KEY}, "options are recorded"),
         ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
-        ({"model": "m", "params": {"api_key": KEY}}, "api_key looks like a key"),
+        ({"model": "m", "params": {"api_key": KEY}}, "api_key cannot be set here"),
         (
             {"model": "m", "params": {"extra_body": [{"Authorization": KEY}]}},
             "extra_body.0.Authorization looks like a key",

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
 from typing import Final, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -331,14 +330,9 @@ def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
 
 def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
     """Object paths and jerk; nothing and NaN for an episode that ended before its motion was written."""
-    if not (recorded.folder / "motion.npz").exists():
+    if not recorded.has_motion:
         return {}, float("nan")
-    try:
-        return recorded.objects(), root_jerk(generated_trajectory(recorded))
-    except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
-        raise RecordError(
-            f"{recorded.folder / 'motion.npz'} cannot be read: {error}.", "Run the episode again, or remove its folder."
-        ) from error
+    return recorded.objects(), root_jerk(generated_trajectory(recorded))
 
 
 # -- many episodes -----------------------------------------------------------------------------------------------------

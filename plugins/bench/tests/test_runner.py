@@ -103,13 +103,10 @@ def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
     assert len(set(digests(first).values())) == 6
 
 
-def test_neither_the_order_of_the_episodes_nor_a_break_between_them_changes_any(play):
+def test_the_order_of_the_episodes_changes_none(play):
     _, _, clean = play(toy_world.specs(5))
     _, _, other = play(toy_world.specs(5)[::-1], name="reversed")
-    play(toy_world.specs(5), name="broken", limits={"run.usd": 1.5})
-    _, _, broken = play(toy_world.specs(5), name="broken", limits={"run.usd": 100})
     assert digests(other) == digests(clean)
-    assert digests(broken) == digests(clean)
 
 
 def test_a_digest_tells_two_runs_apart_that_did_something_else(play):

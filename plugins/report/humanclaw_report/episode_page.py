@@ -275,10 +275,9 @@ def _last_frame(recorded: RecordedEpisode) -> int:
 
 def _speeds(recorded: RecordedEpisode) -> Array:
     """(N,) speed of the hips over the floor in each frame of the replay, over half a second, m/s."""
-    try:
-        root = recorded.motion().root[::EVERY, [0, 2]]
-    except (OSError, KeyError):
+    if not recorded.has_motion:
         return np.zeros(0)
+    root = recorded.motion().root[::EVERY, [0, 2]]
     moved = np.linalg.norm(np.diff(root, axis=0, prepend=root[:1]), axis=1)
     return np.asarray(uniform_filter1d(moved * 30 / EVERY, 7, mode="nearest"))
 

@@ -115,12 +115,9 @@ class Replay:
 
     @classmethod
     def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
-        try:
-            motion, objects = episode.motion(), episode.objects()
-        except OSError as error:
-            raise RecordError(
-                f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed."
-            ) from error
+        if not episode.has_motion:
+            raise RecordError(f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed.")
+        motion, objects = episode.motion(), episode.objects()
         floors = floors_of(scene)
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
         storeys = storeys_at(floors, _smooth(motion.root[:, 1], 6.0))

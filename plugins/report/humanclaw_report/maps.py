@@ -230,12 +230,10 @@ def _walked(recorded: RecordedEpisode) -> list[Array]:
     if not recorded.steps:
         start = recorded.record.start
         return [np.array([[start.x, start.floor, start.z]])]
-    try:
-        root = recorded.motion().root
-    except (OSError, KeyError):
+    if not recorded.has_motion:
         ends = [(s.start, s.end if s.status != "invalid" else s.start) for s in recorded.steps]
         return [np.array(pair) for pair in ends]
-    pieces, first = [], HISTORY
+    root, pieces, first = recorded.motion().root, [], HISTORY
     for step in recorded.steps:
         stretch = root[first - 1 : first + step.motion_frames]
         pieces.append(stretch[sorted({*range(0, len(stretch), 3), len(stretch) - 1})])

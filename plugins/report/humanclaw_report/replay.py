@@ -72,10 +72,9 @@ def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
 
 def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | None:
     """Return what moves in an episode; None if its motion was not kept."""
-    try:
-        simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
-    except (OSError, KeyError):
+    if not recorded.has_motion:
         return None
+    simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
     moved = {key: path for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED}
     arrays = _pose("simulated", simulated) | _pose("generated", generated)
     arrays |= {f"object_{key}": path[_kept(len(path))].astype(np.float32) for key, path in moved.items()}
