@@ -24,7 +24,7 @@ from humanclaw.tasks import read_episodes
 from humanclaw.tools import json_objects, read_answer, read_call, read_text
 
 fuzz = settings(
-    max_examples=int(os.environ.get("HUMANCLAW_FUZZ", "25")),
+    max_examples=int(os.environ.get("HUMANCLAW_FUZZ", "8")),
     deadline=None,
     derandomize="HUMANCLAW_FUZZ" not in os.environ,
     suppress_health_check=list(HealthCheck),

@@ -82,7 +82,7 @@ def _disabled(folder, **more) -> str:
 def test_every_installed_skill_keeps_the_contract(plugins):
     assert plugins.disabled == {}
     for one in plugins.skills.values():
-        assert check_skill(one, plugins.measures) is one
+        assert check_skill(one, plugins.measures, engines=()) is one  # skills/*/tests play it on each engine
 
 
 def test_other_parameters_than_the_adapter_was_trained_on_are_named_with_the_remedy(copy):

@@ -612,7 +612,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             clips = load_pack(options.clips) if options.clips else []
             print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
             print("\n" + uncommanded_table(uncommanded(generator, commands, walks, seed=options.seed)), flush=True)
-            print("\n" + drift_line(drift(generator, walks, seed=options.seed)), flush=True)
+            print("\n" + drift_line(drift(generator, walks, min(10, options.bodies), seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(
             "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
