@@ -73,7 +73,7 @@ def main(models: int, objects: int) -> None:
             begin = time.perf_counter()
             scene = Plugins.discover().scene(f"hssd:{folder}/large")
             print(f"{which} load: {time.perf_counter() - begin:.1f} s")
-    triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
+    triangles = sum(len(scene.assets[obj.asset].mesh.faces) for obj in scene.objects)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"{len(scene.objects)} objects of {len(scene.assets)} assets, {triangles} triangles; at most {peak:.2f} GiB")
 

@@ -141,7 +141,7 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
 
     In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
-    jerk of the motion that was asked for, so the offset that anchoring introduced is taken back.
+    jerk of the motion that was asked for, so the offset that re-rooting introduced is taken back.
     """
     made, real = recorded.motion("generated"), recorded.motion("simulated")
     whole: Motion | None = None

@@ -104,9 +104,9 @@ def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int)
 
 def _tell(scene: Scene) -> bool:
     """Say what is in a scene; returns whether all that should be is."""
-    targets = Counter(thing.category for thing in scene.objects if thing.category in GOALS)
-    triangles = sum(len(scene.assets[thing.asset].mesh.faces) for thing in scene.objects)
-    movable = sum(thing.movable for thing in scene.objects)
+    targets = Counter(obj.category for obj in scene.objects if obj.category in GOALS)
+    triangles = sum(len(scene.assets[obj.asset].mesh.faces) for obj in scene.objects)
+    movable = sum(obj.movable for obj in scene.objects)
     click.echo(
         f"{scene.name}: {len(scene.objects)} objects ({movable} movable) of {len(scene.assets)} assets, {triangles} "
         "triangles, "

@@ -289,7 +289,7 @@ class _Site:
         """Ids of the objects that goals mean, those left out of the scene passed over. Raises SceneError if none is
         there."""
         meant = [self._meant(goal, category) for goal in goals]
-        found = tuple(dict.fromkeys(thing.id for thing in meant if thing))
+        found = tuple(dict.fromkeys(obj.id for obj in meant if obj))
         if not found:
             said = (
                 f"its {len(goals)} goals are not in the scene{self._near(goals, category)}"
@@ -297,8 +297,8 @@ class _Site:
                 else "the file has no goals"
             )
             raise SceneError(f"no {task.object_category} for it: {said}.", _VERSION)
-        for number, (goal, thing) in enumerate(zip(goals, meant, strict=True)):
-            if thing is None:
+        for number, (goal, obj) in enumerate(zip(goals, meant, strict=True)):
+            if obj is None:
                 lost = SceneError(f"nothing like it is there{self._near([goal], category)}.", _VERSION)
                 self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", lost, 0)
         return found
@@ -306,25 +306,23 @@ class _Site:
     def _near(self, goals: Sequence[Goal], category: str) -> str:
         """How far the nearest object of a category is from where goals are."""
         places = [np.array(goal.position) for goal in goals if goal.position]
-        far = [
-            self._away(thing, place) for thing in self.scene.objects if thing.category == category for place in places
-        ]
+        far = [self._away(obj, place) for obj in self.scene.objects if obj.category == category for place in places]
         return f"; the nearest {category} is {min(far):.1f} m from where they should be" if far else ""
 
     def _meant(self, goal: Goal, category: str) -> SceneObject | None:
         """Return the object of a goal's name, or else of its category, that is where the goal says; None if there is
         none."""
-        alike = [thing for thing in self.scene.objects if thing.category == category]
-        named = [thing for thing in self.scene.objects if goal.template and template_of(thing) == goal.template]
-        things = named or alike
+        alike = [obj for obj in self.scene.objects if obj.category == category]
+        named = [obj for obj in self.scene.objects if goal.template and template_of(obj) == goal.template]
+        objects = named or alike
         if goal.position is None:
-            return next((thing for thing in things if thing.id == goal.hint), None)
+            return next((obj for obj in objects if obj.id == goal.hint), None)
         place = np.array(goal.position)
-        ranked = [(self._away(thing, place), thing.id != goal.hint, thing.id, thing) for thing in things]
-        return next((thing for away, *_, thing in sorted(ranked, key=lambda rank: rank[:3]) if away <= _ASTRAY), None)
+        ranked = [(self._away(obj, place), obj.id != goal.hint, obj.id, obj) for obj in objects]
+        return next((obj for away, *_, obj in sorted(ranked, key=lambda rank: rank[:3]) if away <= _ASTRAY), None)
 
-    def _away(self, thing: SceneObject, place: Array) -> float:
-        return float(distance_to_box(place, *self.scene.aabb(thing.id)))
+    def _away(self, obj: SceneObject, place: Array) -> float:
+        return float(distance_to_box(place, *self.scene.aabb(obj.id)))
 
     def _standing(self, start: Pose2D) -> Pose2D:
         """Return the start on the scene's own floor: those of a navigation mesh hover a little."""

@@ -65,9 +65,9 @@ _SCALED: Final = "@"
 """Between the template and the scale in the name of an asset."""
 
 
-def template_of(thing: SceneObject) -> str:
+def template_of(obj: SceneObject) -> str:
     """Return the template that an object of a scene was made of; empty for a piece of the building."""
-    name, scaled, _ = thing.asset.rpartition(_SCALED)
+    name, scaled, _ = obj.asset.rpartition(_SCALED)
     return name if scaled else ""
 
 
@@ -89,7 +89,7 @@ class Models:
     lost: dict[Path, tuple[str, ...]] = field(default_factory=dict)
     cache: Cache = field(default_factory=lambda: Cache("habitat", _LIMIT))
 
-    def thing(self, kind: Kind, scale: Vec3, category: str, joined: bool = False) -> Scene:
+    def scene_of(self, kind: Kind, scale: Vec3, category: str, joined: bool = False) -> Scene:
         """One object in the frame of its template; the note 'middle' is the centre of its bounding box, metres.
 
         joined: whether its collision model is one convex piece.
@@ -186,7 +186,7 @@ class Models:
             name = f"{kind.name}/{piece.category}-{number}"
             hulls = tuple(exact(hull - base) for hull in piece.hulls)
             assets[name] = self._asset(name, piece.category, moved(piece.mesh, -base), hulls, None)
-            objects.append(_thing(number, assets[name], base, np.eye(3), kind))
+            objects.append(_object(number, assets[name], base, np.eye(3), kind))
         levels = json.dumps(floor_levels(parts))
         return Scene(kind.name, assets, tuple(objects), (), Pose2D(0, 0, 0), {"levels": levels})
 
@@ -206,9 +206,9 @@ class Models:
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
         name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
         asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
-        thing = _thing(1, asset, base, quarter(-quarters), kind)
+        obj = _object(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
-        return Scene(name, {name: asset}, (thing,), (), Pose2D(0, 0, 0), {"middle": middle})
+        return Scene(name, {name: asset}, (obj,), (), Pose2D(0, 0, 0), {"middle": middle})
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model: those that are convex as they are, others
@@ -231,7 +231,7 @@ def _size(template: Template) -> Array:
     return np.array(template.scale) * template.units_to_meters
 
 
-def _thing(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> SceneObject:
+def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> SceneObject:
     x, y, z = (np.round(base, 5) + 0.0).tolist()
     friction = kind.template.friction_coefficient
     return SceneObject(number, asset.name, asset.category, (x, y, z), quaternion(turn), friction=friction)

@@ -118,10 +118,10 @@ class _Assembly:
         if not x * y * z:
             raise SceneError(f"it is scaled by {x} x {y} x {z}.")
         category = self.dataset.category(kind)
-        fragment = self.models.thing(kind, (x, y, z), category)
+        fragment = self.models.scene_of(kind, (x, y, z), category)
         mass = self._mass(placing, template, category, np.ptp(fragment.aabb(1), axis=0))
         if mass and template.join_collision_meshes:
-            fragment = self.models.thing(kind, (x, y, z), category, joined=True)
+            fragment = self.models.scene_of(kind, (x, y, z), category, joined=True)
         (part,) = fragment.objects
         turn, place = rotation(placing.rotation), np.array(placing.translation)
         if (placing.translation_origin or self.instance.translation_origin) != "asset_local":
@@ -137,7 +137,7 @@ class _Assembly:
             category = category_of([re.sub(r"[_-]?\d+$", "", kind.name)])
         factors = np.array([kind.template.scale, placing.non_uniform_scale]).prod(axis=0) * placing.uniform_scale
         x, y, z = np.round(factors, 4).tolist()
-        fragment = self.models.thing(kind, (x, y, z), category)
+        fragment = self.models.scene_of(kind, (x, y, z), category)
         (part,) = fragment.objects
         self.assets |= fragment.assets
         self.objects.append(

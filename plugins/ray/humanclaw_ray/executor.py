@@ -64,7 +64,7 @@ class RayExecutor:
             try:
                 pool.spawn(min(self._workers, len(queue)))
                 while pool.under_way or (len(queue) and not self._stopping):
-                    yield from pool.heard(self._stopping)
+                    yield from pool.reports(self._stopping)
             finally:
                 pool.dismiss()
 
@@ -92,7 +92,7 @@ class _Pool:
             actor = self._player.remote(self._job)
             self._waiting[actor.ready.remote()] = (actor, None)
 
-    def heard(self, stopping: bool) -> Iterator[WorkerReport]:
+    def reports(self, stopping: bool) -> Iterator[WorkerReport]:
         """Wait a while for what the actors say, report it, and give them more to do."""
         if stopping and not self._told:
             self._told = True

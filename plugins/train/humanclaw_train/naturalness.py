@@ -5,7 +5,7 @@
 * Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the
   Frechet distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing
   learnt from; without them a half of the real chunks, split by clip) with the parameters that those realise, so that
-  only the manner differs; its floor is the distance of the other real chunks. Free-running, it begins from standing and
+  only the style differs; its floor is the distance of the other real chunks. Free-running, it begins from standing and
   feeds on its own motion.
 * Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against
   the peak in real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that
@@ -48,7 +48,7 @@ _MOST: Final = 600
 
 # -- skills ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Manner:
+class NaturalnessRow:
     """One skill's motion in numbers, generated or from the data."""
 
     skill: str
@@ -71,13 +71,13 @@ class Manner:
     """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
 
 
-def manner(
+def naturalness_of(
     skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
-) -> Manner:
+) -> NaturalnessRow:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     joints, _ = forward_kinematics(root, rotations)
     future, stairs = joints[:, HISTORY - 1 :], skill.climbs
-    return Manner(
+    return NaturalnessRow(
         skill.skill, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
@@ -87,11 +87,11 @@ def manner(
 
 def skills(
     generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
-) -> list[Manner]:
+) -> list[NaturalnessRow]:
     """For every skill what is generated and, where the folders have it, what the data show: real chunks, else synthetic
     ones."""
     features = _features(folders)
-    rows: list[Manner] = []
+    rows: list[NaturalnessRow] = []
     for command in commands:
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
@@ -100,11 +100,13 @@ def skills(
             held, rest = held_out(folders, command.skill) or halves(data)
             distance, least = likeness(generator, command, held, rest, features, seed)
             free = free_running(generator, command, data, features, seed)
-        rows.append(manner(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
+        rows.append(naturalness_of(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
         if data:
             kind = "real" if data.real.any() else "synthetic"
             some = _some(data, _MOST, seed)
-            rows.append(manner(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least))
+            rows.append(
+                naturalness_of(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least)
+            )
     return rows
 
 
@@ -503,7 +505,7 @@ def _cell(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
-def skills_table(rows: Sequence[Manner]) -> str:
+def skills_table(rows: Sequence[NaturalnessRow]) -> str:
     heads = (
         "skill",
         "motion",
@@ -608,10 +610,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
         print("\n" + first_steps_table(first_steps(generator, commands, seed=options.seed)), flush=True)
         if (walks := walker(commands)) is not None:
-            made = generated_gaits(generator, walks, seed=options.seed)
+            made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
             clips = load_pack(options.clips) if options.clips else []
             print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
-            print("\n" + uncommanded_table(uncommanded(generator, commands, walks, seed=options.seed)), flush=True)
+            print(
+                "\n"
+                + uncommanded_table(
+                    uncommanded(generator, commands, walks, min(30, options.bodies), seed=options.seed)
+                ),
+                flush=True,
+            )
             print("\n" + drift_line(drift(generator, walks, min(10, options.bodies), seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(

@@ -106,10 +106,10 @@ def _descent(h: float, d: float, chunks: int) -> _Boxes:
 
 def _scene(name: str, boxes: _Boxes) -> Scene:
     assets = {str(index): _asset(str(index), category, size) for index, (category, size, _) in enumerate(boxes)}
-    things = tuple(
+    objects = tuple(
         SceneObject(index + 1, str(index), category, place) for index, (category, _, place) in enumerate(boxes)
     )
-    return Scene(name, assets, things, (), Pose2D(0.0, 0.0, 0.0))
+    return Scene(name, assets, objects, (), Pose2D(0.0, 0.0, 0.0))
 
 
 def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:

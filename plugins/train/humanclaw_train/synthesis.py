@@ -619,7 +619,7 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
     # Who turns on the spot swings the arms as who walks slowly does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
-    vigour = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
+    amplitude = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
     direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[
         :, None
     ]  # who walks backwards goes through the same poses in reverse
@@ -629,8 +629,8 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     mean, stance = style.gait[:, :1], style.stance[:, None]
     sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
     # The mean posture follows the speed up to that of the clips; the swing about it goes on growing.
-    still = 1 - np.minimum(vigour, 1.0)
-    standing = stance + (1 - still) * (mean - stance) + vigour * (walk - mean) + 0.6 * still * sway
+    still = 1 - np.minimum(amplitude, 1.0)
+    standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
     target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, c.gait["lean"][:, None])
     return _bent(target, {"neck": 0.5, "head": 0.5}, 0, c.gait["gaze_pitch"][:, None])

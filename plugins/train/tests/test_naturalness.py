@@ -21,7 +21,7 @@ from humanclaw_train.naturalness import (
     life,
     likeness,
     main,
-    manner,
+    naturalness_of,
     real_peak,
     sequence_jerks,
     transitions,
@@ -110,13 +110,13 @@ def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
     rest = pose.rest_pose(20)
-    row = manner(declaration("walk"), "generated", rest.root[None], rest.rotations[None])
+    row = naturalness_of(declaration("walk"), "generated", rest.root[None], rest.rotations[None])
     assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
 
 
 def test_feet_on_stairs_are_not_measured_against_a_floor_at_nought():
     rest = pose.rest_pose(20)
-    row = manner(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
+    row = naturalness_of(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
     assert np.isnan([row.skate, row.sunk]).all()
     assert row.slower_toe == pytest.approx(0, abs=1e-6)
 
