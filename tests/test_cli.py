@@ -120,11 +120,11 @@ def test_a_record_is_never_overwritten(cli, tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
-    command = [sys.executable, "-m", "humanclaw", "run", "--agent", "random", "--film", "none", "--out", "r"]
+    command = [sys.executable, "-m", "humanclaw", "run", "--agent", "wanderer", "--film", "none", "--out", "r"]
     with subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
     ) as run:
-        assert run.stdout.readline() == 'random in house:0: "find a couch and sit on it"\n'
+        assert run.stdout.readline() == 'wanderer in house:0: "find a couch and sit on it"\n'
         assert run.stdout.readline().split()[0] == "0"  # the first step is over
         run.send_signal(number)
         told, _ = run.communicate(timeout=120)

@@ -70,3 +70,11 @@ def test_plugins_skills_harnesses_and_examples_go_by_the_doors_alone():
     behind = [way for way in ways if way[1] not in DOORS]
     allowed = [way for way in behind if way[0].startswith(BEHIND_MOTION) and way[1].startswith("humanclaw.motion.")]
     assert [way for way in behind if way not in allowed] == []
+
+
+def test_no_name_of_a_door_is_also_a_module_behind_it():
+    """Whichever is imported first would win, and a function be a module for whoever comes later."""
+    for door in DOORS:
+        module = importlib.import_module(door)
+        behind = {path.stem for folder in getattr(module, "__path__", ()) for path in Path(folder).iterdir()}
+        assert behind & set(getattr(module, "__all__", ())) == set(), door

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from humanclaw._lazy import lazy
 
 if TYPE_CHECKING:
-    from humanclaw.testing.calls import corners, legal_calls
     from humanclaw.testing.contract import Report, check_skill, check_target, examine
     from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, ResponsesServer, VLLMServer
     from humanclaw.testing.fakes import FakeGenerator, FakeModel, FakeRenderer, FakeWorld, fake_body, fake_scene
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
         truncated,
         without_usage,
     )
+    from humanclaw.testing.sampling import corners, legal_calls
     from humanclaw.testing.scenes import SceneBuilder
     from humanclaw.testing.scripted import ScriptedAgent
     from humanclaw.testing.simulators import SimulatorConformance
@@ -61,11 +61,11 @@ _HOMES = {
     "calls": "openai_server",
     "check_skill": "contract",
     "check_target": "contract",
-    "corners": "calls",
+    "corners": "sampling",
     "examine": "contract",
     "fake_body": "fakes",
     "fake_scene": "fakes",
-    "legal_calls": "calls",
+    "legal_calls": "sampling",
     "delayed": "openai_server",
     "dropped": "openai_server",
     "message": "openai_server",

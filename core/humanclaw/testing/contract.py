@@ -25,8 +25,8 @@ from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.plugins import Plugins, load_file
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw.records import Call
-from humanclaw.testing.calls import illegal_calls, legal_calls
 from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
+from humanclaw.testing.sampling import illegal_calls, legal_calls
 
 SPEED_LIMIT: Final = 1500.0
 """Degrees a second: about what the knee of a kick and the elbow of a throw reach."""

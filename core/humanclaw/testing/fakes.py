@@ -23,7 +23,7 @@ from humanclaw.plugins import Plugins
 from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
 from humanclaw.records import Call, Decision
 from humanclaw.scene import Scene
-from humanclaw.testing.calls import legal_calls
+from humanclaw.testing.sampling import legal_calls
 from humanclaw.testing.scenes import SceneBuilder
 
 FAKE: Final = "fake"
