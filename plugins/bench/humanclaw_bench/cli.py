@@ -170,11 +170,16 @@ def table(
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap and the random swaps.")
+@click.option("--across-engines", is_flag=True, help="Compare although the runs are of different simulators.")
 @PARTIAL
-def compare_command(a: Path, b: Path, seed: int, partial: bool) -> None:
+def compare_command(a: Path, b: Path, seed: int, across_engines: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished, and say which differences are noise."""
     one, two = _one(a), _one(b)
     _require_whole((one, two), partial)
+    engines = {scores.simulator for result in (one, two) for scores in result.scores}
+    if len(engines) > 1 and not across_engines:
+        told = " and ".join(sorted(name or "an unknown one" for name in engines))
+        raise RecordError(f"the runs are of different simulators: {told}.", "Say --across-engines if that is meant.")
     differences = compare(one.scores, two.scores, seed=seed)
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
     for result in (one, two):
