@@ -370,7 +370,7 @@ def test_the_command_line_checks_a_file_a_folder_and_a_name(tmp_path, plugins):
 
     assert run(good) == (
         0,
-        f"ok    nod: 1 calls played on a fake body\n1 skills, no fault; {len(CHECKS)} named checks.\n",
+        f"ok    nod: 1 call played on a fake body\n1 skill, no fault; {len(CHECKS)} named checks.\n",
     )
     code, told = run(bad, folder_of("stop"), "turn_in_place")
     assert code == 1

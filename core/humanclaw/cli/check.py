@@ -76,6 +76,10 @@ def _row(report: Report) -> dict[str, Any]:
     return {"skill": report.skill, "passed": report.passed, "faults": faults, **played}
 
 
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}{'s' * (count != 1)}"
+
+
 def _print(reports: Sequence[Report]) -> None:
     console = Console()
     console = console if console.is_terminal else Console(width=160)
@@ -84,13 +88,14 @@ def _print(reports: Sequence[Report]) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     broken = sum(not report.passed for report in reports)
     found = sum(len(report.faults) for report in reports)
-    told = f"{found} faults in {broken} of {len(reports)} skills" if broken else f"{len(reports)} skills, no fault"
+    skills = _counted(len(reports), "skill")
+    told = f"{_counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
     console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False)
 
 
 def _lines(report: Report) -> Iterator[str]:
     if report.passed:
-        played = f"{report.calls} calls played on {', '.join(['a fake body', *report.engines])}"
+        played = f"{_counted(report.calls, 'call')} played on {', '.join(['a fake body', *report.engines])}"
         yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"
     else:
         yield f"[red]fault[/] {escape(report.skill)}"
