@@ -2,7 +2,7 @@
 outcome.
 
 body = Body(scene="house:0")
-observation = body.call("walk", z_cm=40)
+observation = body.call(name, **parameters)  # of any skill that is installed
 """
 
 from __future__ import annotations
@@ -235,8 +235,9 @@ class Body:
 
     def _declared(self, skill: Skill, adapter: Path) -> Declaration | None:
         """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
-        owners = (skill, *self.plugins.skills.values())
-        return next((one.declaration for one in owners if one.adapter == adapter), None)
+        if adapter == skill.adapter:
+            return skill.declaration
+        return next((one.declaration for one in self.plugins.skills.values() if one.adapter == adapter), None)
 
     def _repr_html_(self) -> str:
         """Return what the eyes see now, for a notebook."""
@@ -268,10 +269,15 @@ def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, .
 def require_trained(skill: Skill) -> None:
     """Refuse a skill without an adapter. Raises CheckpointError if it has not been trained."""
     if not skill.trained:
-        raise CheckpointError(
-            f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
-            f"Train it with `humanclaw train adapter {skill.name}`.",
-        )
+        raise untrained(skill)
+
+
+def untrained(skill: Skill) -> CheckpointError:
+    """Return the error of a skill whose adapter is not there."""
+    return CheckpointError(
+        f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
+        f"Train it with `humanclaw train adapter {skill.name}`.",
+    )
 
 
 def _offset(pose: Motion, motion: Motion) -> Array:

@@ -413,7 +413,7 @@ class Episode:
 
     def _is_over(self) -> bool:
         """Whether the steps so far end the episode."""
-        return bool(self._steps) and (self._steps[-1].status == "stopped" or len(self._steps) >= self.spec.max_steps)
+        return self._natural_outcome() != "interrupted"
 
     # -- replay --------------------------------------------------------------------------------------------------------
     def _replay_step(self, step: StepRecord) -> None:

@@ -17,7 +17,7 @@ from humanclaw._backends import Backends
 from humanclaw._skill_check import CHECKS, adapter_header, ranges, read_draft, skill_faults, within
 from humanclaw.body import JOINTS
 from humanclaw.contract import Control, Keyframes, MotionError, Part, Skill, parts
-from humanclaw.embodiment import Body, SkillExecution
+from humanclaw.embodiment import Body, SkillExecution, untrained
 from humanclaw.errors import CallError, ContractError, HumanclawError, PluginError
 from humanclaw.hookspecs import hookimpl
 from humanclaw.measures import MEASURES, Measure
@@ -124,9 +124,8 @@ def examine(
 def _examined(skill: Skill, bench: _Bench, unreadable: Sequence[ContractError]) -> Report:
     said = (*unreadable, *skill_faults(skill, bench.measures, bench.base, formats=True))
     if skill.adapter and not skill.adapter.is_file():
-        missing = f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}."
-        remedy = f"Train it with `humanclaw train adapter {skill.name}`."
-        said += (ContractError("adapter-there", missing, remedy),)
+        missing = untrained(skill)
+        said += (ContractError("adapter-there", missing.message, missing.remedy),)
     if {fault.check for fault in said} & _UNCALLABLE:
         return Report(skill.name, said)
     calls = [*_distinct(legal_calls(skill, bench.samples, bench.seed))]
