@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 import humanclaw
-from humanclaw import _pictures as pictures
 from humanclaw.contract import Skill
 from humanclaw.embodiment import Body, Chunk
-from humanclaw.interfaces import DistanceFn, Execution, View, WorldState
+from humanclaw.interfaces import DistanceFn, Execution, WorldState
 from humanclaw.plugins import PluginInfo, Plugins
 from humanclaw.pose import HISTORY, Array, Motion
 from humanclaw.records import Contact, EpisodeRecord, EpisodeSpec, SkillInfo, Vec3
@@ -159,11 +158,6 @@ def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> 
         return None
     boxes = [scene.aabb(key, state.objects.get(key)) for key in targets]
     return distance_to_nearest(state.body[-1:].joints(), boxes)
-
-
-def jpeg(view: View) -> bytes:
-    """Encode the picture of a view."""
-    return pictures.jpeg(view.rgb, quality=88)
 
 
 # -- a step ------------------------------------------------------------------------------------------------------------

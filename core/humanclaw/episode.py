@@ -22,12 +22,12 @@ from humanclaw._calls import check, check_call
 from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
 from humanclaw._feedback import Feedback
 from humanclaw._notebook import card
+from humanclaw._pictures import jpeg
 from humanclaw._recorder import (
     TrajectoryBuffer,
     begin_record,
     contacts,
     distance_to_goal,
-    jpeg,
     pelvis_contacts,
     target_boxes,
     target_distance,
@@ -60,6 +60,8 @@ from humanclaw.limits import Meter
 from humanclaw.outcomes import succeeded
 from humanclaw.records import EpisodeRecord, EpisodeSpec, EpisodeWriter, Outcome, StepRecord
 
+_QUALITY: Final = 88
+"""Of the frames of a record, as JPEG."""
 MAX_ATTEMPTS: Final = 3
 """Answers asked for in one step until one is usable; after that the step is lost and the episode goes on."""
 
@@ -233,7 +235,7 @@ class Episode:
         """How it stands, and what the eyes see now, for a notebook."""
         last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
         lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
-        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view()))])
+        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb, _QUALITY))])
 
     def stop(self) -> None:
         """Take no further decision, and break off the call under way. May be called from another thread or a signal
@@ -282,7 +284,7 @@ class Episode:
             with self._timed("observe"):
                 self._view = self.body.view()
             if self._folder and not self.done:
-                self._frame_file = self._keep_frame(f"{len(self._steps):04d}.jpg", jpeg(self._view))
+                self._frame_file = self._keep_frame(f"{len(self._steps):04d}.jpg", jpeg(self._view.rgb, _QUALITY))
         return self._view
 
     def _keep_frame(self, name: str, data: bytes) -> str:
