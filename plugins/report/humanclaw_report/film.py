@@ -30,6 +30,8 @@ AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
 ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
 _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
+SHOWN: Final = [JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")]
+"""Joints that nothing may hide."""
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
@@ -161,20 +163,33 @@ def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
 def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
     """For each frame the ids of what is between the eye and the body, in time for it to fade.
 
-    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for what the hips are in: a seat stays.
+    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for a seat that the hips are on.
     """
     objects = [obj for obj in scene.objects if obj.category not in (*GROUND, "rug")]
     joints = motion.joints()
     hips = joints[:, 0]
-    points = np.stack([joints[:, JOINT_INDEX["head"]], hips, joints[:, JOINT_INDEX["left_foot"]] + [0, 0.1, 0]], 1)
+    points = joints[:, SHOWN] + [0, 0.1, 0]
     sets: list[set[int]] = [set() for _ in eyes]
     for obj in objects:
         low, high = scene.aabb(obj.id)
-        around = ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
+        seat = scene.assets[obj.asset].seat_height is not None
+        around = seat & ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
         hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
         for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
-            sets[frame].add(obj.id)
+            sets[frame] |= ids
     return tuple(map(frozenset, sets))
+
+
+def hung_on(scene: Scene, wall: int) -> set[int]:
+    """Return the ids of what hangs on a wall, which would hang in the air without it: it touches no floor."""
+    low, high = scene.aabb(wall)
+    boxes = {obj.id: scene.aabb(obj.id) for obj in scene.objects if obj.category not in (*GROUND, "wall")}
+    floors = floors_of(scene)
+    return {
+        key for key, (a, b) in boxes.items()
+        if (a < high + 0.05).all() and (b > low - 0.05).all() and not any(-0.05 <= a[1] - f <= 0.3 for f in floors)
+    }  # fmt: skip
 
 
 def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bool_]:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from made import broken_off, record_episode
 from PIL import Image
-from rooms import UPSTAIRS, asset, block, scene_object, two_storeys
+from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.interfaces import Camera, View, WorldState
-from humanclaw_report.film import DISTANCE, Replay, film, follow, opened, poster, sight
+from humanclaw_report.film import DISTANCE, Replay, film, follow, hung_on, opened, poster, sight
 
 
 class Painter:
@@ -112,6 +112,17 @@ def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[Recorde
     assert (replay.storeys[heights < UPSTAIRS - 0.3] == 0).all()
     assert (replay.storeys[heights > UPSTAIRS + 0.3] == 1).all()
     assert (np.diff(replay.storeys) >= 0).all(), "it does not flicker"
+
+
+def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
+    wall, frame, crate = asset("w", "wall", block(4, 2.5, 0.1)), asset("p", "picture", block(0.6, 0.4, 0.03)), asset(
+        "c", "box", block(0.4, 0.4, 0.4)
+    )
+    placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.2),
+              scene_object(93, frame, 4, 4.5, y=1.4))  # fmt: skip
+    scene = two_rooms()
+    assets = scene.assets | {one.name: one for one in (wall, frame, crate)}
+    assert hung_on(replace(scene, assets=assets, objects=(*scene.objects, *placed)), 90) == {91}
 
 
 def test_the_renderer_is_given_each_storey_once(climbed: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
