@@ -38,8 +38,8 @@ KEY: Final = 8
 FILM_SIZE: Final = (1280, 720)
 GIF_SIZE: Final = (480, 270)
 """A GIF holds every pixel of every frame: a larger one is for nobody to load."""
-FADE: Final = 6
-"""Frames of film in which what gets in the way fades out, or comes back."""
+FADE: Final = 12
+"""Frames of motion in which what gets in the way fades out, or comes back."""
 AHEAD: Final = 12
 """Frames of motion before and after it is in the way that an object is left out."""
 AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -134,6 +134,13 @@ class Replay:
         """Return the world at a frame. without: ids of objects that are left out."""
         places = {key: path[frame] for key, path in self.objects.items()}
         return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
+
+    def fading(self, frame: int) -> tuple[frozenset[int], float]:
+        """Return what was left out before, and the share of the picture without it that is still seen."""
+        for past in range(1, min(FADE, frame) + 1):
+            if self.hidden[frame - past] != self.hidden[frame]:
+                return self.hidden[frame - past], 1 - past / (FADE + 1)
+        return self.hidden[frame], 0.0
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
@@ -282,20 +289,16 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
     """Yield the body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
     shown: Scene | None = None
-    before = goal = frozenset[int]()
-    left = 0
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
         if scene is not shown:
             renderer.load(scene)
-            shown, goal, left = scene, replay.hidden[frame], 0
-        if replay.hidden[frame] != goal:
-            before, goal, left = goal, replay.hidden[frame], FADE
+            shown = scene
         camera = replay.camera(frame, size)
-        picture = renderer.render(replay.state(frame, goal), camera).rgb
-        if left:
+        picture = renderer.render(replay.state(frame, replay.hidden[frame]), camera).rgb
+        before, share = replay.fading(frame)
+        if share:
             old = renderer.render(replay.state(frame, before), camera).rgb
-            share, left = left / (FADE + 1), left - 1
             picture = (share * old.astype(np.float32) + (1 - share) * picture).astype(np.uint8)
         yield picture
 
@@ -331,9 +334,10 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
         said = step.decision.reasoning.split("\n")[0]
         y = image.height - image.height // 40
         if said:
-            _line(draw, said, y, image.height // 32, image.width - 28)
-            y -= image.height // 20
-        _line(draw, f"{step.step}  {step.call}", y, image.height // 24, image.width - 28)
+            size = max(image.height // 32, 11)
+            _line(draw, said, y, size, image.width - 28)
+            y -= size * 3 // 2
+        _line(draw, f"{step.step}  {step.call}", y, max(image.height // 24, 13), image.width - 28)
     return np.asarray(image)
 
 

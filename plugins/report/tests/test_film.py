@@ -14,7 +14,7 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.interfaces import Camera, View, WorldState
-from humanclaw_report.film import DISTANCE, Replay, film, follow, hung_on, opened, poster, sight
+from humanclaw_report.film import AHEAD, DISTANCE, GIF_SIZE, Replay, film, follow, hung_on, opened, poster, sight
 
 
 class Painter:
@@ -76,7 +76,7 @@ def test_a_gif_shows_the_ego_view_in_the_corner(made: tuple[RecordedEpisode, Sce
         gif.seek(4)
         picture = np.asarray(gif.convert("RGB")).astype(int)
     orange = np.abs(picture - [230, 120, 40]).sum(-1) < 60
-    assert orange[60:100, 20:60].all()
+    assert orange[44:80, 20:60].all()
     assert not orange[16:44, 112:144].all()
 
 
@@ -125,6 +125,16 @@ def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
     assert hung_on(replace(scene, assets=assets, objects=(*scene.objects, *placed)), 90) == {91}
 
 
+def test_what_gets_in_the_way_fades_in_time_whatever_the_pace_of_the_film(made: tuple[RecordedEpisode, Scene]) -> None:
+    replay = Replay.of(*made)
+    wall = frozenset({1})
+    replay = replace(replay, hidden=(frozenset(),) * 20 + (wall,) * (len(replay.hidden) - 20))
+    shares = [replay.fading(frame)[1] for frame in range(19, 20 + AHEAD + 1)]
+    assert shares[0] == shares[-1] == 0.0, "not yet, and no more once the wall is in the way"
+    assert shares[1:-1] == sorted(shares[1:-1], reverse=True)
+    assert replay.fading(25)[0] == frozenset()
+
+
 def test_the_renderer_is_given_each_storey_once(climbed: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
     painter = Painter()
     film(*climbed, painter, tmp_path / "film.gif", kind="gif", every=15, size=(160, 120))
@@ -166,3 +176,11 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     (tmp_path / "motion.npz").unlink()
     with pytest.raises(RecordError, match="holds no motion"):
         film(RecordedEpisode(tmp_path), scene, Painter(), tmp_path / "film.mp4")
+
+
+def test_the_moving_picture_of_the_readme_is_small_enough_to_load() -> None:
+    path = Path(__file__).parents[3] / "examples" / "images" / "demo.gif"
+    with Image.open(path) as gif:
+        assert gif.size == GIF_SIZE
+        assert gif.n_frames > 20
+    assert path.stat().st_size < 3_000_000
