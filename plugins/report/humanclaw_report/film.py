@@ -30,7 +30,9 @@ AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
 ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
 _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
-SHOWN: Final = [JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")]
+SHOWN: Final = [
+    JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")
+]
 """Joints that nothing may hide."""
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8

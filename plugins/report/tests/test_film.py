@@ -115,8 +115,10 @@ def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[Recorde
 
 
 def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
-    wall, frame, crate = asset("w", "wall", block(4, 2.5, 0.1)), asset("p", "picture", block(0.6, 0.4, 0.03)), asset(
-        "c", "box", block(0.4, 0.4, 0.4)
+    wall, frame, crate = (
+        asset("w", "wall", block(4, 2.5, 0.1)),
+        asset("p", "picture", block(0.6, 0.4, 0.03)),
+        asset("c", "box", block(0.4, 0.4, 0.4)),
     )
     placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.2),
               scene_object(93, frame, 4, 4.5, y=1.4))  # fmt: skip
