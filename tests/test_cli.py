@@ -147,6 +147,15 @@ def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins"} & set(loaded)
 
 
+def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
+    probe = (
+        "import atexit, sys; atexit.register(lambda: print(*sys.modules)); import humanclaw.cli as c; c.main(['-h'])"
+    )
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert "humanclaw_bench" in loaded
+    assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
+
+
 def part(**settings):
     return SimpleNamespace(settings=settings)
 

@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 from wheels import distributions as folders
 
 from humanclaw import _distributions as distributions
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 
@@ -34,11 +34,16 @@ def test_the_table_says_what_the_distributions_register():
 def test_the_table_says_whose_every_command_is():
     commands = build(Plugins.discover)
     names = commands.list_commands(click.Context(commands))
-    homes = {name: commands.commands[name].callback.__module__.partition(".")[0] for name in names}
+    homes = {name: _home(commands.commands[name]) for name in names}
     found = {name: home.replace("_", "-") for name, home in homes.items() if home != "humanclaw"}
     table = distributions.table()["commands"]
     assert {name: of for name, of in found.items() if of in NAMES} == {n: of for n, of in table.items() if n in found}
     assert set(table.values()) <= NAMES
+
+
+def _home(command):
+    command = command.load() if isinstance(command, LazyCommand) else command
+    return command.callback.__module__.partition(".")[0]
 
 
 def test_a_command_that_is_not_installed_names_what_brings_it():

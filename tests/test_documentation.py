@@ -9,7 +9,7 @@ import pytest
 
 import humanclaw_bench.hookspecs
 from humanclaw import Plugins, hookspecs
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 from humanclaw.plugins import PREFIX, load_file
 
 ROOT = Path(__file__).parents[1]
@@ -48,7 +48,20 @@ def _commands(command, words):
         return
     context = click.Context(command, info_name=words)
     for name in command.list_commands(context):
-        yield from _commands(command.get_command(context, name), f"{words} {name}")
+        found = command.get_command(context, name)
+        yield from _commands(found.load() if isinstance(found, LazyCommand) else found, f"{words} {name}")
+
+
+def test_a_command_that_is_listed_without_being_loaded_is_told_of_in_its_own_words(plugins):
+    commands = build(lambda: plugins)
+    context = click.Context(commands)
+    listed = [commands.get_command(context, name) for name in commands.list_commands(context)]
+    lazy = [one for one in listed if isinstance(one, LazyCommand)]
+    assert len(lazy) > 10
+    for one in lazy:
+        command = one.load()
+        assert command.name == one.name
+        assert " ".join(command.help.split()).startswith(one.help.rstrip("."))
 
 
 def test_every_command_and_every_option_says_what_it_is_for(plugins):

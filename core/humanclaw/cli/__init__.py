@@ -19,6 +19,7 @@ from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
+    from humanclaw.cli.lazy_command import LazyCommand
     from humanclaw.cli.options import (
         Deciders,
         check_options,
@@ -30,13 +31,14 @@ if TYPE_CHECKING:
     from humanclaw.plugins import Plugins
 
 __all__ = [
-    "Commands", "Deciders", "build", "check_options", "decider_options", "engine_options", "main", "plugin_files",
-    "plugin_options",
+    "Commands", "Deciders", "LazyCommand", "build", "check_options", "decider_options", "engine_options", "main",
+    "plugin_files", "plugin_options",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
     {
         "Deciders": "options",
+        "LazyCommand": "lazy_command",
         "check_options": "options",
         "decider_options": "options",
         "engine_options": "options",
@@ -105,6 +107,8 @@ class Commands(click.Group):
 
 def _home(command: click.Command) -> str:
     """Return the package that a command comes from."""
+    if target := getattr(command, "target", ""):
+        return str(target).partition(".")[0]
     return getattr(command.callback, "__module__", "").partition(".")[0] or "a group"
 
 

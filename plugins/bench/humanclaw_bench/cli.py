@@ -14,7 +14,7 @@ from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw import Backends, EpisodeSpec, PluginError, Plugins, RecordError, load_run
-from humanclaw.cli import Deciders, decider_options, plugin_files
+from humanclaw.cli import Deciders, LazyCommand, decider_options, plugin_files
 from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
@@ -44,6 +44,13 @@ NAMES = ("main", "repeats", "variants", "body", "difficulty", "category", "plugi
 @click.group()
 def bench() -> None:
     """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
+
+
+for _name, _target, _told in (
+    ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
+    ("repair", "evidence:repair_command", "Whether root causes name what is wrong."),
+):
+    bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
 
 @bench.command("run")
