@@ -38,7 +38,7 @@ def test_skills_lists_every_skill_with_owner_and_state(cli):
 
 def test_plugins_says_what_each_provides(cli):
     rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
-    assert "simulator bullet" in rows["humanclaw-bullet"]["provides"]
+    assert "simulator mujoco" in rows["humanclaw-mujoco"]["provides"]
     assert "renderer raster" in rows["humanclaw-raster"]["provides"]
     assert all(row["state"] == "in use" for row in rows.values())
 
@@ -136,6 +136,21 @@ def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_repo
     assert "report: r/report.html" in told
     assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "interrupted"
     assert (tmp_path / "r/report.html").is_file()
+
+
+def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_get_the_report(cli, tmp_path):
+    (tmp_path / "hasty.py").write_text(
+        "from humanclaw import hookimpl\n"
+        "class Hasty:\n"
+        "    def write(self, *about): raise KeyboardInterrupt\n"
+        "@hookimpl\n"
+        "def humanclaw_reports(register): register('hasty', lambda **options: Hasty(), 'nobody waits for it')\n"
+    )
+    done = cli("run", "--plugin", "hasty.py", "--agent", "still", "--max-steps", "1", "--film", "none", "--out", "r")
+    assert done.returncode == 130
+    assert "`humanclaw report r`" in done.stdout
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "r/house-0-0/episode.json").is_file()
 
 
 def test_a_run_answers_before_anything_is_loaded_that_takes_time():

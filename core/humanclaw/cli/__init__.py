@@ -1,6 +1,7 @@
 """The command line. Its commands come through the hook humanclaw_commands, ours as anybody else's.
 
-What the user can mend is told in one sentence with a remedy, and the exit code is 2; no traceback.
+What the user can mend is told in one sentence with a remedy, and the exit code is 2; what Ctrl-C ends exits with 130;
+no traceback.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import errno
 import logging
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -48,6 +49,8 @@ __getattr__ = lazy(
 )
 
 
+INTERRUPTED: Final = 130
+"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""
@@ -103,6 +106,9 @@ class Commands(click.Group):
                 raise
             click.secho(f"error: {error.filename or 'a file'} cannot be written: {error.strerror}.", fg="red", err=True)
             ctx.exit(2)
+        except KeyboardInterrupt:
+            click.echo("Interrupted.", err=True)
+            ctx.exit(INTERRUPTED)
 
 
 def _home(command: click.Command) -> str:
