@@ -406,7 +406,7 @@ def paint(
                 _prepare(model, instances, pinhole, face, instance, s)
                 last, owner = face, instance
             depth, right = 1 / gbuffer.inverse_depth[row, column], (column + 0.5 - width / 2) / pinhole.focal
-            here = _light_at(light, gbuffer.inverse_depth, row, column)
+            here = _light_at(light, gbuffer, row, column)
             _colour(model, instances.mesh[instance], s, depth, right, down, here, rgb, row, column)
 
 
@@ -437,7 +437,7 @@ def smooth_edges(
                     _prepare(model, instances, pinhole, face, instance, s)
                     last, owner = face, instance
                 down, right = (r + 0.5 - height) / pinhole.focal, (c + 0.5 - width) / pinhole.focal
-                here = _light_near(light, coarse.inverse_depth, gbuffer.inverse_depth[r, c], row, column)
+                here = _light_near(light, coarse, gbuffer.inverse_depth[r, c], face, instance, row, column, 1)
                 depth = 1 / gbuffer.inverse_depth[r, c]
                 _colour(model, instances.mesh[instance], s, depth, right, down, here, samples, k // 2, k % 2)
             for channel in range(3):
@@ -542,20 +542,26 @@ def _lit(x: float, y: float, z: float) -> float:
 
 
 @_inlined
-def _light_at(light: Floats, inverse_depth: Floats, row: int, column: int) -> float:
-    """Return the light of the nearest samples, each by how near it is and whether it lies on the same surface."""
+def _light_at(light: Floats, gbuffer: GBuffer, row: int, column: int) -> float:
+    """Return the light of a pixel, between the samples beside it."""
     if row % 2 == 0 and column % 2 == 0:
         return light[row // 2, column // 2]  # type: ignore[no-any-return]
-    return _light_near(light, inverse_depth, inverse_depth[row, column], row, column)  # type: ignore[no-any-return]
+    face, instance = gbuffer.face[row, column], gbuffer.instance[row, column]
+    return _light_near(light, gbuffer, gbuffer.inverse_depth[row, column], face, instance, row, column, 0)  # type: ignore[no-any-return]
 
 
 @_compiled
-def _light_near(light: Floats, inverse_depth: Floats, here: float, row: int, column: int) -> float:
-    """Return the light at an inverse depth of `here` in a pixel, as in _light_at."""
+def _light_near(
+    light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int, wide: int
+) -> float:
+    """Return the light of the nearest samples for a face at an inverse depth in a pixel, each by how near it is and
+    whether it lies on the same face. wide: 1 to take those on both sides of a pixel that is one of them itself."""
     total, weight = np.float32(1e-6), np.float32(1e-6)
-    for r in range(row // 2, min(row // 2 + 1 + row % 2, light.shape[0])):
-        for c in range(column // 2, min(column // 2 + 1 + column % 2, light.shape[1])):
-            near = here / (here + 40 * abs(inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+    for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
+        for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
+            near = here / (here + 40 * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            if gbuffer.face[2 * r, 2 * c] != face or gbuffer.instance[2 * r, 2 * c] != instance:
+                near *= np.float32(0.05)
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]
