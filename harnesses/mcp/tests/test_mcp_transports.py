@@ -11,12 +11,14 @@ import sys
 import anyio
 import httpx
 import pytest
+from click.testing import CliRunner
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
-from humanclaw import HumanclawError
+from humanclaw import HumanclawError, PluginError
 from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.command import command as mcp_command
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.serve import http_app
@@ -155,3 +157,7 @@ def test_a_port_that_is_taken_is_told_in_a_sentence(url):
     assert told.returncode == 2
     assert f"cannot listen on port {port}" in told.stderr
     assert "Traceback" not in told.stderr
+
+
+def test_a_choice_of_skills_that_names_nothing_is_refused():
+    assert isinstance(CliRunner().invoke(mcp_command, ["--skills", "hover"]).exception, PluginError)
