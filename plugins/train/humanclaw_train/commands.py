@@ -42,7 +42,7 @@ class Trained:
 
     recipe: Recipe
     declaration: Declaration
-    measures: Mapping[str, Measure] = field(default=MEASURES, repr=False)
+    measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
     """What its parameters may command: the core's, and those of plugins."""
 
     @property

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, Motion
-from humanclaw.measures import MEASURES, Declaration, Measure, outcomes
+from humanclaw.measures import MEASURES, Declaration, Measure, Parameter, from_si, outcomes
 from humanclaw.motion import load_base, shipped_base
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.recipes import Recipe
@@ -43,6 +43,10 @@ _ROW: Final = 16
 """Half seconds in a row that a clip is passed through."""
 _BEGUN: Final = 8
 """Rows of two half seconds, begun as the prior stands, to each of those."""
+_SHOWN: Final = (0.01, 0.99)
+"""Quantiles between which a parameter lies that an adapter is trained on."""
+_MISSED: Final = 0.025
+"""Share of that range by which bounds may reach beyond it."""
 _BEYOND: Final = 0.15
 """Share of its range by which a parameter of a chunk may lie outside the schema's bounds: at the very edge of what it
 has seen, a model is least true."""
@@ -172,6 +176,26 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
             yield _kept(skill, *cut(first, np.array([0, FUTURE])), RETIMED, False)
 
 
+def too_wide(skill: Trained, chunks: Chunks) -> list[str]:
+    """Tell of every parameter whose bounds reach beyond what the chunks show: an adapter does not learn that, and
+    `humanclaw check` will refuse it."""
+    shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
+    return [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
+
+
+def _wider(parameter: Parameter, low: float, high: float) -> bool:
+    slack = _MISSED * (high - low)
+    return parameter.low < low - slack or parameter.high > high + slack
+
+
+def _reach(parameter: Parameter, low: float, high: float) -> str:
+    asked, shown = (
+        " to ".join(f"{from_si(parameter.key, edge):.0f}" for edge in pair)
+        for pair in ((parameter.low, parameter.high), (low, high))
+    )
+    return f"{parameter.key} may be {asked}, and the chunks show {shown}: narrow its bounds, or give more clips."
+
+
 # -- the command line --------------------------------------------------------------------------------------------------
 def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
     """Run the command line.
@@ -190,6 +214,8 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
         print(f"error: {error}", file=sys.stderr)
         return 2
     print(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
+    for line in too_wide(skill, chunks):
+        print(f"warning: {line}", file=sys.stderr)
     return 0
 
 

@@ -37,7 +37,7 @@ class Command:
     names: tuple[str, ...]
     low: Array
     high: Array
-    measures: Mapping[str, Measure] = field(default=MEASURES, repr=False)
+    measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
 
     @classmethod
     def of(cls, skill: str, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:

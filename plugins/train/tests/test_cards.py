@@ -12,7 +12,7 @@ from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
 from humanclaw_train.rollouts import adapters, file_digest
 
-SKILLS = Path(__file__).parents[2] / "skills"
+SKILLS = Path(__file__).parents[3] / "skills"
 SHIPPED = [shipped_base(), *sorted(SKILLS.glob("*/*/*/adapter.safetensors"))]
 RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "steps": 0, "done_steps": 4321}
 

@@ -99,6 +99,12 @@ def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(skill, tmp_pa
     assert heights.max() < 0.85 + 0.15 * 0.25 + 1e-6
 
 
+def test_bounds_that_no_clip_reaches_are_told_before_anything_is_trained(skill, tmp_path, capsys):
+    record(tmp_path / "clips", squat(depth=0.8))
+    make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
+
+
 def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(skill, tmp_path):
     amass(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "100")
