@@ -22,7 +22,7 @@ from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import file_digest, own
+from humanclaw_train.rollouts import Installed, adapters, file_digest, own
 
 CARD: Final = "README.md"
 """Of this name, so that whoever opens the folder reads it."""
@@ -129,13 +129,6 @@ def _ratio(ratio: Ratio) -> str:
 
 
 # -- all of them -------------------------------------------------------------------------------------------------------
-def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Path]:
-    """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should
-    be. check: write nothing.
-    """
-    return write([base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))], base, check)
-
-
 def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     """Write the card beside each checkpoint; the cards that were not as they should be. check: write nothing.
 
@@ -153,15 +146,19 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     return stale
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(arguments: Sequence[str] | None = None, installed: Installed | None = None) -> int:
+    """Run the command line.
+
+    installed: finds the skills whose cards are written.
+    """
     options = _parser().parse_args(arguments)
     try:
         base = options.base or shipped_base()
         if options.skill:
-            stale = write(list(own(options.skill).values()), base, options.check)
+            files = [*own(options.skill).values()]
         else:
-            stale = write_all(base, options.adapters, options.check)
+            files = [base, *adapters(options.adapters, installed=installed).values()]
+        stale = write(files, base, options.check)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -174,7 +171,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw cards", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument(
-        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+        "--adapters",
+        type=Path,
+        nargs="*",
+        help="folders searched for adapters (default: the installed skills)",
     )
     parser.add_argument(
         "--skill", type=Path, action="append", default=[], metavar="FOLDER", help="of a skill of your own, and no other"

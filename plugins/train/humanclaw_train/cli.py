@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from humanclaw import Plugins, default_simulator
+from humanclaw.measures import Measure
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
@@ -30,9 +32,6 @@ def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Co
     return command
 
 
-train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.")
-
-
 def _simulator() -> Any:
     """Return the half-physics that episodes run in: training imports no plugin host, so it is handed in."""
     plugins = Plugins.discover()
@@ -45,18 +44,34 @@ def _installed() -> dict[str, Path]:
     return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
 
 
+def _measures() -> Mapping[str, Measure]:
+    """Find what parameters may command, plugins' measures too."""
+    return Plugins.discover().measures
+
+
+train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.", measures=_measures)
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",
     "Measure achieved against commanded motion, per skill.",
     simulator=_simulator,
     installed=_installed,
+    measures=_measures,
 )
 naturalness = _forward(
-    "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."
+    "naturalness",
+    "humanclaw_train.naturalness",
+    "Measure how human the skills' motion and its transitions are.",
+    installed=_installed,
+    commanded=_measures,
 )
-speed = _forward("speed", "humanclaw_train.speed", "Time the motion model under several solvers and runtimes.")
-cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.")
+speed = _forward(
+    "speed",
+    "humanclaw_train.speed",
+    "Time the motion model under several solvers and runtimes.",
+    skills=_installed,
+)
+cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
 
 
 @click.group()
@@ -73,5 +88,10 @@ data.add_command(
     _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
 )
 data.add_command(
-    _forward("chunks", "humanclaw_train.own", "Make the chunks of a skill of your own from a folder of motion.")
+    _forward(
+        "chunks",
+        "humanclaw_train.own",
+        "Make the chunks of a skill of your own from a folder of motion.",
+        measures=_measures,
+    )
 )

@@ -31,7 +31,17 @@ from humanclaw.pose import Array, wrap_angle
 from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, own, roll
+from humanclaw_train.rollouts import (
+    Command,
+    Installed,
+    Measures,
+    Rollouts,
+    adapters,
+    file_digest,
+    others,
+    own,
+    roll,
+)
 from humanclaw_train.simulated import Actor, roll_simulated
 
 if TYPE_CHECKING:
@@ -73,14 +83,14 @@ class Row:
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
-def achieved(command: Command, rollouts: Rollouts, measures: Mapping[str, Measure] = MEASURES) -> Ratio:
+def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     """Outcomes of rollouts against their commands, each parameter by the measure that it commands."""
-    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, measures)
+    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
     if not found.shape[1]:
         return Ratio(NAN, NAN, NAN, NAN, len(found))
     primary = command.primary
     difference = found - rollouts.commands
-    angle = np.array([find(one, measures).unit == "rad" for one in command.parameters])
+    angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Data, unlike commands, may hold a displacement of exactly nothing.
@@ -100,21 +110,27 @@ def fidelity(
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
+    measures: Mapping[str, Measure] = MEASURES,
 ) -> list[Row]:
     """One row a skill, in the order given. before: further skills that one may follow.
 
     Raises CheckpointError for an adapter that does not fit the base.
     """
-    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     return [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
 
 
-def live(generator: DiTGenerator, declaration: Declaration, rollouts: int = 24) -> Callable[[Path], str]:
+def live(
+    generator: DiTGenerator,
+    declaration: Declaration,
+    rollouts: int = 24,
+    measures: Mapping[str, Measure] = MEASURES,
+) -> Callable[[Path], str]:
     """Make what tells, in one line, how an adapter does as it grows: achieved over commanded of a few rollouts."""
 
     def look(adapter: Path) -> str:
-        command = Command.declared(declaration, adapter)
+        command = Command.declared(declaration, adapter, measures)
         ratio = achieved(command, roll(generator, command, (), rollouts, seed=1))
         return f"fidelity {_spread(ratio)}, mean error {_number(ratio.error, 1)} (cm, degrees)"
 
@@ -136,9 +152,10 @@ def simulated(
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
+    measures: Mapping[str, Measure] = MEASURES,
 ) -> dict[str, Ratio]:
     """Skill to its ratio in half-physics, for skills with parameters. before: further skills that one may follow."""
-    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
     actor, ratios = Actor(generator, simulator), {}
@@ -166,7 +183,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
-    both = Chunks.join([clip, clip.mirrored()])[(side < 0).astype(int)]
+    both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
     return achieved(command, rollouts)
 
@@ -274,23 +291,20 @@ def _number(value: float, digits: int) -> str:
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
-Installed = Callable[[], Mapping[str, Path]]
-"""Gives the adapters of the skills that are installed, by skill."""
-
-
 def main(
     arguments: Sequence[str] | None = None,
     simulator: Callable[[], Simulator] | None = None,
     installed: Installed | None = None,
+    measures: Measures = lambda: MEASURES,
 ) -> int:
     """Run the command line.
 
-    simulator: makes what `--simulated` runs in. installed: finds the skills that one of your own may follow. This
-    module itself knows of neither.
+    simulator: makes what `--simulated` runs in. installed: finds the skills that are measured, or that one of your own
+    may follow. measures: finds what they command. This module itself knows of no plugins.
     """
     options = _parser().parse_args(arguments)
     try:
-        report = _measure(options, simulator, installed)
+        report = _measure(options, simulator, installed, measures())
         for path in [options.save] if options.save else [folder / REPORT for folder in options.skill]:
             report.save(path)
     except HumanclawError as error:
@@ -302,24 +316,26 @@ def main(
 
 
 def _measure(
-    options: argparse.Namespace, simulator: Callable[[], Simulator] | None, installed: Installed | None
+    options: argparse.Namespace,
+    simulator: Callable[[], Simulator] | None,
+    installed: Installed | None,
+    measures: Mapping[str, Measure],
 ) -> FidelityReport:
     generator = made_generator(options)
-    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills)
+    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills, installed)
     there = installed() if options.skill and installed else {}
-    before = [Command.of(skill, path) for skill, path in there.items() if skill not in paths]
-    rows = fidelity(generator, paths, options.rollouts, options.seed, before)
+    before = [Command.of(skill, path, measures) for skill, path in there.items() if skill not in paths]
+    rows = fidelity(generator, paths, options.rollouts, options.seed, before, measures)
     if options.baseline:
-        rows = [
-            replace(row, baseline=baseline(options.baseline, Command.of(row.skill, paths[row.skill]))) for row in rows
-        ]
+        asked = {skill: Command.of(skill, path, measures) for skill, path in paths.items()}
+        rows = [replace(row, baseline=baseline(options.baseline, asked[row.skill])) for row in rows]
     if options.simulated:
         if simulator is None:
             raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --simulated")
-        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before)
+        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before, measures)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
-    command = Command.of(first, paths[first])
+    command = Command.of(first, paths[first], measures)
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
     return FidelityReport(
@@ -337,7 +353,10 @@ def generator_options(parser: argparse.ArgumentParser) -> None:
     """Options that name weights, skills and solver."""
     parser.add_argument("--skills", nargs="*", default=[], help="which skills (default: all that have an adapter)")
     parser.add_argument(
-        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+        "--adapters",
+        type=Path,
+        nargs="*",
+        help="folders searched for adapters (default: the installed skills)",
     )
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument("--rollouts", type=int, default=200, help="a skill")

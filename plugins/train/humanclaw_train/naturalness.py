@@ -39,7 +39,7 @@ from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.measures import SEAM, Features, Gait
-from humanclaw_train.rollouts import Command, adapters, extend, others, roll
+from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, others, roll
 
 _NAN: Final = float("nan")
 _MOST: Final = 600
@@ -600,12 +600,18 @@ def sequences_table(found: Mapping[str, float]) -> str:
     return f"{_table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs stand in the paper's order."
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(
+    arguments: Sequence[str] | None = None, installed: Installed | None = None, commanded: Measures = lambda: MEASURES
+) -> int:
+    """Run the command line.
+
+    installed: finds the skills that are measured. commanded: finds what they command.
+    """
     options = _parser().parse_args(arguments)
     try:
         generator = made_generator(options)
-        commands = [Command.of(skill, path) for skill, path in adapters(options.adapters, options.skills).items()]
+        paths, known = adapters(options.adapters, options.skills, installed), commanded()
+        commands = [Command.of(skill, path, known) for skill, path in paths.items()]
         print(skills_table(skills(generator, commands, options.chunks, options.rollouts, options.seed)), flush=True)
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
         print("\n" + first_steps_table(first_steps(generator, commands, seed=options.seed)), flush=True)

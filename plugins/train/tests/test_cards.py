@@ -8,11 +8,11 @@ from safetensors.numpy import load_file
 from tiny_motion import write_adapter, write_base
 
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
-from humanclaw_train.cards import CARD, REPORT, card, main, write_all
+from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
-from humanclaw_train.rollouts import file_digest
+from humanclaw_train.rollouts import adapters, file_digest
 
-SKILLS = Path(__file__).parents[2] / "skills"
+SKILLS = Path(__file__).parents[3] / "skills"
 SHIPPED = [shipped_base(), *sorted(SKILLS.glob("*/*/*/adapter.safetensors"))]
 RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "steps": 0, "done_steps": 4321}
 
@@ -105,6 +105,13 @@ def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, cap
     assert "out of date" in capsys.readouterr().out
 
 
+def test_without_folders_the_cards_are_those_of_the_installed_skills(weights, capsys):
+    path = weights / "sit_in_place" / "adapter.safetensors"
+    assert main(["--base", str(weights / "base.safetensors")], installed=lambda: {"sit_in_place": path}) == 0
+    written = [line.removeprefix("wrote: ") for line in capsys.readouterr().out.splitlines()]
+    assert written == [str(weights / CARD), str(path.with_name(CARD))]
+
+
 def test_a_broken_report_is_told_and_nothing_is_written(weights):
     (weights / REPORT).write_text(json.dumps([]))
     assert main(["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]) == 2
@@ -112,7 +119,7 @@ def test_a_broken_report_is_told_and_nothing_is_written(weights):
 
 
 def test_the_shipped_cards_are_those_of_the_shipped_weights():
-    assert write_all(shipped_base(), [SKILLS], check=True) == []
+    assert write([shipped_base(), *adapters([SKILLS]).values()], shipped_base(), check=True) == []
 
 
 @pytest.mark.parametrize("checkpoint", SHIPPED, ids=lambda path: path.parent.name)
