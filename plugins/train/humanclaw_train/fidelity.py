@@ -314,7 +314,7 @@ def _measure(
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
     """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:

@@ -277,7 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = Command.of(skill, paths[skill])
         values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
-        print(f"The shipped generator as episodes run it, {skill}, with foot locking: {taken:.1f} ms a chunk.")
+        print(f"The shipped generator as episodes run it, {skill}, feet planted and posture held: {taken:.1f} ms a chunk.")
     except HumanclawError as error:
         print(f"The shipped weights were not timed: {error}")
     return 0
