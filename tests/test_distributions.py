@@ -62,7 +62,9 @@ def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again()
     plugins.add(object(), "humanclaw-bullet", origin="humanclaw-bullet")
     with pytest.raises(PluginError, match="there is no simulator 'bullet'") as raised:
         plugins.make("simulators", "bullet")
-    assert raised.value.remedy.startswith("humanclaw-bullet brings it where what it needs is installed; here it is not.")
+    assert raised.value.remedy.startswith(
+        "humanclaw-bullet brings it where what it needs is installed; here it is not."
+    )
     assert "mujoco (of humanclaw-mujoco)" in raised.value.remedy
 
 

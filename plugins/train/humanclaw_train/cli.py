@@ -1,5 +1,5 @@
-"""`humanclaw train`, `humanclaw fidelity` and `humanclaw data build`: doors to humanclaw_train, which reads its own
-options.
+"""`humanclaw train`, `humanclaw fidelity`, `humanclaw data build` and others: doors to humanclaw_train, which reads
+its own options; and `humanclaw show`.
 
 The modules also run as `python -m humanclaw_train.train` on a machine that has torch and little else.
 """
@@ -7,6 +7,7 @@ The modules also run as `python -m humanclaw_train.train` on a machine that has 
 from __future__ import annotations
 
 import importlib
+import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import Any
 
 import click
 
-from humanclaw import Plugins, default_simulator
+from humanclaw import CallError, Choice, HumanclawError, Plugins, Skill, default_simulator
+from humanclaw.cli import plugin_options
 from humanclaw.measures import Measure
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
@@ -95,3 +97,61 @@ data.add_command(
         measures=_measures,
     )
 )
+
+
+@click.group()
+def show() -> None:
+    """Motion one can look at."""
+
+
+@show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+@click.argument("name")
+@click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="In a row.")
+@click.option("--seed", default=0, show_default=True, help="Of the motion.")
+@click.option("--beside", type=click.Path(path_type=Path), metavar="MOCAP", help="Folder with clips.csv, to compare.")
+@click.option("--out", type=click.Path(path_type=Path), help="GIF; the default is NAME.gif. A strip (PNG) lies beside.")
+@click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
+@plugin_options
+@click.pass_context
+def _skill(
+    context: click.Context,
+    name: str,
+    calls: int,
+    seed: int,
+    beside: Path | None,
+    out: Path | None,
+    renderer: str,
+    files: tuple[Path, ...],
+    choice: Choice,
+) -> None:
+    """Draw a skill, as `humanclaw show skill walk --z-cm 40`: every parameter of the skill is an option."""
+    looking = importlib.import_module("humanclaw_train.show")
+    plugins = Plugins.discover(files, choice=choice)
+    params = _params(plugins.skill(name), context.args)
+    wanted = out or Path(f"{name.split(':')[-1]}.gif")
+    for path in looking.show(plugins, name, params, calls, seed, beside, wanted, renderer):
+        click.echo(path)
+
+
+def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
+    """Read `--z-cm 40` or `--z-cm=40` as parameters of a skill, checked against its schema.
+
+    Raises HumanclawError for words that are none.
+    """
+    flat = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
+    keys = [word.removeprefix("--").replace("-", "_") for word in flat[::2]]
+    if len(flat) % 2 or not all(word.startswith("--") for word in flat[::2]):
+        hint = ", ".join(f"--{one.key.replace('_', '-')} NUMBER" for one in skill.parameters)
+        raise HumanclawError(f"{' '.join(words)} are no options of {skill.name}.", f"It takes: {hint or 'none'}.")
+    try:
+        return skill.check({key: _read(value) for key, value in zip(keys, flat[1::2], strict=True)})
+    except CallError as error:
+        raise HumanclawError(str(error)) from error
+
+
+def _read(value: str) -> Any:
+    """Read a value as JSON, or else as the text that it is."""
+    try:
+        return json.loads(value)
+    except ValueError:
+        return value

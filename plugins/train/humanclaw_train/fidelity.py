@@ -7,7 +7,8 @@ Generated: what the motion model makes. Every other rollout begins after a chunk
 standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
 of the adapter's range. Simulated: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
 command, and measured there. Baseline: the median clip of each verb, whatever the magnitude asked for, as a
-text-to-motion model does it.
+text-to-motion model does it. Uncommanded: how far a call goes and turns on the axes that it does not command, from
+standing and after walking.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,7 +29,6 @@ from humanclaw import CheckpointError, HumanclawError
 from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
-from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import (
@@ -43,6 +43,8 @@ from humanclaw_train.rollouts import (
     roll,
 )
 from humanclaw_train.simulated import Actor, roll_simulated
+from humanclaw_train.tables import cell, numbers, save, table
+from humanclaw_train.travel import Uncommanded, uncommanded, uncommanded_table, walker
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
@@ -80,6 +82,8 @@ class Row:
     """Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
     paper_baseline: tuple[float, float] | None = None
     """The same of the paper's baseline, MoMask, which ignores the magnitude."""
+    uncommanded: Uncommanded = field(default_factory=dict)
+    """How far it goes and turns though nobody commands it."""
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
@@ -118,7 +122,9 @@ def fidelity(
     """
     commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
-    return [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+    besides = uncommanded(generator, commands, walker(known), seed=seed)
+    rows = [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+    return [replace(row, uncommanded=besides[row.skill]) for row in rows]
 
 
 def live(
@@ -132,7 +138,7 @@ def live(
     def look(adapter: Path) -> str:
         command = Command.declared(declaration, adapter, measures)
         ratio = achieved(command, roll(generator, command, (), rollouts, seed=1))
-        return f"fidelity {_spread(ratio)}, mean error {_number(ratio.error, 1)} (cm, degrees)"
+        return f"fidelity {_spread(ratio)}, mean error {cell(ratio.error)} (cm, degrees)"
 
     return look
 
@@ -223,8 +229,7 @@ class FidelityReport:
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, (json.dumps(_plain(asdict(self)), indent=1) + "\n").encode())
+        save(path, asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> FidelityReport:
@@ -243,21 +248,7 @@ _RATIOS: Final = ("generated", "simulated", "baseline")
 
 
 def _ratio(content: Mapping[str, Any] | None) -> Any:
-    if content is None:
-        return None
-    values: dict[str, Any] = {key: NAN if value is None else value for key, value in content.items()}
-    return Ratio(**values)
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN: null stands for it. Six digits are plenty."""
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if np.isfinite(value) else None
-    return value
+    return None if content is None else Ratio(**numbers(content))
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -266,16 +257,12 @@ def markdown(rows: Sequence[Row]) -> str:
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
     )  # fmt: skip
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
-    for row in rows:
-        made, real = row.generated, row.simulated
-        cells = (
-            row.skill, _spread(made), _number(made.after_other, 3), _number(made.error, 1),
-            _spread(real), _number(real.error if real else NAN, 1), _spread(row.baseline),
-            _pair(row.paper), _pair(row.paper_baseline),
-        )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return table(heads, [
+        (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.error),
+         _spread(row.simulated), cell(row.simulated.error if row.simulated else NAN), _spread(row.baseline),
+         _pair(row.paper), _pair(row.paper_baseline))
+        for row in rows
+    ])  # fmt: skip
 
 
 def _spread(ratio: Ratio | None) -> str:
@@ -284,10 +271,6 @@ def _spread(ratio: Ratio | None) -> str:
 
 def _pair(pair: Sequence[float] | None) -> str:
     return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
@@ -311,6 +294,7 @@ def main(
         print(f"error: {error}", file=sys.stderr)
         return 2
     print(markdown(report.rows))
+    print("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
     print(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
     return 0
 
@@ -346,7 +330,7 @@ def _measure(
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
     """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:

@@ -280,7 +280,7 @@ def main(arguments: Sequence[str] | None = None, skills: Installed | None = None
         command = Command.of(skill, paths[skill])
         values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
-        print(f"The shipped generator as episodes run it, {skill}, with foot locking: {taken:.1f} ms a chunk.")
+        print(f"The shipped generator as episodes run it, {skill}, corrected: {taken:.1f} ms a chunk.")
     except HumanclawError as error:
         print(f"The shipped weights were not timed: {error}")
     return 0
