@@ -75,7 +75,7 @@ bench-render: install  ## CPU time of a view, beside other renderers where they 
 	$(BIN)/python plugins/raster/bench.py
 
 recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
-	cd plugins/raster/recognise && npm install --no-audit --no-fund
+	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock
 	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)

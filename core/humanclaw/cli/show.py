@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 import click
 from rich.console import Console
@@ -92,7 +92,11 @@ def _source(info: PluginInfo) -> str:
 
 def _parameters(skill: Skill) -> str:
     parts = skill.schema.get("properties", {})
-    return ", ".join(f"{key} {bounds(part, '..')}".strip() for key, part in parts.items()) or "none"
+    return ", ".join(f"{key} {_values(part)}".strip() for key, part in parts.items()) or "none"
+
+
+def _values(part: Mapping[str, Any]) -> str:
+    return "|".join(map(str, part["enum"])) if "enum" in part else bounds(part, "..")
 
 
 def _state(skill: Skill) -> str:

@@ -304,12 +304,16 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else."""
     try:
         return float(measure(recorded))
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except TimeoutError as late:
+        _LOG.warning("metric %r failed on episode %s: %s", name, recorded.record.spec.id, late)
+    except BaseException:
         _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
-        return float("nan")
+    return float("nan")
 
 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:

@@ -20,6 +20,7 @@ from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
 from humanclaw.pose import FPS, HISTORY, Array
 from humanclaw.scene import GROUND
+from humanclaw.storage import gif
 from humanclaw_report.maps import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]
@@ -69,7 +70,7 @@ def film(
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
-        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else _gif(pictures, out, FPS / every)
+        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else gif(list(pictures), out, FPS / every)
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
     return out
@@ -431,12 +432,3 @@ def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, in
             writer.send(np.ascontiguousarray(picture))
     finally:
         writer.close()
-
-
-def _gif(pictures: Iterator[Picture], out: Path, fps: float) -> None:
-    """One palette for all frames: a palette a frame flickers."""
-    frames = [Image.fromarray(picture) for picture in pictures]
-    samples = [np.asarray(frame.resize((96, 72))) for frame in frames[:: max(1, len(frames) // 24)]]
-    palette = Image.fromarray(np.concatenate(samples)).quantize(200)
-    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    few[0].save(out, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=True)
