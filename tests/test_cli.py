@@ -36,6 +36,11 @@ def test_skills_lists_every_skill_with_owner_and_state(cli):
     assert rows["walk"]["state"] == "ready (adapter)"
 
 
+def test_skills_lists_the_choices_of_a_parameter(cli):
+    (row,) = json.loads(cli("skills", "--json", "--plugin", EXAMPLES / "stroll.py", "--skills", "stroll").stdout)
+    assert row["parameters"] == "pace slow|easy|brisk"
+
+
 def test_plugins_says_what_each_provides(cli):
     rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
     assert "simulator mujoco" in rows["humanclaw-mujoco"]["provides"]

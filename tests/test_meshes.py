@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from humanclaw.meshes import area, simplify
+from humanclaw.meshes import area, read_model, simplify
 from humanclaw.scene import Mesh
 
 RED, BLUE = 0.25, 0.75
@@ -112,3 +114,14 @@ def test_the_same_mesh_gives_the_same_bytes() -> None:
     assert (one.vertices.tobytes(), one.faces.tobytes(), one.uv.tobytes()) == (
         two.vertices.tobytes(), two.faces.tobytes(), two.uv.tobytes(),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("where", ["paint.mtl", "../paint.mtl", "sub/../../paint.mtl", "{folder}/paint.mtl"])
+def test_a_model_reads_nothing_outside_of_its_folder(tmp_path: Path, where: str) -> None:
+    (tmp_path / "paint.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    home = tmp_path if where == "paint.mtl" else tmp_path / "models"
+    (home / "sub").mkdir(parents=True)
+    named = where.format(folder=tmp_path)
+    (home / "a.obj").write_text(f"mtllib {named}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+    (part,) = read_model(home / "a.obj")
+    assert (part.colour == (255, 0, 0)) is (where == "paint.mtl")

@@ -3,6 +3,8 @@
 import importlib.metadata
 import sys
 import textwrap
+import threading
+import time
 import types
 from dataclasses import replace
 
@@ -89,6 +91,50 @@ def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
     plugins.tell("humanclaw_step", episode=None, step=7)
     assert heard == [7, 7]
     assert "plugin 'bad' failed at humanclaw_step" in caplog.text
+
+
+def test_an_observer_that_comes_back_late_hears_on_in_the_same_thread():
+    threads, let_go = [], threading.Event()
+
+    class Late:
+        HUMANCLAW_PATIENCE = 0.05
+
+        @hookimpl
+        def humanclaw_step(self, episode, step):
+            threads.append(threading.current_thread())
+            let_go.wait(60)
+
+    plugins = Plugins()
+    plugins.add(Late(), "late")
+    plugins.tell("humanclaw_step", episode=None, step=0)
+    let_go.set()
+    for _ in range(1000):
+        plugins.tell("humanclaw_step", episode=None, step=1)
+        if len(threads) > 1:
+            break
+        time.sleep(0.01)
+    assert threads[0] is threads[-1] is not threading.current_thread()
+
+
+def test_an_observer_of_endless_patience_hears_in_the_thread_of_the_episode():
+    class Window:
+        HUMANCLAW_PATIENCE = float("inf")
+
+        @hookimpl
+        def humanclaw_step(self, episode, step):
+            self.thread = threading.current_thread()
+
+    plugins, window = Plugins(), Window()
+    plugins.add(window, "window")
+    plugins.tell("humanclaw_step", episode=None, step=0)
+    assert window.thread is threading.current_thread()
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, "long", True, float("nan")])
+def test_a_plugin_whose_patience_is_no_time_is_refused(seconds):
+    plugin = type("Odd", (), {"HUMANCLAW_PATIENCE": seconds})()
+    with pytest.raises(PluginError, match="which is no number of seconds above 0"):
+        Plugins().add(plugin, "odd")
 
 
 def test_the_user_can_still_interrupt_a_plugin():

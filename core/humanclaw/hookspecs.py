@@ -31,6 +31,9 @@ API_VERSION: Final = "1.0"
 """Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
 docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
 minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""
+OBSERVERS: Final = frozenset({"humanclaw_chunk", "humanclaw_step", "humanclaw_episode_end"})
+"""Hooks that an episode waits for: each plugin's are called in a thread of their own, and for its HUMANCLAW_PATIENCE at
+most (seconds, a number of the module; 30 without it; float("inf") to be called in the episode's own thread)."""
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 F = TypeVar("F", contravariant=True)

@@ -15,6 +15,7 @@ import importlib.util
 import inspect
 import logging
 import re
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,7 @@ from packaging.utils import canonicalize_name
 import humanclaw
 from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
+from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError
@@ -42,6 +44,8 @@ T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_REASON: Final = 500
+PATIENCE: Final = 30.0
+"""Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
@@ -193,6 +197,8 @@ class Plugins:
         self._left_out: list[Registration] = []
         self._found: dict[str, dict[str, Registration]] = {}
         """What a name alone means, by kind."""
+        self._threads = threading.local()
+        """Of each thread that tells observers: who hears it, by plugin."""
         self._extend(hookspecs)
         self._take(
             "measures", [Registration(k, hookspecs.PROJECT, one, one.description) for k, one in MEASURES.items()]
@@ -257,6 +263,7 @@ class Plugins:
         specs = list(self._specs)
         try:
             check_api(getattr(plugin, "HUMANCLAW_API", hookspecs.API_VERSION), name)
+            check_patience(getattr(plugin, "HUMANCLAW_PATIENCE", PATIENCE), name)
             registry = self._gather(plugin, name)
         except BaseException as error:
             hint = self._hint(error)
@@ -326,17 +333,39 @@ class Plugins:
         return f"{told} Choose it with --prefer {one.owner}:{one.name}, or call it {one.owner}:{one.name}."
 
     def tell(self, hook: str, **event: Any) -> None:
-        """Call a hook of every plugin that has it. One that raises is told of in the log; the others hear of it all the
-        same."""
+        """Call a hook of every plugin that has it. One that raises, or hangs where an episode would have to wait for
+        it, is told of in the log; the others hear of it all the same."""
         for name, plugin in self._manager.list_name_plugin():
             if not hasattr(plugin, hook):
                 continue
+            call = partial(self._only(plugin, hook), **event)
             try:
-                self._only(plugin, hook)(**event)
+                if hook in hookspecs.OBSERVERS:
+                    self._observer(name)(call)
+                else:
+                    call()
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
                 _LOG.warning("plugin %r failed at %s: %s", name, hook, _reason(error))
+
+    def _observer(self, name: str) -> Bounded:
+        """Return what calls the observers of a plugin: for each thread that tells of something one of its own."""
+        known: dict[str, Bounded] = vars(self._threads)
+        if name not in known:
+            known[name] = Bounded(self._patience(name))
+        return known[name]
+
+    def _patience(self, owner: str) -> float:
+        return float(getattr(self._manager.get_plugin(owner), "HUMANCLAW_PATIENCE", PATIENCE))
+
+    def bounded(self, one: Registration) -> Callable[..., Any]:
+        """Return a function that somebody registered, waited for no longer than its plugin's HUMANCLAW_PATIENCE.
+
+        Raises TimeoutError when that is over, and whatever the function raises.
+        """
+        patient = Bounded(self._patience(one.owner))
+        return lambda *args: patient(partial(one.value, *args))
 
     @property
     def measures(self) -> dict[str, Measure]:
@@ -548,6 +577,13 @@ def check_api(made_for: object, name: str) -> None:
         newer = "humanclaw" if (major, minor) > ours else name
         told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
         raise PluginError(told, f"Run `pip install --upgrade {newer}`.")
+
+
+def check_patience(seconds: object, name: str) -> None:
+    """Raise PluginError for a HUMANCLAW_PATIENCE that is no time."""
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
+        told = f"plugin {name!r} has HUMANCLAW_PATIENCE = {seconds!r}, which is no number of seconds above 0."
+        raise PluginError(told, 'Write one, such as 60.0, or float("inf").')
 
 
 def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from humanclaw._files import within
 from humanclaw.errors import SceneError
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
@@ -34,12 +35,15 @@ class Part:
 
 
 def read_model(path: Path) -> list[Part]:
-    """Read all parts of a model file. Raises SceneError if it cannot be read or holds no triangle."""
+    """Read all parts of a model file, with what it names in its own folder.
+
+    Raises SceneError if it cannot be read or holds no triangle.
+    """
     import trimesh
 
     try:
         # Vertices stay as they are in the file: merging them would lose texture seams.
-        scene = trimesh.load_scene(path, process=False)
+        scene = trimesh.load_scene(path, process=False, resolver=_beside(path))
         parts = [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
     except Exception as error:  # Third-party readers fail on broken files in every way there is.
         raise SceneError(f"{path.name} cannot be read: {type(error).__name__}: {error}.") from error
@@ -48,6 +52,19 @@ def read_model(path: Path) -> list[Part]:
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise SceneError(f"{path.name} holds vertices that are not numbers.")
     return parts
+
+
+def _beside(path: Path) -> Any:
+    """Return what reads the materials and pictures that a model names: those in its own folder, and no others."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        def get(self, name: str) -> Any:
+            inner = name.strip().lstrip("/")
+            within(path.parent, inner)
+            return super().get(inner)
+
+    return Beside(str(path))
 
 
 def _parts(scene: Any, node: str) -> list[Part]:

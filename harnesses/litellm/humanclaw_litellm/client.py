@@ -14,7 +14,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from humanclaw import LimitError, Meter, ProviderError
 from humanclaw.records import Usage
 from humanclaw.tools import json_objects
 from humanclaw_litellm.accounting import price_of, tokens_sent, usage_of
-from humanclaw_litellm.library import load, missing_keys
+from humanclaw_litellm.library import TooLongError, load, missing_keys
 from humanclaw_litellm.rates import Gate
 from humanclaw_litellm.redaction import redact
 from humanclaw_litellm.settings import ModelError, Settings
@@ -259,6 +259,8 @@ class Client:
         status, told = getattr(error, "status_code", None), self._tell(error)
         if elsewhere := _redirect(error):
             return self._redirected(elsewhere)
+        if endless := _too_long(error):
+            return ProviderError(f"{self._where()} gave no answer: {endless}")
         if status in (400, 422) and type(error).__name__ not in _NO_REFUSALS and not _unreadable(error):
             return RefusalError(told)
         mendable = None if self._worked else self._mendable(status, told)
@@ -350,7 +352,7 @@ def _until(date: str) -> float:
 
 
 def _transient(error: BaseException) -> bool:
-    if _redirect(error):
+    if _redirect(error) or _too_long(error):
         return False
     status = getattr(error, "status_code", None)
     if not isinstance(status, int) or "insufficient_quota" in str(error):
@@ -366,13 +368,26 @@ def _unreadable(error: BaseException) -> bool:
 def _redirect(error: BaseException | None) -> str:
     """Where a server sends requests on to, if that is its answer; of some providers' errors only the causes know."""
     found = ""
-    for _ in range(_CAUSES):
-        response = getattr(error, "response", None)
+    for one in _causes(error):
+        response = getattr(one, "response", None)
         if getattr(response, "status_code", None) in _REDIRECTS:
             headers: Mapping[str, str] = getattr(response, "headers", None) or {}
             found = headers.get("location", "") or found or "another address"
-        error = error and (error.__cause__ or error.__context__)
     return found
+
+
+def _too_long(error: BaseException | None) -> TooLongError | None:
+    """Return what cut a reply off for its length, if something did."""
+    return next((one for one in _causes(error) if isinstance(one, TooLongError)), None)
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and what it came from, so far back as anybody looks."""
+    for _ in range(_CAUSES):
+        if error is None:
+            return
+        yield error
+        error = error.__cause__ or error.__context__
 
 
 def _message_in(body: Json) -> str:

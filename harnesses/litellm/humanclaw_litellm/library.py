@@ -1,4 +1,4 @@
-"""litellm itself, made quiet and kept to the address that it is given."""
+"""litellm itself, made quiet, kept to the address that it is given, and to so many bytes of what that sends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Final
+
+LONGEST_REPLY: Final = 64 * 2**20
+"""Bytes. The longest answer of a model in pieces, a hundred thousand tokens, has about thirty million."""
+
+
+class TooLongError(Exception):
+    """A reply that has not ended after LONGEST_REPLY bytes."""
 
 
 @functools.cache
@@ -17,7 +24,7 @@ def load() -> Any:
         os.environ.setdefault(f"LITELLM_LOCAL_{part}", "True")  # Otherwise these lists are fetched from the network.
     import litellm
 
-    _follow_no_redirects()
+    _restrain_clients()
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
@@ -25,28 +32,46 @@ def load() -> Any:
     return litellm
 
 
-def _follow_no_redirects() -> None:
+def _restrain_clients() -> None:
     """Prompt and picture go to the address that was named: a redirect is an answer, and its address nobody's choice.
+    And no reply fills the memory.
 
-    litellm has no setting for that; it makes all of its clients in these two places.
+    litellm has no setting for either; it makes all of its clients in these two places.
     """
     from litellm.llms.custom_httpx.http_handler import HTTPHandler
     from litellm.llms.openai.common_utils import BaseOpenAILLM
 
-    HTTPHandler.create_client = _staying(HTTPHandler.create_client)  # type: ignore[method-assign]
+    HTTPHandler.create_client = _restrained(HTTPHandler.create_client)  # type: ignore[method-assign]
     BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]
-        _staying(BaseOpenAILLM._get_sync_http_client)
+        _restrained(BaseOpenAILLM._get_sync_http_client)
     )
 
 
-def _staying(make: Callable[..., Any]) -> Callable[..., Any]:
+def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(make)
     def made(*args: Any) -> Any:
         client = make(*args)
         client.follow_redirects = False
+        hooks = client.event_hooks
+        client.event_hooks = {**hooks, "response": [*hooks.get("response", ()), _bound]}
         return client
 
     return made
+
+
+def _bound(response: Any) -> None:
+    """Let no more than LONGEST_REPLY bytes of a reply be read, unpacked, in one piece or in many."""
+    read = response.iter_bytes
+
+    def iter_bytes(chunk_size: int | None = None) -> Iterator[bytes]:
+        left = LONGEST_REPLY
+        for piece in read(chunk_size):
+            left -= len(piece)
+            if left < 0:
+                raise TooLongError(f"the reply has more than {LONGEST_REPLY / 2**20:.3g} MiB")
+            yield piece
+
+    response.iter_bytes = iter_bytes
 
 
 def missing_keys(model: str) -> list[str]:

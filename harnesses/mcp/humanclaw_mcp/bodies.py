@@ -69,5 +69,8 @@ class Bodies:
             await self.release_idle()
 
     async def close(self) -> None:
+        """Put all bodies away; calls under way are broken off after their chunk."""
+        for session in self._sessions.values():
+            session.stop()
         for key in list(self._sessions):
             await self.release(key)

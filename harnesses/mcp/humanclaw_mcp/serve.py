@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hmac
+import os
+import signal
 import socket
+import sys
 from collections.abc import Callable
 from typing import Final
 
@@ -35,10 +38,26 @@ _RETRY: Final = 1000
 
 
 async def serve_stdio(handlers: Handlers) -> None:
-    """Serve the one client at the other end of the standard streams until it leaves."""
+    """Serve the one client at the other end of the standard streams until it leaves, or a signal asks for the end."""
     server = make_server(handlers)
-    async with stdio_server() as (reading, writing):
-        await server.run(reading, writing, server.create_initialization_options())
+    async with anyio.create_task_group() as tasks:
+        if os.name != "nt":  # Windows has no signals that ask.
+            tasks.start_soon(_end_by_signal, handlers.bodies)
+        async with stdio_server() as (reading, writing):
+            await server.run(reading, writing, server.create_initialization_options())
+        tasks.cancel_scope.cancel()
+
+
+async def _end_by_signal(bodies: Bodies) -> None:
+    """Close the records at the first signal, and end.
+
+    The thread that waits for the client's next line cannot be woken, and Python would wait for it: hence so abruptly.
+    """
+    with anyio.open_signal_receiver(signal.SIGTERM, signal.SIGINT) as signals:
+        async for number in signals:
+            await bodies.close()
+            print("Stopped.", file=sys.stderr, flush=True)
+            os._exit(128 + number)
 
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:

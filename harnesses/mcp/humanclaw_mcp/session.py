@@ -117,6 +117,11 @@ class Session:
             self.task = task
             return self._snapshot(self._begin())
 
+    def stop(self) -> None:
+        """Take no further call, and break off the one under way; does not wait for it."""
+        if self._episode:
+            self._episode.stop()
+
     def close(self) -> None:
         """Put the body away; an episode under way is recorded as interrupted. Waits for a request under way."""
         with self._turn, self._stage:

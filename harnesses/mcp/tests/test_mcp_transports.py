@@ -5,18 +5,21 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import signal
 import subprocess
 import sys
 
 import anyio
 import httpx
 import pytest
+from click.testing import CliRunner
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
-from humanclaw import HumanclawError
+from humanclaw import HumanclawError, PluginError, load_run
 from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.command import command as mcp_command
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.serve import http_app
@@ -155,3 +158,38 @@ def test_a_port_that_is_taken_is_told_in_a_sentence(url):
     assert told.returncode == 2
     assert f"cannot listen on port {port}" in told.stderr
     assert "Traceback" not in told.stderr
+
+
+FAKES = """
+from humanclaw.testing.fakes import Fakes
+
+_fakes = Fakes()
+humanclaw_scenes, humanclaw_simulators = _fakes.humanclaw_scenes, _fakes.humanclaw_simulators
+humanclaw_motion_generators = _fakes.humanclaw_motion_generators
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that asks for the end")
+def test_a_server_on_streams_that_is_asked_to_end_closes_its_record_and_ends(tmp_path):
+    (tmp_path / "fakes.py").write_text(FAKES)
+    fake = ["--plugin", tmp_path / "fakes.py", "--scene", "fake:floor", "--simulator", "fake", "--generator", "fake"]
+    command = [sys.executable, *COMMAND, *map(str, fake), "--out", str(tmp_path / "out")]
+    step = {"name": "turn_in_place", "arguments": {"yaw_deg": 30}}
+    told = [
+        HELLO,
+        {"jsonrpc": "2.0", "method": "notifications/initialized"},
+        {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": step},
+    ]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        for line in told:
+            server.stdin.write(json.dumps(line) + "\n")
+        server.stdin.flush()
+        next(line for line in server.stdout if json.loads(line).get("id") == 2)
+        server.terminate()  # Its standard input stays open, as it does under a client that has no more to say.
+        assert server.wait(60) == 128 + signal.SIGTERM
+    (episode,) = load_run(tmp_path / "out")
+    assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)
+
+
+def test_a_choice_of_skills_that_names_nothing_is_refused():
+    assert isinstance(CliRunner().invoke(mcp_command, ["--skills", "hover"]).exception, PluginError)

@@ -32,8 +32,8 @@ DECISIONS_A_SECOND: Final = 2
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics that plugins brought, by name."""
-    return {one.name: one.value for one in plugins.registered("metrics")}
+    """Return the metrics that plugins brought, by name. Each is waited for as long as its plugin asks, no longer."""
+    return {one.name: plugins.bounded(one) for one in plugins.registered("metrics")}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:

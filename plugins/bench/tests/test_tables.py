@@ -5,8 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -14,9 +17,11 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 from rollouts import COUCH, rollout, step
 
+from humanclaw import Plugins, hookimpl
 from humanclaw.cli import Commands
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
+from humanclaw_bench.export import metrics_of
 from humanclaw_bench.metrics import MAIN, Scores, score
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import (
@@ -113,13 +118,35 @@ def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: 
         assert invoke(*command, "--partial").exit_code == 0
 
 
-def test_a_metric_that_raises_is_not_known_and_harms_nothing(tmp_path: Path) -> None:
-    def broken(recorded: object) -> float:
-        raise ZeroDivisionError
+class OddMetrics:
+    """Metrics that raise, leave, give no number and never return; and one that is well."""
 
-    scores = score(rollout(tmp_path, SAT), {"broken": broken, "one": lambda recorded: 1.0})
-    assert str(scores.extra["broken"]) == "nan"
-    assert (scores.extra["one"], scores.interact) == (1.0, True)
+    HUMANCLAW_PATIENCE = 0.2
+
+    def __init__(self) -> None:
+        self.let_go = threading.Event()
+
+    @hookimpl(optionalhook=True)
+    def humanclaw_metrics(self, register: Any) -> None:
+        register("raises", lambda recorded: 1 / 0)
+        register("leaves", lambda recorded: sys.exit(3))
+        register("babbles", lambda recorded: "much")
+        register("hangs", lambda recorded: self.let_go.wait(60))
+        register("one", lambda recorded: 1.0)
+
+
+def test_a_metric_that_raises_leaves_hangs_or_babbles_is_not_known_and_harms_nothing(
+    tmp_path: Path, caplog: Any
+) -> None:
+    odd, plugins = OddMetrics(), Plugins.discover()
+    plugins.add(odd, "odd")
+    extra, recorded = metrics_of(plugins), rollout(tmp_path, SAT)
+    first, second = score(recorded, extra), score(recorded, extra)
+    odd.let_go.set()
+    for scores in (first, second):
+        assert [str(scores.extra[name]) for name in ("raises", "leaves", "babbles", "hangs")] == ["nan"] * 4
+        assert (scores.extra["one"], scores.interact) == (1.0, True)
+    assert "'hangs' failed on episode" in caplog.text
 
 
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:

@@ -108,7 +108,8 @@ class Models:
         if not kind.template.render_asset:
             raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
         files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
-        files += [mesh for file in dict.fromkeys(files) if file.suffix == ".urdf" for mesh in urdf.meshes(file)]
+        inner = [mesh for file in dict.fromkeys(files) if file.suffix == ".urdf" for mesh in urdf.meshes(file)]
+        files += [kind.path(str(mesh)) for mesh in inner]
         recipe = (VERSION, kind.template.model_dump(), self.origin, self.triangles, self._decodes, *rest)
         key = hashlib.sha256(repr((recipe, [self._digest(file) for file in files])).encode()).hexdigest()
         data = self.cache.get(key)

@@ -6,6 +6,7 @@ a URDF is not turned.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +44,7 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Par
 
 
 def meshes(path: Path) -> list[Path]:
-    """Return the model files that a URDF names. Raises SceneError if it cannot be read."""
+    """Return the model files that a URDF names, wherever they are. Raises SceneError if it cannot be read."""
     return sorted({_file(mesh, path) for mesh in _root(path).iter("mesh")})
 
 
@@ -167,7 +168,8 @@ def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | 
 
 
 def _file(mesh: ElementTree.Element, path: Path) -> Path:
-    return (path.parent / mesh.get("filename", "").removeprefix("package://").removeprefix("file://")).resolve()
+    name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
+    return Path(os.path.abspath(path.parent / name))  # Links stay: where they lead is whose the folder is.
 
 
 def _numbers(text: str, count: int, path: Path) -> Array:

@@ -481,6 +481,8 @@ def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
     ("was", "becomes", "said"),
     [
         ('filename="door.glb"', 'filename="gate.glb"', "gate.glb"),
+        ('filename="door.glb"', 'filename="../../../door.glb"', "outside of its dataset"),
+        ('filename="door.glb"', 'filename="file:///etc/hosts.glb"', "outside of its dataset"),
         ('xyz="0 0.9 0"', 'xyz="0 0.9"', "3 numbers"),
         ("<cylinder", "<plane", "shape plane"),
         ("</robot>", "", "no URDF"),
