@@ -3,7 +3,7 @@ PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one 
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install demo test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks docs lint-pages recognise clean
+.PHONY: help install demo demo-film test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks docs lint-pages recognise clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,6 +25,11 @@ $(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 
 demo: $(VENV)/.demo  ## One episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
+
+demo-film: $(VENV)/.demo  ## The moving picture at the top of the README, made again (a minute)
+	rm -rf runs/demo-film
+	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0 --film none --out runs/demo-film
+	$(BIN)/humanclaw film runs/demo-film --out examples/images/demo.gif --height 270 --every 5
 
 # A file's tests stay together: they share what is slow to make.
 test: install  ## All tests
@@ -70,7 +75,7 @@ bench-render: install  ## CPU time of a view, beside other renderers where they 
 	$(BIN)/python plugins/raster/bench.py
 
 recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
-	cd plugins/raster/recognise && npm install --no-audit --no-fund
+	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock
 	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)

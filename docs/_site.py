@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from mkdocs.structure.files import File, Files
 
 from humanclaw import Plugins
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 
 ROOT = Path(__file__).parents[1]
 INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
@@ -110,7 +110,7 @@ def walk(command: click.Command, words: tuple[str, ...]) -> Iterator[tuple[tuple
     for name in command.list_commands(context):
         found = command.get_command(context, name)
         if found is not None and not found.hidden:
-            yield from walk(found, (*words, name))
+            yield from walk(found.load() if isinstance(found, LazyCommand) else found, (*words, name))
 
 
 def _cell(text: str) -> str:

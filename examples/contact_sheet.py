@@ -1,7 +1,8 @@
 """Pictures of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES]
 
 Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a body sees that stands in them) and
-prints what is on each. The default is 12 houses into examples/images.
+prints what is on each, and how many of 20 views from anywhere in each house show nothing but a bare wall. The default
+is 12 houses into examples/images.
 """
 
 import sys
@@ -20,6 +21,8 @@ from humanclaw_scripted.agents import in_view
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
 NOBODY = WorldState(Pose2D(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
 TILE, VIEW, EYES = (460, 330), 384, 1.55
+SHELL, BARE = ("wall", "floor", "ceiling"), 0.99
+"""What a bare wall is made of, and the least share of a view that is nothing else."""
 
 
 def storey(scene: Scene, floor: float) -> Scene:
@@ -108,6 +111,20 @@ def view_tile(renderer: Renderer, scene: Scene, subject: str, seed: int) -> Imag
     return tile
 
 
+def bare_views(renderer: Renderer, scene: Scene, seed: int, count: int = 20) -> int:
+    """Return how many views from places drawn at random, in directions drawn at random, show a bare wall alone."""
+    rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
+    places = np.concatenate(floors.starts(np.array([scene.start.x, scene.start.floor, scene.start.z]), room=0.35))
+    shell = [obj.id for obj in scene.objects if obj.category in SHELL]
+    renderer.load(scene)
+    found = 0
+    for x, floor, z in rng.permutation(places)[:count].tolist():
+        state = standing(Pose2D(x, z, float(rng.uniform(-np.pi, np.pi)), floor))
+        ids = renderer.render(state, ego_camera(state.body, 96)).ids
+        found += np.isin(ids, shell).mean() > BARE
+    return found
+
+
 def sheet(tiles: list[Image.Image], columns: int) -> Image.Image:
     wide, high = tiles[0].size
     rows = -(-len(tiles) // columns)
@@ -134,6 +151,8 @@ def main(folder: str = "examples/images", houses: str = "12") -> None:
         path = Path(folder) / f"{name}.jpg"
         sheet(tiles, 3 if name == "houses" else 4).save(path, quality=82, optimize=True)
         print(f"{path}: {len(tiles)} pictures, {path.stat().st_size // 1000} kB")
+    bare = sum(bare_views(renderer, scene, number) for number, scene in enumerate(scenes))
+    print(f"bare walls: {bare} of {20 * len(scenes)} views")
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ def test_a_skill_that_is_still_to_be_trained_is_no_skill_yet_and_keeps_the_contr
     (folder / "adapter.safetensors").unlink()
     assert names(folder) == {"adapter-there"}
     assert check_skill(folder, engines=()).trained is False
-    with pytest.raises(AssertionError, match="humanclaw train adapter walk"):
+    with pytest.raises(AssertionError, match=r"humanclaw train adapter --skill .*walk"):
         check_skill(folder, engines=(), trained=True)
 
 

@@ -36,9 +36,14 @@ def test_skills_lists_every_skill_with_owner_and_state(cli):
     assert rows["walk"]["state"] == "ready (adapter)"
 
 
+def test_skills_lists_the_choices_of_a_parameter(cli):
+    (row,) = json.loads(cli("skills", "--json", "--plugin", EXAMPLES / "stroll.py", "--skills", "stroll").stdout)
+    assert row["parameters"] == "pace slow|easy|brisk"
+
+
 def test_plugins_says_what_each_provides(cli):
     rows = {row["plugin"]: row for row in json.loads(cli("plugins", "--json").stdout)}
-    assert "simulator bullet" in rows["humanclaw-bullet"]["provides"]
+    assert "simulator mujoco" in rows["humanclaw-mujoco"]["provides"]
     assert "renderer raster" in rows["humanclaw-raster"]["provides"]
     assert all(row["state"] == "in use" for row in rows.values())
 
@@ -138,6 +143,21 @@ def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_repo
     assert (tmp_path / "r/report.html").is_file()
 
 
+def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_get_the_report(cli, tmp_path):
+    (tmp_path / "hasty.py").write_text(
+        "from humanclaw import hookimpl\n"
+        "class Hasty:\n"
+        "    def write(self, *about): raise KeyboardInterrupt\n"
+        "@hookimpl\n"
+        "def humanclaw_reports(register): register('hasty', lambda **options: Hasty(), 'nobody waits for it')\n"
+    )
+    done = cli("run", "--plugin", "hasty.py", "--agent", "still", "--max-steps", "1", "--film", "none", "--out", "r")
+    assert done.returncode == 130
+    assert "`humanclaw report r`" in done.stdout
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "r/house-0-0/episode.json").is_file()
+
+
 def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     probe = (
         "import sys, humanclaw.cli as cli; cli.build(None).commands['run'].make_context('run', []); print(*sys.modules)"
@@ -145,6 +165,15 @@ def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw.cli.options" in loaded
     assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins"} & set(loaded)
+
+
+def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
+    probe = (
+        "import atexit, sys; atexit.register(lambda: print(*sys.modules)); import humanclaw.cli as c; c.main(['-h'])"
+    )
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert "humanclaw_bench" in loaded
+    assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
 
 
 def part(**settings):

@@ -3,6 +3,7 @@
 import ast
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -12,11 +13,13 @@ from packaging.requirements import Requirement
 from wheels import distributions as folders
 
 from humanclaw import _distributions as distributions
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 
 PROJECT = tomllib.loads((folders()[0] / "pyproject.toml").read_text())["project"]
+WITHOUT_WHEELS = set() if find_spec("pybullet") else {"bullet"}
+"""What its distribution does not register on this Python."""
 NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in folders()}
 
 
@@ -27,18 +30,23 @@ def test_the_table_says_what_the_distributions_register():
         if kind == "commands":
             continue
         found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
-        installed = {name: of for name, of in table.items() if of in origins.values()}
+        installed = {name: of for name, of in table.items() if of in origins.values() and name not in WITHOUT_WHEELS}
         assert {name: of for name, of in found.items() if of in NAMES} == installed, kind
 
 
 def test_the_table_says_whose_every_command_is():
     commands = build(Plugins.discover)
     names = commands.list_commands(click.Context(commands))
-    homes = {name: commands.commands[name].callback.__module__.partition(".")[0] for name in names}
+    homes = {name: _home(commands.commands[name]) for name in names}
     found = {name: home.replace("_", "-") for name, home in homes.items() if home != "humanclaw"}
     table = distributions.table()["commands"]
     assert {name: of for name, of in found.items() if of in NAMES} == {n: of for n, of in table.items() if n in found}
     assert set(table.values()) <= NAMES
+
+
+def _home(command):
+    command = command.load() if isinstance(command, LazyCommand) else command
+    return command.callback.__module__.partition(".")[0]
 
 
 def test_a_command_that_is_not_installed_names_what_brings_it():
@@ -46,6 +54,18 @@ def test_a_command_that_is_not_installed_names_what_brings_it():
     assert done.exit_code == 2
     assert "command 'bench' is not installed." in done.output
     assert "pip install humanclaw-bench" in done.output
+
+
+def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again():
+    """As PyBullet, which has no wheel for the newest Pythons."""
+    plugins = Plugins()
+    plugins.add(object(), "humanclaw-bullet", origin="humanclaw-bullet")
+    with pytest.raises(PluginError, match="there is no simulator 'bullet'") as raised:
+        plugins.make("simulators", "bullet")
+    assert raised.value.remedy.startswith(
+        "humanclaw-bullet brings it where what it needs is installed; here it is not."
+    )
+    assert "mujoco (of humanclaw-mujoco)" in raised.value.remedy
 
 
 def test_every_distribution_has_the_licence_of_the_whole_and_says_where_it_belongs():

@@ -5,12 +5,15 @@ import re
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 
 import humanclaw_bench.hookspecs
 from humanclaw import Plugins, hookspecs
-from humanclaw.cli import build
+from humanclaw.body import JOINT_INDEX
+from humanclaw.cli import LazyCommand, build
 from humanclaw.plugins import PREFIX, load_file
+from humanclaw.pose import rest_pose
 
 ROOT = Path(__file__).parents[1]
 HOOKS = {
@@ -48,7 +51,20 @@ def _commands(command, words):
         return
     context = click.Context(command, info_name=words)
     for name in command.list_commands(context):
-        yield from _commands(command.get_command(context, name), f"{words} {name}")
+        found = command.get_command(context, name)
+        yield from _commands(found.load() if isinstance(found, LazyCommand) else found, f"{words} {name}")
+
+
+def test_a_command_that_is_listed_without_being_loaded_is_told_of_in_its_own_words(plugins):
+    commands = build(lambda: plugins)
+    context = click.Context(commands)
+    listed = [commands.get_command(context, name) for name in commands.list_commands(context)]
+    lazy = [one for one in listed if isinstance(one, LazyCommand)]
+    assert len(lazy) > 10
+    for one in lazy:
+        command = one.load()
+        assert command.name == one.name
+        assert " ".join(command.help.split()).startswith(one.help.rstrip("."))
 
 
 def test_every_command_and_every_option_says_what_it_is_for(plugins):
@@ -100,6 +116,16 @@ def test_links_between_pages_of_the_repository_lead_somewhere():
     for page in pages:
         for target in re.findall(r"\]\((?!https?://|#)([^)#\s]+)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}"
+
+
+def test_the_arm_that_points_ahead_on_the_page_of_skills_does_so():
+    page = (ROOT / "docs" / "howto" / "skills.md").read_text("utf-8")
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), names)
+    joints = names["point"].plan({}).over(rest_pose(1)).joints()
+    reach = joints[20, JOINT_INDEX["left_hand"]] - joints[20, JOINT_INDEX["left_shoulder"]]
+    assert reach[2] > 0.5
+    assert np.abs(reach[:2]).max() < 0.2
 
 
 def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_path):

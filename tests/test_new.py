@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from environments import like_this
 from wheels import distributions
 
 from humanclaw.cli.new import KINDS, TRAINED, Distribution, new
@@ -127,9 +128,7 @@ def test_a_name_that_no_package_can_have_is_refused(tmp_path, name):
 @slow
 @pytest.mark.parametrize("kind", MADE)
 def test_it_installs_and_its_wheel_holds_all_of_it(made, kind, tmp_path):
-    environment = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", str(environment)], check=True)
-    python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
-    subprocess.run([str(python), "-m", "pip", "install", "-q", "--no-deps", str(made[kind])], check=True)
-    done = subprocess.run([str(python), "-m", "pytest", "-q", "tests"], cwd=made[kind], check=False)
+    environment = like_this(tmp_path / "environment")
+    subprocess.run(["pip", "install", "-q", "--no-deps", str(made[kind])], env=environment, check=True)
+    done = subprocess.run(["pytest", "-q", "tests"], cwd=made[kind], env=environment, check=False)
     assert done.returncode == 0

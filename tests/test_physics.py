@@ -2,6 +2,7 @@
 
 import pytest
 from click.testing import CliRunner
+from engines import BULLET, DEFAULT
 
 from humanclaw import Backends, default_simulator
 from humanclaw.cli import build
@@ -20,7 +21,7 @@ def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
     assert table([wrong]).splitlines()[-1] == "| falling | acceleration | 12 m/s2 | ≥ 9.6, ≤ 10 | **no** |"
 
 
-@pytest.mark.parametrize("simulator", ["bullet", "mujoco"])
+@pytest.mark.parametrize("simulator", [BULLET, "mujoco"])
 def test_the_command_prints_the_table_and_nothing_else(simulator):
     done = CliRunner().invoke(physics, ["--simulator", simulator, "free-space"])
     assert done.exit_code == 0
@@ -79,7 +80,7 @@ def test_a_simulator_that_is_named_is_taken_and_no_simulator_at_all_is_told():
         default_simulator(_offering())
 
 
-@pytest.mark.parametrize(("asked", "recorded"), [([], "bullet"), (["--simulator", "mujoco"], "mujoco")])
+@pytest.mark.parametrize(("asked", "recorded"), [([], DEFAULT), (["--simulator", "mujoco"], "mujoco")])
 def test_the_record_names_the_simulator_that_was_chosen(asked, recorded, tmp_path):
     arguments = ["run", "--agent", "still", "--max-steps", "1", "--film", "none", "--out", str(tmp_path), *asked]
     done = CliRunner().invoke(build(Plugins.discover), arguments)

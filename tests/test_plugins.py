@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
 from humanclaw._recorder import skill_infos
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 from humanclaw.errors import PluginError
 from humanclaw.hookspecs import API_VERSION
 
@@ -365,6 +365,28 @@ def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
     assert CliRunner().invoke(command, ["skills"]).output != "mine\n"
     assert CliRunner().invoke(command, ["hats"]).output == "hats\n"
     assert "command 'skills'" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("target", "told"),
+    [
+        ("no_such_module:hats", "command 'hats' cannot be loaded from no_such_module:hats: ModuleNotFoundError"),
+        ("math:pi", "math:pi is no command: it is of type float."),
+    ],
+)
+def test_a_command_that_cannot_be_loaded_is_one_sentence(target, told):
+    class Hats:
+        @hookimpl
+        def humanclaw_commands(self, cli):
+            cli.add_command(LazyCommand("hats", target, "Wear hats."))
+
+    plugins = Plugins()
+    plugins.add(Hats(), "hats")
+    command = build(lambda: plugins)
+    assert "Wear hats." in CliRunner().invoke(command, ["--help"]).output
+    done = CliRunner().invoke(command, ["hats"])
+    assert done.exit_code == 2
+    assert done.output.startswith(f"error: {told}")
 
 
 @pytest.fixture

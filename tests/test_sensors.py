@@ -9,7 +9,7 @@ from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError
 from humanclaw.interfaces import Execution
 from humanclaw.pose import Motion, rest_pose
-from humanclaw.records import Call, Contact, Feedback, StepRecord, Touch
+from humanclaw.records import Answer, Call, Contact, Feedback, StepRecord, Touch
 from humanclaw.sensors import proprioception, tactile
 
 BEFORE = rest_pose(1)
@@ -84,6 +84,15 @@ def test_touch_tells_part_side_time_and_whether_it_gave_way():
     assert sensed == (Touch("hips", 1, False), Touch("right arm or hand", 6, True))
     words = "Something touched your hips for 0.0 s, your right arm or hand for 0.2 s (it gives way)."
     assert Feedback(Call("walk"), tactile=sensed).sensor_readings == words
+
+
+@pytest.mark.parametrize(
+    ("failed", "words"),
+    [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")],
+)
+def test_a_call_that_a_verifier_replaces_says_why_as_far_as_it_was_told(failed, words):
+    said = str(Feedback(Call("walk", {"z_cm": 40}), replaced=Call("walk", {"z_cm": 80}), failed=failed))
+    assert said.startswith(f"walk(z_cm=80) was not executed: the check before execution {words} Executed")
 
 
 def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():

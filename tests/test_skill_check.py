@@ -93,7 +93,7 @@ def test_other_parameters_than_the_adapter_was_trained_on_are_named_with_the_rem
     folder = copy("step_back", rename)
     reason = _disabled(folder)
     assert "the adapter of skill 'step_back' was trained on the parameters z, and its schema.json declares x." in reason
-    assert "humanclaw train adapter step_back" in reason
+    assert "humanclaw train adapter --skill" in reason
 
 
 def test_bounds_beyond_what_was_trained_are_refused_with_both_ranges(copy):
@@ -138,7 +138,7 @@ def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_a
     tensors[name].flat[-1] = odd
     file.write_bytes(save(tensors, metadata))
     assert f"holds NaN or infinity in {name}. Train it again" in _disabled(folder)
-    with pytest.raises(AssertionError, match=f"holds NaN or infinity in {name}.*train adapter step_back"):
+    with pytest.raises(AssertionError, match=f"holds NaN or infinity in {name}.*train adapter --skill .*step_back"):
         check_skill(folder)
 
 
@@ -160,7 +160,7 @@ def test_a_header_whose_range_is_no_number_is_refused_and_not_taken_for_a_wide_o
     folder = copy("step_back", head=lambda head: head["adapter"].update({key: [odd]}))
     reason = _disabled(folder)
     assert "no finite centre and positive scale of z" in reason or "is not the checkpoint of an adapter" in reason
-    assert "train adapter step_back" in reason
+    assert "train adapter --skill" in reason
 
 
 def test_a_scale_of_zero_is_refused(copy):

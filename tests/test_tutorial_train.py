@@ -9,12 +9,11 @@ import json
 import os
 import re
 import shutil
-import site
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from environments import like_this
 
 PAGE = Path(__file__).parents[1] / "docs" / "tutorial-train.md"
 CLIPS = os.environ.get("HUMANCLAW_HDM05", "")
@@ -30,20 +29,6 @@ def commands() -> list[str]:
     return [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
 
 
-def _environment(folder: Path) -> dict[str, str]:
-    """One of its own that sees all that is installed here, so that what the page installs does not stay."""
-    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    here = [path for path in sys.path if path.endswith("-packages")] + site.getsitepackages()
-    (packages,) = folder.glob("[Ll]ib/**/site-packages")
-    lines = [f"import site; site.addsitedir({path!r})" for path in dict.fromkeys(here)]
-    (packages / "here.pth").write_text("\n".join(lines))
-    binaries = folder / ("Scripts" if os.name == "nt" else "bin")
-    for name, module in (("humanclaw", "humanclaw"), ("pytest", "pytest")):
-        (binaries / name).write_text(f'#!/bin/sh\nexec "{binaries}/python" -m {module} "$@"\n')
-        (binaries / name).chmod(0o755)
-    return os.environ | {"PATH": f"{binaries}{os.pathsep}{os.environ['PATH']}", "OMP_NUM_THREADS": "1"}
-
-
 def test_the_page_leads_from_a_distribution_to_a_wheel():
     told = " ".join(commands())
     for step in ("humanclaw new", "data chunks", "train adapter", "fidelity", "cards", "pip wheel", "humanclaw skills"):
@@ -52,7 +37,7 @@ def test_the_page_leads_from_a_distribution_to_a_wheel():
 
 @slow
 def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
-    environment = _environment(tmp_path / "environment")
+    environment = like_this(tmp_path / "environment")
     shutil.copytree(CLIPS, tmp_path / "HDM05")
     folder, told = tmp_path, ""
     for command in commands()[1:]:  # Of the first one this environment is the result.

@@ -120,7 +120,7 @@ class Feedback:
             return f"Executed {self.executed}{', and broke it off' if self.cancelled else ''}."
         why = "; ".join(answer.note or answer.check for answer in self.failed)
         return (
-            f"{self.replaced} was not executed: the check before execution failed ({why}). "
+            f"{self.replaced} was not executed: the check before execution failed{f' ({why})' if why else ''}. "
             f"Executed {self.executed} in its place."
         )
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,3 +16,15 @@ def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, "JPEG", quality=quality)
     return buffer.getvalue()
+
+
+def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:
+    """Write (height, width, 3) pictures as a moving one, with one palette for all: a palette a picture flickers.
+
+    Raises OSError.
+    """
+    frames = [Image.fromarray(picture) for picture in pictures]
+    samples = [np.asarray(frame.resize((96, 72))) for frame in frames[:: max(1, len(frames) // 24)]]
+    palette = Image.fromarray(np.concatenate(samples)).quantize(200)
+    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    few[0].save(out, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=True)

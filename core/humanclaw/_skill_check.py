@@ -138,7 +138,8 @@ class Subject:
 
     @property
     def train(self) -> str:
-        return f"Train it again with `humanclaw train adapter {self.skill.name}`."
+        folder = self.skill.adapter.parent if self.skill.adapter else self.skill.name
+        return f"Train it again with `humanclaw train adapter --skill {folder}`."
 
 
 def skill_faults(

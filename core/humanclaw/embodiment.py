@@ -276,7 +276,7 @@ def untrained(skill: Skill) -> CheckpointError:
     """Return the error of a skill whose adapter is not there."""
     return CheckpointError(
         f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
-        f"Train it with `humanclaw train adapter {skill.name}`.",
+        f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
     )
 
 

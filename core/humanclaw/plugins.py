@@ -472,12 +472,15 @@ class Plugins:
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):
             return f"Run `{distributions.install([distribution])}`."
+        more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in (*known, name)]
+        listed = f"Known: {', '.join([*known, *more]) or 'none'}."
+        if distribution:
+            return f"{distribution} brings it where what it needs is installed; here it is not. {listed}"
         near = difflib.get_close_matches(name, known.keys() | elsewhere.keys(), n=3, cutoff=0.5)
         if near:
             told = [one if one in known else f"{one} (of {elsewhere[one]})" for one in near]
             return f"Did you mean {' or '.join(told)}?"
-        more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in known]
-        return f"Known: {', '.join([*known, *more]) or 'none'}."
+        return listed
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
         """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or

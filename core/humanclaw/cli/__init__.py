@@ -1,6 +1,7 @@
 """The command line. Its commands come through the hook humanclaw_commands, ours as anybody else's.
 
-What the user can mend is told in one sentence with a remedy, and the exit code is 2; no traceback.
+What the user can mend is told in one sentence with a remedy, and the exit code is 2; what Ctrl-C ends exits with 130;
+no traceback.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import errno
 import logging
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -19,6 +20,7 @@ from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
+    from humanclaw.cli.lazy_command import LazyCommand
     from humanclaw.cli.options import (
         Deciders,
         check_options,
@@ -30,13 +32,14 @@ if TYPE_CHECKING:
     from humanclaw.plugins import Plugins
 
 __all__ = [
-    "Commands", "Deciders", "build", "check_options", "decider_options", "engine_options", "main", "plugin_files",
-    "plugin_options",
+    "Commands", "Deciders", "LazyCommand", "build", "check_options", "decider_options", "engine_options", "main",
+    "plugin_files", "plugin_options",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
     {
         "Deciders": "options",
+        "LazyCommand": "lazy_command",
         "check_options": "options",
         "decider_options": "options",
         "engine_options": "options",
@@ -46,6 +49,8 @@ __getattr__ = lazy(
 )
 
 
+INTERRUPTED: Final = 130
+"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""
@@ -101,10 +106,15 @@ class Commands(click.Group):
                 raise
             click.secho(f"error: {error.filename or 'a file'} cannot be written: {error.strerror}.", fg="red", err=True)
             ctx.exit(2)
+        except KeyboardInterrupt:
+            click.echo("Interrupted.", err=True)
+            ctx.exit(INTERRUPTED)
 
 
 def _home(command: click.Command) -> str:
     """Return the package that a command comes from."""
+    if target := getattr(command, "target", ""):
+        return str(target).partition(".")[0]
     return getattr(command.callback, "__module__", "").partition(".")[0] or "a group"
 
 

@@ -10,13 +10,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
 
 import click
 from rich.console import Console
 from rich.status import Status
 
 from humanclaw._backends import SIMULATORS, Backends
+from humanclaw.cli import INTERRUPTED
 from humanclaw.cli.options import Deciders
 from humanclaw.cli.progress import StepProgress, summary
 from humanclaw.embodiment import Body
@@ -28,9 +28,6 @@ from humanclaw.plugins import Choice, Plugins
 from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of, writing
 from humanclaw.scene import Scene
 from humanclaw.tasks import free_episode
-
-_INTERRUPTED: Final = 130
-"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
 
 
 def play(
@@ -87,7 +84,11 @@ def play(
             record = RecordedEpisode(folder).record
     console.print(summary(record, RecordedEpisode(folder).steps))
     status.update("Writing the report")
-    _report(plugins, backends, out, folder, film, console)
+    try:
+        _report(plugins, backends, out, folder, film, console)
+    except KeyboardInterrupt:
+        console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
+        raise
     _exit(record)
 
 
@@ -160,4 +161,4 @@ def _exit(record: EpisodeRecord) -> None:
     if record.outcome == "limit_reached":
         raise click.ClickException(f"a limit was reached: {record.error}")
     if record.outcome == "interrupted":
-        sys.exit(_INTERRUPTED)
+        sys.exit(INTERRUPTED)

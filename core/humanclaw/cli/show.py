@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import click
 from rich.console import Console
@@ -87,7 +87,11 @@ def _source(info: PluginInfo) -> str:
 
 def _parameters(skill: Skill) -> str:
     parts = skill.schema.get("properties", {})
-    return ", ".join(f"{key} {bounds(part, '..')}".strip() for key, part in parts.items()) or "none"
+    return ", ".join(f"{key} {_values(part)}".strip() for key, part in parts.items()) or "none"
+
+
+def _values(part: Mapping[str, Any]) -> str:
+    return "|".join(map(str, part["enum"])) if "enum" in part else bounds(part, "..")
 
 
 def _state(skill: Skill) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
+from humanclaw.body import N_JOINTS
 from humanclaw.errors import CheckpointError
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights
@@ -91,6 +92,12 @@ class Base:
     start_rotations: Array
     digest: str
     card: Card
+
+    @property
+    def usual(self) -> NDArray[np.float64]:
+        """(24, 3) the mean rotation of each joint in the data, radians; of the pelvis none."""
+        joints = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)
+        return np.concatenate([np.zeros(3), joints]).reshape(N_JOINTS, 3)
 
 
 def shipped_base() -> Path:

@@ -19,6 +19,7 @@ from humanclaw.motion.control import Adapter
 from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.foot_locking import lock_feet
+from humanclaw.motion.posture import settle
 from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
 
 
@@ -34,14 +35,14 @@ class _Branch:
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    foot_locking: hold standing feet still (humanclaw.motion.foot_locking); without it the motion is as the model wrote
-    it.
+    corrections: hold standing feet still (humanclaw.motion.foot_locking) and let small errors of posture not add up
+    (humanclaw.motion.posture); without them the motion is as the model wrote it.
     """
 
-    def __init__(self, base: Base, solver: Solver, foot_locking: bool = True) -> None:
+    def __init__(self, base: Base, solver: Solver, corrections: bool = True) -> None:
         self.base = base
         self.solver = solver
-        self.foot_locking = foot_locking
+        self.corrections = corrections
         self._times = np.array(solver.times, np.float32)
         self._branches: dict[Path, _Branch] = {}
         # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it
@@ -54,14 +55,14 @@ class DiTGenerator:
     def shipped(cls, profile: str = "default") -> DiTGenerator:
         """Return the base that comes with the package.
 
-        profile: `default` for few solver steps and foot locking, `paper` for the paper's 30 steps and nothing after
+        profile: `default` for few solver steps and both corrections, `paper` for the paper's 30 steps and nothing after
         them.
 
         Raises HumanclawError for an unknown profile, CheckpointError when the weights are not there.
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        return cls(load_base(shipped_base()), PROFILES[profile], foot_locking=profile != "paper")
+        return cls(load_base(shipped_base()), PROFILES[profile], corrections=profile != "paper")
 
     @property
     def digest(self) -> str:
@@ -97,8 +98,9 @@ class DiTGenerator:
         with self._one_thread():
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
-        if self.foot_locking:
-            futures = [lock_feet(history, future) for history, future in zip(local, futures, strict=True)]
+        if self.corrections:
+            settled = [settle(*pair, self.base.usual) for pair in zip(local, futures, strict=True)]
+            futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
     def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import humanclaw_gymnasium
-from humanclaw import Call, HumanclawError, Keyframes, Plugins, skill
+from humanclaw import Call, Choice, HumanclawError, Keyframes, Plugins, skill
 from humanclaw_gymnasium import Actions, BodyEnv
 
 
@@ -41,6 +41,11 @@ def actions():
     for name in ("walk", "stop"):
         host.add(importlib.import_module(f"humanclaw_skill_{name}"), name)
     return Actions(host.skills | {"bow": bow, "wave": wave})
+
+
+def test_its_actions_are_the_skills_that_were_chosen():
+    env = BodyEnv(plugins=Plugins.discover(choice=Choice(skills=("walk", "stop"))))
+    assert env.actions.skills == ("stop", "walk")
 
 
 def test_it_passes_the_checker_of_gymnasium(env):

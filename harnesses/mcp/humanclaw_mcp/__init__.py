@@ -14,6 +14,7 @@ __version__ = "0.1.0"
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_mcp.command import command
+    from humanclaw.cli import LazyCommand
 
-    cli.add_command(command)
+    told = "Hand the skills to an agent over the Model Context Protocol."
+    cli.add_command(LazyCommand("mcp", "humanclaw_mcp.command:command", told))

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from humanclaw import SENSORS, HumanclawError
-from humanclaw.cli import engine_options, plugin_files
+from humanclaw import SENSORS, Choice, HumanclawError
+from humanclaw.cli import engine_options, plugin_options
 
 
 @click.command("mcp")
@@ -33,8 +33,8 @@ from humanclaw.cli import engine_options, plugin_files
     help="Told besides the view, always there. Repeatable.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Record the episodes here; without it none is recorded.")
-@plugin_files
-def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> None:
+@plugin_options
+def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **options: Any) -> None:
     """Hand the skills to an agent over the Model Context Protocol."""
     import anyio
 
@@ -49,7 +49,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], **options: Any) -> N
     if options["auth_env"] and not http:
         raise HumanclawError("--auth-env guards HTTP; over standard streams there is one client.", "Add --http.")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
-    handlers = Handlers(Bodies(settings, Plugins.discover(files)))
+    handlers = Handlers(Bodies(settings, Plugins.discover(files, choice)))
     try:
         if http:
             anyio.run(serve_http, handlers, port, lambda url: click.echo(f"Listening on {url}", err=True))

@@ -12,12 +12,14 @@ import sys
 import anyio
 import httpx
 import pytest
+from click.testing import CliRunner
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
-from humanclaw import HumanclawError, load_run
+from humanclaw import HumanclawError, PluginError, load_run
 from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.command import command as mcp_command
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.serve import http_app
@@ -187,3 +189,7 @@ def test_a_server_on_streams_that_is_asked_to_end_closes_its_record_and_ends(tmp
         assert server.wait(60) == 128 + signal.SIGTERM
     (episode,) = load_run(tmp_path / "out")
     assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)
+
+
+def test_a_choice_of_skills_that_names_nothing_is_refused():
+    assert isinstance(CliRunner().invoke(mcp_command, ["--skills", "hover"]).exception, PluginError)

@@ -202,7 +202,7 @@ def test_a_bounded_agent_without_a_mid_level_goal_arrives_and_does_not_sit():
 
 def test_many_pictures_confuse_a_bounded_agent():
     steps = {n: [len(live(False, s, bounded=True, misjudged=0, images=n)[1]) for s in range(20)] for n in (1, 10)}
-    assert np.mean(steps[10]) > 1.3 * np.mean(steps[1])
+    assert np.mean(steps[10]) > 1.2 * np.mean(steps[1])
 
 
 def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():

@@ -51,12 +51,10 @@ def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Pag
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_bench.cli import bench
-    from humanclaw_bench.evidence import ablate, repair_command
+    from humanclaw.cli import LazyCommand
 
-    bench.add_command(ablate)
-    bench.add_command(repair_command)
-    cli.add_command(bench)
+    told = "Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."
+    cli.add_command(LazyCommand("bench", "humanclaw_bench.cli:bench", told))
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:

@@ -13,8 +13,8 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 from tqdm import tqdm
 
-from humanclaw import Backends, EpisodeSpec, PluginError, Plugins, RecordError, load_run
-from humanclaw.cli import Deciders, decider_options, plugin_files
+from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
+from humanclaw.cli import Deciders, LazyCommand, decider_options, plugin_files, plugin_options
 from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
@@ -46,6 +46,13 @@ def bench() -> None:
     """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
 
 
+for _name, _target, _told in (
+    ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
+    ("repair", "evidence:repair_command", "Whether root causes name what is wrong."),
+):
+    bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
+
+
 @bench.command("run")
 @click.option(
     "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, or a file of episodes."
@@ -73,21 +80,22 @@ def bench() -> None:
     help="Every episode so often, each time with a seed of its own: shows what varies between seeds.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask whether to go on once it is known what the run will take.")
-@plugin_files
+@plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
     out: Path | None, resume: bool, repeats: int, yes: bool, files: tuple[Path, ...],
+    choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded
     step."""
-    plugins = Plugins.discover(files)
+    plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
     job = Job(
         deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
-        tuple(str(file.resolve()) for file in files),
+        tuple(str(file.resolve()) for file in files), choice,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:

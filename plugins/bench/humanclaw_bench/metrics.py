@@ -381,17 +381,21 @@ FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("Int
 COLLISIONS: Final = _collision("Coll.", "any")
 UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
 """Share of the calls that a verifier should have checked and that were let through unasked."""
+COST: Final = (
+    Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
+    Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
+    _mean("cost ($)", lambda s: s.cost, 3),
+    Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
+    UNASKED,
+)  # fmt: skip
+"""What asking models takes."""
 MAIN: Final = (
     FIND, NAV, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.disturbed, 2),
     Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("Jerk", lambda s: s.jerk),
     _mean("steps", lambda s: s.steps, better=""),
-    Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
-    Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
-    _mean("cost ($)", lambda s: s.cost, 3),
-    Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
-    UNASKED,
+    *COST,
     _mean("SPL", lambda s: s.spl, 3, better="higher"),
     _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),
 )  # fmt: skip

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from humanclaw import RecordedEpisode, RecordError
 from humanclaw_bench.export import Scored, metrics_of, scored
-from humanclaw_bench.metrics import ALL, common, compare
+from humanclaw_bench.metrics import ALL, COST, common, compare
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, asked_of, compared, named, texts
 
@@ -38,6 +39,7 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
         _tell_episodes(run, pairs, page)
     results = named({str(run): pairs for run, pairs in found.items()}, {str(run): asked_of(run) for run in runs})
     tables = all_tables(results, paper=False)
+    tables["causes"] = _happened(tables["causes"])
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, drawn=name in DRAWN)
@@ -51,7 +53,25 @@ def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
         page.episode(run, scores.episode, success=success, cause=cause.label if cause else "", tier=scores.tier)
 
 
+def _happened(causes: ResultTable) -> ResultTable:
+    """Leave out the causes that no failure had: most of them, and on a page a row each."""
+    rows = tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells))
+    return replace(causes, rows=rows, notes=(*causes.notes, "Causes that no failure had are left out."))
+
+
+def _spent(table: ResultTable) -> ResultTable:
+    """Leave out what asking models took where none was asked, so that the rest fits beside one another."""
+    cost = {metric.name for metric in COST}
+    kept = [
+        index for index, column in enumerate(table.columns)
+        if column.title not in cost or any(row.cells[index].value > 0 for row in table.rows)
+    ]  # fmt: skip
+    rows = tuple(replace(row, cells=tuple(row.cells[index] for index in kept)) for row in table.rows)
+    return replace(table, columns=tuple(table.columns[index] for index in kept), rows=rows)
+
+
 def _add(table: ResultTable, page: Page, *, drawn: bool) -> None:
+    table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if drawn else ()
     page.table(table.title, head, rows, notes=table.all_notes, shares=shares)

@@ -21,7 +21,7 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
+from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
 from humanclaw.cli import check_options
 from humanclaw.hookspecs import noun
 from humanclaw.storage import within, write_atomically
@@ -201,11 +201,12 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
         "format": FORMAT,
         "episodes": len(specs),
         "split": _digest(episodes.encode()),
-        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits")},
+        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits", "choice")},
         "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
         "versions": _versions(specs, job, plugins),
         "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
         "weights": {"base": base} | adapters,
+        **({"choice": asdict(job.choice)} if job.choice != Choice() else {}),
     }
 
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtr, ndtri, stdtrit  # scipy.stats takes a second to load.
 
 from humanclaw.pose import Array
 
@@ -61,7 +61,7 @@ def wilson(successes: int, trials: int) -> Estimate:
     """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
-    interval = _score_interval(successes / trials, trials, float(stats.norm.ppf((1 + CONFIDENCE) / 2)))
+    interval = _score_interval(successes / trials, trials, _normal_quantile())
     return Estimate(successes / trials, *interval, trials)
 
 
@@ -79,9 +79,17 @@ def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
     spread = len(drawn) / (len(drawn) - 1) * float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum()) / count**2
     alone = share * (1 - share) / count
     worth = count * min(1.0, alone / spread) if spread > 0 else float(count)
-    return Estimate(
-        share, *_score_interval(share, worth, float(stats.t.ppf((1 + CONFIDENCE) / 2, len(drawn) - 1))), count
-    )
+    return Estimate(share, *_score_interval(share, worth, _student_quantile(len(drawn) - 1)), count)
+
+
+def _normal_quantile() -> float:
+    """Return how many standard deviations CONFIDENCE reaches to either side."""
+    return float(ndtri((1 + CONFIDENCE) / 2))
+
+
+def _student_quantile(degrees: int) -> float:
+    """Return the same for Student's t with so many degrees of freedom."""
+    return float(stdtrit(degrees, (1 + CONFIDENCE) / 2))
 
 
 def _score_interval(share: float, count: float, quantile: float) -> tuple[float, float]:
@@ -147,8 +155,8 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     if not len(values):
         return float("nan"), float("nan")
-    wider = np.sqrt(count / (count - 1)) * stats.t.ppf((1 + CONFIDENCE) / 2, count - 1)
-    low, high = np.quantile(values, [stats.norm.cdf(-wider), stats.norm.cdf(wider)])
+    wider = np.sqrt(count / (count - 1)) * _student_quantile(count - 1)
+    low, high = np.quantile(values, [ndtr(-wider), ndtr(wider)])
     return float(low), float(high)
 
 
@@ -176,9 +184,7 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = 
 
 def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
     cells, centre = count + 2, (gained - lost) / (count + 2)
-    spread = float(np.sqrt(max(0.0, (gained + lost + 1) / cells - centre**2) / cells)) * float(
-        stats.norm.ppf((1 + CONFIDENCE) / 2)
-    )
+    spread = float(np.sqrt(max(0.0, (gained + lost + 1) / cells - centre**2) / cells)) * _normal_quantile()
     return max(-1.0, centre - spread), min(1.0, centre + spread)
 
 

@@ -14,6 +14,7 @@ from typing import Any, Final, Self
 from humanclaw import (
     Backends,
     Body,
+    Choice,
     Episode,
     EpisodeSpec,
     HumanclawError,
@@ -44,6 +45,8 @@ class Job:
     """As humanclaw.limits has them. Those of a run hold for one session."""
     files: tuple[str, ...] = ()
     """Plugin files to load besides what is installed."""
+    choice: Choice = field(default_factory=Choice)
+    """Of plugins and skills."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Worker:
     ) -> None:
         """out: the folder of the run. stopping: asked after each step; when true, the episode is broken off there."""
         self._job, self._out, self._name = job, out, name
-        self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files])
+        self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files], job.choice)
         self._stopping = stopping
         self._meter = Meter(job.limits)
         self._body: Body | None = None

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import toy_world
+from engines import needs_bullet
 
 from humanclaw import Backends, Plugins
 from humanclaw.testing import resident
@@ -36,6 +37,7 @@ def houses(monkeypatch):
     return plugins, made
 
 
+@needs_bullet
 @pytest.mark.parametrize("agent", ["oracle", "still"])
 def test_nothing_is_left_of_a_house_when_the_body_has_moved_on(houses, tmp_path, agent):
     """Neither the house itself, which would show at once, nor what an engine keeps of it out of Python's sight."""

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ import toy_world
 from click.testing import CliRunner
 from filelock import FileLock
 
-from humanclaw import Backends, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw import Backends, Choice, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.records import EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
@@ -200,6 +201,23 @@ def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
     assert isinstance(refused.exception, RecordError)
     assert "holds a run already" in str(refused.exception)
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_a_run_offers_the_skills_that_are_chosen_and_goes_on_with_the_same_ones_alone(toys, tmp_path):
+    few = Choice(skills=("walk", "stop"))
+    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), choice=few)
+    chosen = Plugins.discover([Path(toy_world.FILE)], few)
+    assert run_split(toy_world.specs(1), job, Here(), tmp_path, plugins=chosen).done == 1
+    (episode,) = load_run(tmp_path)
+    assert set(episode.record.skills) == {"walk", "stop"}
+    with pytest.raises(RecordError, match="choice"):
+        run_split(toy_world.specs(1), replace(job, choice=Choice()), Here(), tmp_path, plugins=toys)
+
+
+def test_a_choice_that_names_nothing_is_refused(tmp_path):
+    command = ["run", "--split", "smoke", "--agent", "still", "--skills", "hover", "--out", str(tmp_path / "run")]
+    assert isinstance(CliRunner().invoke(bench, command).exception, PluginError)
+    assert not (tmp_path / "run").exists()
 
 
 def test_other_settings_are_refused_and_named(play):

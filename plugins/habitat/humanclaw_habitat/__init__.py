@@ -30,6 +30,7 @@ def humanclaw_scenes(register: Register[SceneFactory]) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_habitat.command import habitat
+    from humanclaw.cli import LazyCommand
 
-    cli.add_command(habitat)
+    told = "Habitat scene datasets, such as HSSD, and ObjectNav episodes."
+    cli.add_command(LazyCommand("habitat", "humanclaw_habitat.command:habitat", told))

@@ -28,6 +28,6 @@ def humanclaw_scenes(register: Register[SceneFactory]) -> None:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_houses.command import assets
+    from humanclaw.cli import LazyCommand
 
-    cli.add_command(assets)
+    cli.add_command(LazyCommand("assets", "humanclaw_houses.command:assets", "Libraries of furniture for houses."))

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 
-def _renderer(samples: int = 1) -> Renderer:
+def _renderer(*, smooth: bool = False) -> Renderer:
     from humanclaw_raster.renderer import RasterRenderer
 
-    return RasterRenderer(samples)
+    return RasterRenderer(smooth=smooth)
 
 
 @hookimpl
 def humanclaw_renderers(register: Register[RendererFactory]) -> None:
     register("raster", _renderer, "Software rasterizer: colour, depth and object ids on one CPU core.")
-    register("raster-2x", partial(_renderer, 2), "The same with smooth edges, from 2 x 2 samples a pixel; slower.")
+    register("raster-2x", partial(_renderer, smooth=True), "The same with smooth edges, from 2 x 2 samples a pixel.")

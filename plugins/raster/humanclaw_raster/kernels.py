@@ -42,6 +42,11 @@ CONE: Final = 0.6
 """Light comes down from within this distance aside, metres, ..."""
 STEEP: Final = 0.9
 """... at least this steeply, as metres down for each metre aside."""
+SUN_SIZE: Final = 0.12
+"""How far the sun reaches to the sides, seen from one metre below: the softness of shadows."""
+TALLEST: Final = 2.1
+"""Walls and whatever else reaches higher over its floor than this throws no shadow: it would be beyond the lamps.
+Metres."""
 LEAN: Final = 0.08
 """Neighbours less steep than this above the surface do not count: they are the surface itself, seen with rounding."""
 
@@ -294,18 +299,23 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
 
 @_compiled
 def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: OverheadMap, light: Floats) -> None:
-    """Darken what lies under or close beside something. Light comes down in a cone; surfaces that face up receive
-    it."""
+    """Darken what lies under or close beside something, and what something keeps the sun from.
+
+    Light comes down in a cone, for which surfaces that face up are open, and from the sun.
+    """
     height, width = depth.shape
     axes, eye, swing = pinhole.axes, pinhole.eye, _swing()
-    deep, wide = overhead.heights.shape[1:]
     for row in range(height):
         for column in range(width):
-            n = normals[row, column]
-            up = n[0] * axes[0, 1] + n[1] * axes[1, 1] + n[2] * axes[2, 1]
-            if up < 0.2:
+            n, z = normals[row, column], depth[row, column]
+            if z == np.inf:
                 continue
-            z = depth[row, column]
+            up = n[0] * axes[0, 1] + n[1] * axes[1, 1] + n[2] * axes[2, 1]
+            lit = up * SUN[1]
+            for axis in (0, 2):
+                lit += SUN[axis] * (n[0] * axes[0, axis] + n[1] * axes[1, axis] + n[2] * axes[2, axis])
+            if up < 0.2 and lit < 0.05:
+                continue
             right, down = (2 * column + 0.5 - width) / pinhole.focal * z, (2 * row + 0.5 - height) / pinhole.focal * z
             x = (eye[0] + right * axes[0, 0] + down * axes[1, 0] + z * axes[2, 0] - overhead.corner[0]) / overhead.cell
             y = eye[1] + right * axes[0, 1] + down * axes[1, 1] + z * axes[2, 1]
@@ -313,14 +323,40 @@ def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: Overhead
             storey = 0
             while storey + 1 < overhead.floors.size and overhead.floors[storey + 1] < y + 0.1:
                 storey += 1
-            turn, taken = (row % 4) * 4 + column % 4, 0
-            for ray in range(RAYS):
-                aside, ahead = swing[turn, ray, 0] * CONE, swing[turn, ray, 1] * CONE
-                i, j = int(z + ahead / overhead.cell), int(x + aside / overhead.cell)
-                if i >= 0 and j >= 0 and i < deep and j < wide:
-                    over = overhead.heights[storey, i, j] - y
-                    taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
-            light[row, column] *= 1 - SHADE * min(1.0, up) * taken / RAYS
+            turn = (row % 4) * 4 + column % 4
+            if up >= 0.2:
+                light[row, column] *= 1 - SHADE * min(1.0, up) * _covered(overhead, storey, x, y, z, swing[turn])
+            if lit >= 0.05 and _sun_blocked(overhead, storey, x, y, z, swing[turn, turn % RAYS]):
+                light[row, column] *= AMBIENT / (AMBIENT + DIFFUSE * lit)
+
+
+@_inlined
+def _covered(overhead: OverheadMap, storey: int, x: float, y: float, z: float, swing: Floats) -> float:
+    """Return the share of the cone over a point that something takes. x, z: in cells of the map."""
+    taken = 0
+    for ray in range(RAYS):
+        aside, ahead = swing[ray, 0] * CONE, swing[ray, 1] * CONE
+        i, j = int(z + ahead / overhead.cell), int(x + aside / overhead.cell)
+        if i >= 0 and j >= 0 and i < overhead.heights.shape[1] and j < overhead.heights.shape[2]:
+            over = overhead.heights[storey, i, j] - y
+            taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
+    return taken / RAYS
+
+
+@_inlined
+def _sun_blocked(overhead: OverheadMap, storey: int, x: float, y: float, z: float, aside: Floats) -> bool:
+    """Return whether something stands between a point and a place on the sun, which lies aside of its middle."""
+    east, north = SUN[0] / SUN[1] + SUN_SIZE * aside[0], SUN[2] / SUN[1] + SUN_SIZE * aside[1]
+    blocked, stride = False, 1.5 * overhead.cell / np.sqrt(east * east + north * north)
+    for step in range(1, int((TALLEST - y + overhead.floors[storey]) / stride)):
+        rise = step * stride
+        i, j = int(z + north * rise / overhead.cell), int(x + east * rise / overhead.cell)
+        if i < 0 or j < 0 or i >= overhead.heights.shape[1] or j >= overhead.heights.shape[2]:
+            break
+        if overhead.heights[storey, i, j] > y + rise + 0.02:
+            blocked = True
+            break
+    return blocked
 
 
 @_compiled
@@ -370,12 +406,45 @@ def paint(
                 _prepare(model, instances, pinhole, face, instance, s)
                 last, owner = face, instance
             depth, right = 1 / gbuffer.inverse_depth[row, column], (column + 0.5 - width / 2) / pinhole.focal
-            b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
-            c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
-            bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
-            bright *= _light_at(light, gbuffer.inverse_depth, row, column)
-            u, v = s[20] + b * s[22] + c * s[24], s[21] + b * s[23] + c * s[25]
-            _texture(model, instances.mesh[instance], u, v, s[26] * depth, bright, rgb, row, column)
+            here = _light_at(light, gbuffer, row, column)
+            _colour(model, instances.mesh[instance], s, depth, right, down, here, rgb, row, column)
+
+
+@_compiled
+def smooth_edges(
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, coarse: GBuffer, light: Floats,
+    sky: NDArray[np.uint8], rgb: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Paint the pixels anew whose 2 x 2 samples do not all show one face: with the mean of the samples.
+
+    pinhole, gbuffer: of the picture at twice its size. coarse, light: of the picture as it is. sky: (H, 3) its colours
+    where nothing is. rgb: the picture as paint left it.
+    """
+    height, width = coarse.inverse_depth.shape
+    s, last, owner = np.empty(SURFACE), -1, -1
+    samples = np.empty((2, 2, 3), np.uint8)
+    for row in range(height):
+        for column in range(width):
+            if _one_face(gbuffer, coarse, row, column):
+                continue
+            samples[:] = sky[row]
+            for k in range(4):
+                r, c = 2 * row + k // 2, 2 * column + k % 2
+                instance, face = gbuffer.instance[r, c], gbuffer.face[r, c]
+                if instance < 0:
+                    continue
+                if face != last or instance != owner:
+                    _prepare(model, instances, pinhole, face, instance, s)
+                    last, owner = face, instance
+                down, right = (r + 0.5 - height) / pinhole.focal, (c + 0.5 - width) / pinhole.focal
+                here = _light_near(light, coarse, gbuffer.inverse_depth[r, c], face, instance, row, column, 1)
+                depth = 1 / gbuffer.inverse_depth[r, c]
+                _colour(model, instances.mesh[instance], s, depth, right, down, here, samples, k // 2, k % 2)
+            for channel in range(3):
+                total = 2
+                for k in range(4):
+                    total += samples[k // 2, k % 2, channel]
+                rgb[row, column, channel] = total // 4
 
 
 @_compiled
@@ -414,6 +483,30 @@ def _prepare(model: Model, instances: Instances, pinhole: Pinhole, face: int, in
     out[26] = model.density[face] / pinhole.focal
 
 
+@_compiled
+def _one_face(gbuffer: GBuffer, coarse: GBuffer, row: int, column: int) -> bool:
+    """Whether all samples of a pixel, the middle one included, show the same face."""
+    face, instance = coarse.face[row, column], coarse.instance[row, column]
+    for r in range(2 * row, 2 * row + 2):
+        for c in range(2 * column, 2 * column + 2):
+            if gbuffer.face[r, c] != face or gbuffer.instance[r, c] != instance:
+                return False
+    return True
+
+
+@_inlined
+def _colour(
+    model: Model, mesh: int, s: Array, depth: float, right: float, down: float, light: float,
+    rgb: NDArray[np.uint8], row: int, column: int,
+) -> None:  # fmt: skip
+    """Write the colour of a point of the face that s was prepared for, seen at (right, down) on the plane z = 1."""
+    b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
+    c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
+    bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
+    u, v = s[20] + b * s[22] + c * s[24], s[21] + b * s[23] + c * s[25]
+    _texture(model, mesh, u, v, s[26] * depth, bright * light, rgb, row, column)
+
+
 @_inlined
 def _texture(
     model: Model, mesh: int, u: float, v: float, footprint: float, bright: float,
@@ -449,14 +542,26 @@ def _lit(x: float, y: float, z: float) -> float:
 
 
 @_inlined
-def _light_at(light: Floats, inverse_depth: Floats, row: int, column: int) -> float:
-    """Return the light of the nearest samples, each by how near it is and whether it lies on the same surface."""
+def _light_at(light: Floats, gbuffer: GBuffer, row: int, column: int) -> float:
+    """Return the light of a pixel, between the samples beside it."""
     if row % 2 == 0 and column % 2 == 0:
         return light[row // 2, column // 2]  # type: ignore[no-any-return]
-    here, total, weight = inverse_depth[row, column], np.float32(1e-6), np.float32(1e-6)
-    for r in range(row // 2, min(row // 2 + 1 + row % 2, light.shape[0])):
-        for c in range(column // 2, min(column // 2 + 1 + column % 2, light.shape[1])):
-            near = here / (here + 40 * abs(inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+    face, instance = gbuffer.face[row, column], gbuffer.instance[row, column]
+    return _light_near(light, gbuffer, gbuffer.inverse_depth[row, column], face, instance, row, column, 0)  # type: ignore[no-any-return]
+
+
+@_compiled
+def _light_near(
+    light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int, wide: int
+) -> float:
+    """Return the light of the nearest samples for a face at an inverse depth in a pixel, each by how near it is and
+    whether it lies on the same face. wide: 1 to take those on both sides of a pixel that is one of them itself."""
+    total, weight = np.float32(1e-6), np.float32(1e-6)
+    for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
+        for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
+            near = here / (here + 40 * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            if gbuffer.face[2 * r, 2 * c] != face or gbuffer.instance[2 * r, 2 * c] != instance:
+                near *= np.float32(0.05)
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]

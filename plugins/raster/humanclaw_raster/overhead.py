@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw_raster import kernels
-from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.kernels import TALLEST, GBuffer, Instances, OverheadMap, Pinhole
 from humanclaw_raster.packing import Floats, Model
 
 CELL: Final = 0.04
 """Side of a cell of the map, metres; more in scenes that would need more than MOST cells a side."""
 MOST: Final = 1024
-TALLEST: Final = 2.1
-"""Walls and whatever else reaches higher over its floor than this throws no shadow: it would be beyond the lamps.
-Metres."""
 _HIGH: Final = 1000.0
 """From so high up the map is seen that lines of sight are as good as parallel, metres."""
 

@@ -39,12 +39,12 @@ class RasterRenderer:
     Pixels where nothing is have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
-    def __init__(self, samples: int = 1) -> None:
+    def __init__(self, *, smooth: bool = False) -> None:
         """Hold no scene yet.
 
-        samples: pixels that a side of a pixel is drawn with and averaged from; ids and depth are those of its middle.
+        smooth: edges get the mean of 2 x 2 samples a pixel; ids and depth are those of its middle all the same.
         """
-        self._samples = samples
+        self._smooth = smooth
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
@@ -91,16 +91,18 @@ class RasterRenderer:
         return View(rgb, depth, np.append(instances.id, np.int32(0))[gbuffer.instance])
 
     def _colours(self, camera: Camera, gbuffer: GBuffer, above: OverheadMap) -> NDArray[np.uint8]:
-        """(H, W, 3); each pixel the mean of its samples. gbuffer: of the camera itself."""
+        """(H, W, 3). gbuffer: of the camera."""
         assert self._loaded is not None
         model, instances, _ = self._loaded
-        if self._samples > 1:
-            camera = replace(camera, width=self._samples * camera.width, height=self._samples * camera.height)
-            gbuffer = _gbuffer(model, instances, _pinhole(camera), camera)
         light = kernels.ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
-        rgb = _sky(camera)
+        sky = _sky(camera)
+        rgb = np.repeat(sky[:, None], camera.width, axis=1)
         kernels.paint(model, instances, _pinhole(camera), gbuffer, light, rgb)
-        return _averaged(rgb, self._samples)
+        if self._smooth:
+            fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
+            samples = _gbuffer(model, instances, _pinhole(fine), fine)
+            kernels.smooth_edges(model, instances, _pinhole(fine), samples, gbuffer, light, sky, rgb)
+        return rgb
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
@@ -137,17 +139,7 @@ def _pinhole(camera: Camera) -> Pinhole:
     )
 
 
-def _averaged(rgb: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
-    """Every samples x samples pixels to their mean, rounded."""
-    if samples == 1:
-        return rgb
-    height, width = rgb.shape[0] // samples, rgb.shape[1] // samples
-    total = rgb.reshape(height, samples, width, samples, 3).sum((1, 3), dtype=np.uint16)
-    return np.asarray((total + samples * samples // 2) // (samples * samples), np.uint8)
-
-
 def _sky(camera: Camera) -> NDArray[np.uint8]:
-    """(H, W, 3) a gradient."""
+    """(H, 3) a gradient."""
     down = np.linspace(0.0, 1.0, camera.height)[:, None]
-    rows = ((1 - down) * SKY[0] + down * SKY[1]).astype(np.uint8)
-    return np.repeat(rows[:, None], camera.width, axis=1)
+    return np.asarray((1 - down) * SKY[0] + down * SKY[1], np.uint8)

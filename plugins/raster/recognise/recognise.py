@@ -1,11 +1,11 @@
 """How often a detector trained on photos knows a target: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
 
-Looks at every kind of target in HOUSES houses (or in those of a comma-separated list) from places where a body can
-stand. Of the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with
-MobileNet-v3, COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with
-the target's visible pixels of 0.3 or more. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from
-it. Needs node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red
-go to build/recognise.
+Looks at every kind of target in HOUSES (the first so many, or 12-23, or 3,5,8) from places where a body can stand. Of
+the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with MobileNet-v3,
+COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with the target's
+visible pixels of 0.3 or more. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from it. Needs
+node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red go to
+build/recognise, and two hits and two misses of each category to build/recognise/sheet.jpg.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ CLASSES = {"chair": 56, "couch": 57, "potted_plant": 58, "bed": 59, "toilet": 61
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
 EACH, VIEWS = 2, 2
 """Targets of a category that are looked at in a house, and views of each."""
+TILE = 240
+"""Side of a picture in the sheet of hits and misses, pixels."""
 
 
 @dataclass(frozen=True)
@@ -124,17 +126,39 @@ def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image
     return image
 
 
+def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.Image:
+    """Return two hits and two misses of each category, a column each; what there is none of stays white."""
+    whole = Image.new("RGB", (len(CLASSES) * TILE, 4 * TILE), "white")
+    for column, category in enumerate(CLASSES):
+        shown = [(drawn(p, [pair]), pair[1] >= SCORES[0]) for p, found in judged for pair in found[:1]
+                 if pair[0].category == category]  # fmt: skip
+        for first, kind in ((0, True), (2, False)):
+            for row, tile in enumerate([tile for tile, hit in shown if hit == kind][:4:2], first):
+                whole.paste(tile.resize((TILE, TILE), Image.LANCZOS), (column * TILE, row * TILE))
+    return whole
+
+
+def numbers_of(houses: str) -> list[int]:
+    """'3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is itself."""
+    if "-" in houses:
+        first, last = map(int, houses.split("-"))
+        return list(range(first, last + 1))
+    return [int(number) for number in houses.split(",")] if "," in houses else list(range(int(houses)))
+
+
 def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> None:
     plugins = Plugins.discover()
     renderer = plugins.make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
-    numbers = houses.split(",") if "," in houses else [str(k) for k in range(int(houses))]
+    numbers = numbers_of(houses)
     scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
-    shown = [view for number, scene in enumerate(scenes) for view in views(scene, renderer, number)]
+    shown = [view for number, scene in zip(numbers, scenes, strict=True) for view in views(scene, renderer, number)]
     boxes = detect([picture for picture, _ in shown])
     judged = [[(t, score(t, seen)) for t in found] for (_, found), seen in zip(shown, boxes, strict=True)]
-    for number, ((picture, _), found) in enumerate(zip(shown, judged, strict=True)):
+    looked_at = [(picture, found) for (picture, _), found in zip(shown, judged, strict=True)]
+    for number, (picture, found) in enumerate(looked_at):
         drawn(picture, found).save(OUT / f"{number:04d}.png")
+    sheet(looked_at).save(OUT / "sheet.jpg", quality=80, optimize=True)
     print(f"{len(shown)} pictures of {len(scenes)} houses\n" + table([pair for found in judged for pair in found]))
 
 

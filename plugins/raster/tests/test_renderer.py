@@ -283,6 +283,14 @@ def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
 
+def test_a_box_keeps_the_light_from_the_side_that_is_turned_away_from_it(builder, camera):
+    builder.floor()
+    builder.box((0.8, 0.8, 0.8), (0, 0, 0))
+    row = builder.look(camera((0, 3, 0), (0, -1, 0), up=(0, 0, 1))).rgb[64, :, 0]
+    away = round(0.65 / 3 * 64)  # 65 cm from the middle of the box, 25 cm from its side; +X is on the left
+    assert row[64 + away] < 0.8 * row[63 - away]
+
+
 def test_a_flat_wall_does_not_shade_itself(builder, camera):
     builder.box((80, 80, 0.2), (0, -40, 5.1))
     for forward in ((0, 0, 1), (0.5, 0.2, 1)):
@@ -362,7 +370,7 @@ def test_with_more_samples_an_edge_has_the_colour_between_and_ids_and_depth_are_
     away = rest_pose()
     away.root[:, 0] += 500.0
     eye, state = camera((0, 1, 0), (0, 0, 1)), WorldState(away, {})
-    plain, fine = RasterRenderer(), RasterRenderer(samples=2)
+    plain, fine = RasterRenderer(), RasterRenderer(smooth=True)
     for renderer in (plain, fine):
         renderer.load(builder.scene())
     one, two = plain.render(state, eye), fine.render(state, eye)

@@ -32,11 +32,14 @@ def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_report.command import film, report, watch
+    from humanclaw.cli import LazyCommand
 
-    cli.add_command(report)
-    cli.add_command(film)
-    cli.add_command(watch)
+    for name, told in (
+        ("report", "Write the page that shows a run, or several side by side."),
+        ("film", "Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."),
+        ("watch", "Show a run while it is under way, in a browser on this machine."),
+    ):
+        cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", told))
 
 
 @hookimpl

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from humanclaw.cli import plugin_files
+
+if TYPE_CHECKING:
+    from humanclaw import RecordedEpisode
 
 
 @click.command()
@@ -34,19 +37,20 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE|RUN")
 @click.option("--out", type=click.Path(path_type=Path), help="MP4 or GIF; the default is film.mp4 in the episode.")
 @click.option("--height", type=click.IntRange(90, 2160), default=720, show_default=True, help="Pixels; 16 to 9.")
 @click.option("--every", type=click.IntRange(1, 30), default=2, show_default=True, help="Of 30 frames a second.")
 @click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
-    """Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."""
-    from humanclaw import Plugins, RecordedEpisode
+    """Film a recorded episode, or a run's only one: a camera that follows the body, with what the eyes see in a
+    corner."""
+    from humanclaw import Plugins
     from humanclaw_report.film import film as make
 
-    episode, plugins = RecordedEpisode(folder), Plugins.discover(files)
-    out = out or folder / "film.mp4"
+    episode, plugins = _episode(folder), Plugins.discover(files)
+    out = out or episode.folder / "film.mp4"
     size = (2 * round(height * 8 / 9), height // 2 * 2)
     kind: Literal["mp4", "gif"] = "gif" if out.suffix == ".gif" else "mp4"
     drawing = plugins.make("renderers", renderer)
@@ -55,6 +59,18 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
     finally:
         drawing.close()
     click.echo(out)
+
+
+def _episode(folder: Path) -> RecordedEpisode:
+    """Return the episode in a folder, or the only one of a run."""
+    from humanclaw import RecordedEpisode, RecordError, load_run
+
+    if (folder / "episode.json").exists():
+        return RecordedEpisode(folder)
+    found = load_run(folder)
+    if len(found) != 1:
+        raise RecordError(f"{folder} holds {len(found)} episodes.", f"Name one of them, such as {found[0].folder}.")
+    return found[0]
 
 
 @click.command()

@@ -20,6 +20,7 @@ from humanclaw.interfaces import Camera, WorldState, ego_camera
 from humanclaw.navigation import OccupancyGrid, floors_of
 from humanclaw.pose import FPS, HISTORY, Array
 from humanclaw.scene import GROUND
+from humanclaw.storage import gif
 from humanclaw_report.maps import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]
@@ -30,14 +31,18 @@ AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
 ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
 _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
+SHOWN: Final = [
+    JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")
+]
+"""Joints that nothing may hide."""
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
 """Frames between two moments at which the camera decides where to be."""
 FILM_SIZE: Final = (1280, 720)
 GIF_SIZE: Final = (480, 270)
 """A GIF holds every pixel of every frame: a larger one is for nobody to load."""
-FADE: Final = 6
-"""Frames of film in which what gets in the way fades out, or comes back."""
+FADE: Final = 12
+"""Frames of motion in which what gets in the way fades out, or comes back."""
 AHEAD: Final = 12
 """Frames of motion before and after it is in the way that an object is left out."""
 AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -65,7 +70,7 @@ def film(
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
-        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else _gif(pictures, out, FPS / every)
+        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else gif(list(pictures), out, FPS / every)
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
     return out
@@ -133,6 +138,13 @@ class Replay:
         places = {key: path[frame] for key, path in self.objects.items()}
         return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
 
+    def fading(self, frame: int) -> tuple[frozenset[int], float]:
+        """Return what was left out before, and the share of the picture without it that is still seen."""
+        for past in range(1, min(FADE, frame) + 1):
+            if self.hidden[frame - past] != self.hidden[frame]:
+                return self.hidden[frame - past], 1 - past / (FADE + 1)
+        return self.hidden[frame], 0.0
+
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
         return look_at(self.eyes[frame], centre, size)
@@ -161,20 +173,33 @@ def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
 def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
     """For each frame the ids of what is between the eye and the body, in time for it to fade.
 
-    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for what the hips are in: a seat stays.
+    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for a seat that the hips are on.
     """
     objects = [obj for obj in scene.objects if obj.category not in (*GROUND, "rug")]
     joints = motion.joints()
     hips = joints[:, 0]
-    points = np.stack([joints[:, JOINT_INDEX["head"]], hips, joints[:, JOINT_INDEX["left_foot"]] + [0, 0.1, 0]], 1)
+    points = joints[:, SHOWN] + [0, 0.1, 0]
     sets: list[set[int]] = [set() for _ in eyes]
     for obj in objects:
         low, high = scene.aabb(obj.id)
-        around = ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
+        seat = scene.assets[obj.asset].seat_height is not None
+        around = seat & ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
         hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
         for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
-            sets[frame].add(obj.id)
+            sets[frame] |= ids
     return tuple(map(frozenset, sets))
+
+
+def hung_on(scene: Scene, wall: int) -> set[int]:
+    """Return the ids of what hangs on a wall, which would hang in the air without it: it touches no floor."""
+    low, high = scene.aabb(wall)
+    boxes = {obj.id: scene.aabb(obj.id) for obj in scene.objects if obj.category not in (*GROUND, "wall")}
+    floors = floors_of(scene)
+    return {
+        key for key, (a, b) in boxes.items()
+        if (a < high + 0.05).all() and (b > low - 0.05).all() and not any(-0.05 <= a[1] - f <= 0.3 for f in floors)
+    }  # fmt: skip
 
 
 def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bool_]:
@@ -267,20 +292,16 @@ def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
     """Yield the body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
     shown: Scene | None = None
-    before = goal = frozenset[int]()
-    left = 0
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
         if scene is not shown:
             renderer.load(scene)
-            shown, goal, left = scene, replay.hidden[frame], 0
-        if replay.hidden[frame] != goal:
-            before, goal, left = goal, replay.hidden[frame], FADE
+            shown = scene
         camera = replay.camera(frame, size)
-        picture = renderer.render(replay.state(frame, goal), camera).rgb
-        if left:
+        picture = renderer.render(replay.state(frame, replay.hidden[frame]), camera).rgb
+        before, share = replay.fading(frame)
+        if share:
             old = renderer.render(replay.state(frame, before), camera).rgb
-            share, left = left / (FADE + 1), left - 1
             picture = (share * old.astype(np.float32) + (1 - share) * picture).astype(np.uint8)
         yield picture
 
@@ -316,9 +337,10 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
         said = step.decision.reasoning.split("\n")[0]
         y = image.height - image.height // 40
         if said:
-            _line(draw, said, y, image.height // 32, image.width - 28)
-            y -= image.height // 20
-        _line(draw, f"{step.step}  {step.call}", y, image.height // 24, image.width - 28)
+            size = max(image.height // 32, 11)
+            _line(draw, said, y, size, image.width - 28)
+            y -= size * 3 // 2
+        _line(draw, f"{step.step}  {step.call}", y, max(image.height // 24, 13), image.width - 28)
     return np.asarray(image)
 
 
@@ -410,12 +432,3 @@ def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, in
             writer.send(np.ascontiguousarray(picture))
     finally:
         writer.close()
-
-
-def _gif(pictures: Iterator[Picture], out: Path, fps: float) -> None:
-    """One palette for all frames: a palette a frame flickers."""
-    frames = [Image.fromarray(picture) for picture in pictures]
-    samples = [np.asarray(frame.resize((96, 72))) for frame in frames[:: max(1, len(frames) // 24)]]
-    palette = Image.fromarray(np.concatenate(samples)).quantize(200)
-    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    few[0].save(out, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=True)

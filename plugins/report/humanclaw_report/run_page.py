@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
@@ -15,6 +16,8 @@ from humanclaw_report.facts import Milestone, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 """What an episode came to, in a word: it can be read without colour."""
+FIRST: Final = 50
+"""Rows of the list that a browser lays out when the page opens; the others follow when they are scrolled to."""
 
 
 # -- what plugins add --------------------------------------------------------------------------------------------------
@@ -22,7 +25,16 @@ WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 class Cell:
     text: str
     share: float | None = None
-    """Per cent of the cell that a bar fills; None: no bar."""
+    """Per cent of its length that a bar under the text fills; None: no bar."""
+
+    @property
+    def value(self) -> str:
+        return self.text.partition(" [")[0]
+
+    @property
+    def interval(self) -> str:
+        """What follows the value in brackets, with them; it has a line of its own."""
+        return self.text[len(self.value) + 1 :]
 
 
 @dataclass(frozen=True)
@@ -115,12 +127,15 @@ def run_page(
     """Return the HTML of the page. page_of: where the page of an episode lies; asked: how many episodes a run is of."""
     lines = _lines(runs, found, out, page_of)
     every = [episode for episodes in runs.values() for episode in episodes]
+    tables = found.tables or [_milestone_table(runs)]
     return environment().get_template("run.html").render(
         title=" and ".join(run.resolve().name for run in runs),
         names=_names(runs),
         counts=[(len(episodes), max(asked.get(run, 0), len(episodes))) for run, episodes in runs.items()],
         lines=lines,
-        tables=found.tables or [_milestone_table(runs)],
+        first=FIRST,
+        tables=tables,
+        common=_common(tables),
         totals=_totals(every),
         parts=PARTS,
         categories=sorted({line.spec.target_category for line in lines} - {""}),
@@ -128,6 +143,12 @@ def run_page(
         causes=sorted({cause for line in lines for cause in line.causes}),
         words=[word for word in WORDS.values() if any(word in line.words for line in lines)],
     )  # fmt: skip
+
+
+def _common(tables: Sequence[Table]) -> tuple[str, ...]:
+    """Return the notes of several tables, which are said once."""
+    said = Counter(note for table in tables for note in table.notes)
+    return tuple(note for note, times in said.items() if times > 1)
 
 
 def _names(runs: Runs) -> list[str]:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from made import broken_off, record_episode
 from PIL import Image
-from rooms import UPSTAIRS, asset, block, scene_object, two_storeys
+from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.interfaces import Camera, View, WorldState
-from humanclaw_report.film import DISTANCE, Replay, film, follow, opened, poster, sight
+from humanclaw_report.film import AHEAD, DISTANCE, GIF_SIZE, Replay, film, follow, hung_on, opened, poster, sight
 
 
 class Painter:
@@ -76,7 +76,7 @@ def test_a_gif_shows_the_ego_view_in_the_corner(made: tuple[RecordedEpisode, Sce
         gif.seek(4)
         picture = np.asarray(gif.convert("RGB")).astype(int)
     orange = np.abs(picture - [230, 120, 40]).sum(-1) < 60
-    assert orange[60:100, 20:60].all()
+    assert orange[44:80, 20:60].all()
     assert not orange[16:44, 112:144].all()
 
 
@@ -112,6 +112,29 @@ def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[Recorde
     assert (replay.storeys[heights < UPSTAIRS - 0.3] == 0).all()
     assert (replay.storeys[heights > UPSTAIRS + 0.3] == 1).all()
     assert (np.diff(replay.storeys) >= 0).all(), "it does not flicker"
+
+
+def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
+    wall, frame, crate = (
+        asset("w", "wall", block(4, 2.5, 0.1)),
+        asset("p", "picture", block(0.6, 0.4, 0.03)),
+        asset("c", "box", block(0.4, 0.4, 0.4)),
+    )
+    placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.2),
+              scene_object(93, frame, 4, 4.5, y=1.4))  # fmt: skip
+    scene = two_rooms()
+    assets = scene.assets | {one.name: one for one in (wall, frame, crate)}
+    assert hung_on(replace(scene, assets=assets, objects=(*scene.objects, *placed)), 90) == {91}
+
+
+def test_what_gets_in_the_way_fades_in_time_whatever_the_pace_of_the_film(made: tuple[RecordedEpisode, Scene]) -> None:
+    replay = Replay.of(*made)
+    wall = frozenset({1})
+    replay = replace(replay, hidden=(frozenset(),) * 20 + (wall,) * (len(replay.hidden) - 20))
+    shares = [replay.fading(frame)[1] for frame in range(19, 20 + AHEAD + 1)]
+    assert shares[0] == shares[-1] == 0.0, "not yet, and no more once the wall is in the way"
+    assert shares[1:-1] == sorted(shares[1:-1], reverse=True)
+    assert replay.fading(25)[0] == frozenset()
 
 
 def test_the_renderer_is_given_each_storey_once(climbed: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
@@ -155,3 +178,11 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     (tmp_path / "motion.npz").unlink()
     with pytest.raises(RecordError, match="holds no motion"):
         film(RecordedEpisode(tmp_path), scene, Painter(), tmp_path / "film.mp4")
+
+
+def test_the_moving_picture_of_the_readme_is_small_enough_to_load() -> None:
+    path = Path(__file__).parents[3] / "examples" / "images" / "demo.gif"
+    with Image.open(path) as gif:
+        assert gif.size == GIF_SIZE
+        assert gif.n_frames > 20
+    assert path.stat().st_size < 3_000_000

@@ -21,8 +21,11 @@ from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
+from humanclaw_train.naturalness import REPORT as NATURALNESS
+from humanclaw_train.naturalness import NaturalnessReport, skills_table
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import file_digest, own
+from humanclaw_train.rollouts import Installed, adapters, file_digest, own
+from humanclaw_train.travel import uncommanded_table
 
 CARD: Final = "README.md"
 """Of this name, so that whoever opens the folder reads it."""
@@ -55,16 +58,16 @@ _BASE_LIMITS: Final = (
 )
 
 
-def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
+def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: NaturalnessReport | None = None) -> str:
     """Return the model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises
     CheckpointError."""
     import jinja2  # not on the bare machine that trains
 
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report))
+    return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report, naturalness))
 
 
-def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
+def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: NaturalnessReport | None) -> dict[str, Any]:
     header = read_header(checkpoint)
     told, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
@@ -93,6 +96,9 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "report": report if report and report.base == header.get("base", header.get("digest")) else None,
         "report_file": REPORT,
         "row": row,
+        "besides": uncommanded_table({row.skill: row.uncommanded}) if row and row.uncommanded else "",
+        "likeness": _likeness(header, checkpoint, naturalness),
+        "first_steps": _first_steps(header, naturalness),
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
@@ -106,6 +112,18 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
         return None
     digest = file_digest(checkpoint)
     return next((row for row in report.rows if row.adapter == digest), None)
+
+
+def _likeness(header: Mapping[str, Any], checkpoint: Path, report: NaturalnessReport | None) -> str:
+    """Return the table of how like people the motion is; empty where that was not measured on these weights."""
+    if report is None or report.base != header.get("base", header.get("digest")):
+        return ""
+    rows = report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
+    return skills_table(rows) if rows else ""
+
+
+def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> tuple[float, float, float] | None:
+    return report.first_steps.get(header["adapter"]["skill"]) if report and "base" in header else None
 
 
 def _parameters(checkpoint: Path) -> int:
@@ -129,23 +147,17 @@ def _ratio(ratio: Ratio) -> str:
 
 
 # -- all of them -------------------------------------------------------------------------------------------------------
-def write_all(base: Path, roots: Sequence[Path], check: bool = False) -> list[Path]:
-    """Write the card beside the base and beside each adapter below the roots; the cards that were not as they should
-    be. check: write nothing.
-    """
-    return write([base, *sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))], base, check)
-
-
 def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     """Write the card beside each checkpoint; the cards that were not as they should be. check: write nothing.
 
-    The fidelity report is the one beside the checkpoint, or else the one beside the base.
+    A report is the one beside the checkpoint, or else the one beside the base.
     """
     stale = []
     for file in files:
-        reported = next((one for one in (file.with_name(REPORT), base.with_name(REPORT)) if one.is_file()), None)
-        report = FidelityReport.load(reported) if reported else None
-        text, path = card(file, report), file.with_name(CARD)
+        report, likeness = _beside(file, base, REPORT), _beside(file, base, NATURALNESS)
+        faithful = FidelityReport.load(report) if report else None
+        text = card(file, faithful, NaturalnessReport.load(likeness) if likeness else None)
+        path = file.with_name(CARD)
         if not path.is_file() or path.read_text("utf-8") != text:
             stale.append(path)
             if not check:
@@ -153,15 +165,23 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     return stale
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def _beside(file: Path, base: Path, name: str) -> Path | None:
+    return next((one for one in (file.with_name(name), base.with_name(name)) if one.is_file()), None)
+
+
+def main(arguments: Sequence[str] | None = None, installed: Installed | None = None) -> int:
+    """Run the command line.
+
+    installed: finds the skills whose cards are written.
+    """
     options = _parser().parse_args(arguments)
     try:
         base = options.base or shipped_base()
         if options.skill:
-            stale = write(list(own(options.skill).values()), base, options.check)
+            files = [*own(options.skill).values()]
         else:
-            stale = write_all(base, options.adapters, options.check)
+            files = [base, *adapters(options.adapters, installed=installed).values()]
+        stale = write(files, base, options.check)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -174,7 +194,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw cards", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument(
-        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+        "--adapters",
+        type=Path,
+        nargs="*",
+        help="folders searched for adapters (default: the installed skills)",
     )
     parser.add_argument(
         "--skill", type=Path, action="append", default=[], metavar="FOLDER", help="of a skill of your own, and no other"

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINTS, N_JOINTS
-from humanclaw.measures import MEASURES, Parameter, outcomes
+from humanclaw.measures import MEASURES, Measure, Parameter, outcomes
 from humanclaw.pose import (
     CHUNK,
     FPS,
@@ -199,10 +199,18 @@ class Chunks:
             raise ValueError(f"{self.params.shape[1]} parameters need as many names and measures; got {self.names}")
 
     @classmethod
-    def of(cls, parameters: Sequence[Parameter], root: Array, rotations: Array, source: str, real: bool) -> Chunks:
+    def of(
+        cls,
+        parameters: Sequence[Parameter],
+        root: Array,
+        rotations: Array,
+        source: str,
+        real: bool,
+        known: Mapping[str, Measure] = MEASURES,
+    ) -> Chunks:
         """Canonical chunks with the parameters that they realise."""
         n = len(root)
-        params = outcomes(parameters, root, rotations).astype(np.float32)
+        params = outcomes(parameters, root, rotations, known).astype(np.float32)
         names, measures = (
             np.array([getattr(one, what) for one in parameters], np.str_) for what in ("name", "measure")
         )
@@ -237,11 +245,11 @@ class Chunks:
         """One chunk as a motion in its canonical frame."""
         return Motion(self.root[index].astype(float), self.rotations[index].astype(float))
 
-    def mirrored(self) -> Chunks:
+    def mirrored(self, known: Mapping[str, Measure] = MEASURES) -> Chunks:
         """Return the chunks with left and right exchanged, and so no longer real."""
         root = self.root * np.array([-1, 1, 1], np.float32)
         rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
-        signs = [MEASURES[measure].mirror for measure in self.measures.tolist()]
+        signs = [known[measure].mirror for measure in self.measures.tolist()]
         return replace(
             self,
             root=root,

@@ -1,5 +1,5 @@
-"""`humanclaw train`, `humanclaw fidelity` and `humanclaw data build`: doors to humanclaw_train, which reads its own
-options.
+"""`humanclaw train`, `humanclaw fidelity`, `humanclaw data build` and others: doors to humanclaw_train, which reads
+its own options; and `humanclaw show`.
 
 The modules also run as `python -m humanclaw_train.train` on a machine that has torch and little else.
 """
@@ -7,13 +7,17 @@ The modules also run as `python -m humanclaw_train.train` on a machine that has 
 from __future__ import annotations
 
 import importlib
+import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from humanclaw import Plugins, default_simulator
+from humanclaw import CallError, Choice, HumanclawError, Plugins, Skill, default_simulator
+from humanclaw.cli import plugin_options
+from humanclaw.measures import Measure
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
@@ -30,9 +34,6 @@ def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Co
     return command
 
 
-train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.")
-
-
 def _simulator() -> Any:
     """Return the half-physics that episodes run in: training imports no plugin host, so it is handed in."""
     plugins = Plugins.discover()
@@ -45,18 +46,34 @@ def _installed() -> dict[str, Path]:
     return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
 
 
+def _measures() -> Mapping[str, Measure]:
+    """Find what parameters may command, plugins' measures too."""
+    return Plugins.discover().measures
+
+
+train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.", measures=_measures)
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",
     "Measure achieved against commanded motion, per skill.",
     simulator=_simulator,
     installed=_installed,
+    measures=_measures,
 )
 naturalness = _forward(
-    "naturalness", "humanclaw_train.naturalness", "Measure how human the skills' motion and its transitions are."
+    "naturalness",
+    "humanclaw_train.naturalness",
+    "Measure how human the skills' motion and its transitions are.",
+    installed=_installed,
+    commanded=_measures,
 )
-speed = _forward("speed", "humanclaw_train.speed", "Time the motion model under several solvers and runtimes.")
-cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.")
+speed = _forward(
+    "speed",
+    "humanclaw_train.speed",
+    "Time the motion model under several solvers and runtimes.",
+    skills=_installed,
+)
+cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
 
 
 @click.group()
@@ -73,5 +90,68 @@ data.add_command(
     _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
 )
 data.add_command(
-    _forward("chunks", "humanclaw_train.own", "Make the chunks of a skill of your own from a folder of motion.")
+    _forward(
+        "chunks",
+        "humanclaw_train.own",
+        "Make the chunks of a skill of your own from a folder of motion.",
+        measures=_measures,
+    )
 )
+
+
+@click.group()
+def show() -> None:
+    """Motion one can look at."""
+
+
+@show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+@click.argument("name")
+@click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="In a row.")
+@click.option("--seed", default=0, show_default=True, help="Of the motion.")
+@click.option("--beside", type=click.Path(path_type=Path), metavar="MOCAP", help="Folder with clips.csv, to compare.")
+@click.option("--out", type=click.Path(path_type=Path), help="GIF; the default is NAME.gif. A strip (PNG) lies beside.")
+@click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
+@plugin_options
+@click.pass_context
+def _skill(
+    context: click.Context,
+    name: str,
+    calls: int,
+    seed: int,
+    beside: Path | None,
+    out: Path | None,
+    renderer: str,
+    files: tuple[Path, ...],
+    choice: Choice,
+) -> None:
+    """Draw a skill, as `humanclaw show skill walk --z-cm 40`: every parameter of the skill is an option."""
+    looking = importlib.import_module("humanclaw_train.show")
+    plugins = Plugins.discover(files, choice=choice)
+    params = _params(plugins.skill(name), context.args)
+    wanted = out or Path(f"{name.split(':')[-1]}.gif")
+    for path in looking.show(plugins, name, params, calls, seed, beside, wanted, renderer):
+        click.echo(path)
+
+
+def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
+    """Read `--z-cm 40` or `--z-cm=40` as parameters of a skill, checked against its schema.
+
+    Raises HumanclawError for words that are none.
+    """
+    flat = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
+    keys = [word.removeprefix("--").replace("-", "_") for word in flat[::2]]
+    if len(flat) % 2 or not all(word.startswith("--") for word in flat[::2]):
+        hint = ", ".join(f"--{one.key.replace('_', '-')} NUMBER" for one in skill.parameters)
+        raise HumanclawError(f"{' '.join(words)} are no options of {skill.name}.", f"It takes: {hint or 'none'}.")
+    try:
+        return skill.check({key: _read(value) for key, value in zip(keys, flat[1::2], strict=True)})
+    except CallError as error:
+        raise HumanclawError(str(error)) from error
+
+
+def _read(value: str) -> Any:
+    """Read a value as JSON, or else as the text that it is."""
+    try:
+        return json.loads(value)
+    except ValueError:
+        return value

@@ -7,14 +7,14 @@ What a command asks of the pelvis follows from the measures alone; no skill is k
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError
-from humanclaw.measures import Declaration
+from humanclaw.measures import MEASURES, Declaration, Measure
 from humanclaw.pose import Array
 from humanclaw.recipes import Feet, GaitParameters, Recipe, WindowTravel
 
@@ -42,6 +42,8 @@ class Trained:
 
     recipe: Recipe
     declaration: Declaration
+    measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
+    """What its parameters may command: the core's, and those of plugins."""
 
     @property
     def name(self) -> str:
@@ -75,7 +77,7 @@ class Trained:
 def trained(plugins: Plugins) -> list[Trained]:
     """Every skill with a recipe. Raises PluginError for the recipe of a skill that is not there."""
     recipes = [one.value for one in plugins.registered("recipes")]
-    return [Trained(recipe, plugins.skill(recipe.name).declaration) for recipe in recipes]
+    return [Trained(recipe, plugins.skill(recipe.name).declaration, plugins.measures) for recipe in recipes]
 
 
 _GAIT: Final = tuple(one.name for one in fields(GaitParameters))

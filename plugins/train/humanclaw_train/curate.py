@@ -114,7 +114,8 @@ def _of_clip(clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]) ->
         mask = good & skill.shown(windows) & covered(clip, skill.tag, starts)
         if uneven and not skill.declaration.climbs:  # a step onto the next block is neither a walk nor a turn
             mask &= windows.level
-        found[skill.name] = Chunks.of(skill.declaration.parameters, root[mask], rotations[mask], name, clip.real)
+        parameters = skill.declaration.parameters
+        found[skill.name] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, skill.measures)
     mask = good & covered(clip, "base", starts)
     found["base"] = Chunks.of((), root[mask], rotations[mask], name, clip.real)
     return {skill: chunks for skill, chunks in found.items() if len(chunks)}

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from humanclaw import HumanclawError
+from humanclaw.body import JOINT_INDEX
 from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
@@ -115,12 +116,17 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
     return root[best], rotations[best]
 
 
+_HIPS: Final = (JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"])
+
+
 def noisy_history(
     root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0
 ) -> tuple[Tensor, Tensor]:
     """Chunks whose histories are off, as those are that the model wrote itself, and whose futures find back.
 
-    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter.
+    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter;
+    and another share of a lean over legs that stay as they are. People lean in ways of their own, and go on doing so;
+    were that all, a body would keep what its own errors made it lean.
     The future starts where the noisy history ends and returns to the clean one within ten frames, so that what is
     learned is a smooth recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical
     frame demands.
@@ -135,8 +141,12 @@ def noisy_history(
     width = rotations.shape[2] * 3
     offset = 0.08 * normal(1, width) * pose
     offset[..., 1] = 0  # the heading of the last history frame is 0 by definition
-    turned = offset + 0.08 * normal(1, width) * drift + 0.003 * normal(CHUNK, width) * history
-    rotations = rotations + (share * turned).reshape(rotations.shape)
+    turned = share * (offset + 0.08 * normal(1, width) * drift + 0.003 * normal(CHUNK, width) * history)
+    lean = 0.08 * strength * torch.rand(len(root), 1, 1, generator=generator, device=device) * normal(1, 2) * pose
+    turned[..., [0, 2]] += lean
+    for hip in _HIPS:  # The legs stay as they are.
+        turned[..., [3 * hip, 3 * hip + 2]] -= lean
+    rotations = rotations + turned.reshape(rotations.shape)
     moved = torch.tensor([0.03, 0.01, 0.03], device=device) * normal(1, 3) * drift + 0.001 * normal(CHUNK, 3) * history
     moved[:, HISTORY - 1] = 0
     root = root + share * moved

@@ -7,7 +7,8 @@ Generated: what the motion model makes. Every other rollout begins after a chunk
 standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
 of the adapter's range. Simulated: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
 command, and measured there. Baseline: the median clip of each verb, whatever the magnitude asked for, as a
-text-to-motion model does it.
+text-to-motion model does it. Uncommanded: how far a call goes and turns on the axes that it does not command, from
+standing and after walking.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,11 +29,22 @@ from humanclaw import CheckpointError, HumanclawError
 from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
-from humanclaw.storage import write_atomically
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import Command, Rollouts, adapters, file_digest, others, own, roll
+from humanclaw_train.rollouts import (
+    Command,
+    Installed,
+    Measures,
+    Rollouts,
+    adapters,
+    file_digest,
+    others,
+    own,
+    roll,
+)
 from humanclaw_train.simulated import Actor, roll_simulated
+from humanclaw_train.tables import cell, numbers, save, table
+from humanclaw_train.travel import Uncommanded, uncommanded, uncommanded_table, walker
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
@@ -70,17 +82,19 @@ class Row:
     """Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
     paper_baseline: tuple[float, float] | None = None
     """The same of the paper's baseline, MoMask, which ignores the magnitude."""
+    uncommanded: Uncommanded = field(default_factory=dict)
+    """How far it goes and turns though nobody commands it."""
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
-def achieved(command: Command, rollouts: Rollouts, measures: Mapping[str, Measure] = MEASURES) -> Ratio:
+def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     """Outcomes of rollouts against their commands, each parameter by the measure that it commands."""
-    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, measures)
+    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
     if not found.shape[1]:
         return Ratio(NAN, NAN, NAN, NAN, len(found))
     primary = command.primary
     difference = found - rollouts.commands
-    angle = np.array([find(one, measures).unit == "rad" for one in command.parameters])
+    angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Data, unlike commands, may hold a displacement of exactly nothing.
@@ -100,23 +114,31 @@ def fidelity(
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
+    measures: Mapping[str, Measure] = MEASURES,
 ) -> list[Row]:
     """One row a skill, in the order given. before: further skills that one may follow.
 
     Raises CheckpointError for an adapter that does not fit the base.
     """
-    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
-    return [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+    besides = uncommanded(generator, commands, walker(known), seed=seed)
+    rows = [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+    return [replace(row, uncommanded=besides[row.skill]) for row in rows]
 
 
-def live(generator: DiTGenerator, declaration: Declaration, rollouts: int = 24) -> Callable[[Path], str]:
+def live(
+    generator: DiTGenerator,
+    declaration: Declaration,
+    rollouts: int = 24,
+    measures: Mapping[str, Measure] = MEASURES,
+) -> Callable[[Path], str]:
     """Make what tells, in one line, how an adapter does as it grows: achieved over commanded of a few rollouts."""
 
     def look(adapter: Path) -> str:
-        command = Command.declared(declaration, adapter)
+        command = Command.declared(declaration, adapter, measures)
         ratio = achieved(command, roll(generator, command, (), rollouts, seed=1))
-        return f"fidelity {_spread(ratio)}, mean error {_number(ratio.error, 1)} (cm, degrees)"
+        return f"fidelity {_spread(ratio)}, mean error {cell(ratio.error)} (cm, degrees)"
 
     return look
 
@@ -136,9 +158,10 @@ def simulated(
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
+    measures: Mapping[str, Measure] = MEASURES,
 ) -> dict[str, Ratio]:
     """Skill to its ratio in half-physics, for skills with parameters. before: further skills that one may follow."""
-    commands = [Command.of(skill, path) for skill, path in paths.items()]
+    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
     actor, ratios = Actor(generator, simulator), {}
@@ -166,7 +189,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
-    both = Chunks.join([clip, clip.mirrored()])[(side < 0).astype(int)]
+    both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
     return achieved(command, rollouts)
 
@@ -206,8 +229,7 @@ class FidelityReport:
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, (json.dumps(_plain(asdict(self)), indent=1) + "\n").encode())
+        save(path, asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> FidelityReport:
@@ -226,21 +248,7 @@ _RATIOS: Final = ("generated", "simulated", "baseline")
 
 
 def _ratio(content: Mapping[str, Any] | None) -> Any:
-    if content is None:
-        return None
-    values: dict[str, Any] = {key: NAN if value is None else value for key, value in content.items()}
-    return Ratio(**values)
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN: null stands for it. Six digits are plenty."""
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if np.isfinite(value) else None
-    return value
+    return None if content is None else Ratio(**numbers(content))
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -249,16 +257,12 @@ def markdown(rows: Sequence[Row]) -> str:
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
     )  # fmt: skip
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
-    for row in rows:
-        made, real = row.generated, row.simulated
-        cells = (
-            row.skill, _spread(made), _number(made.after_other, 3), _number(made.error, 1),
-            _spread(real), _number(real.error if real else NAN, 1), _spread(row.baseline),
-            _pair(row.paper), _pair(row.paper_baseline),
-        )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return table(heads, [
+        (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.error),
+         _spread(row.simulated), cell(row.simulated.error if row.simulated else NAN), _spread(row.baseline),
+         _pair(row.paper), _pair(row.paper_baseline))
+        for row in rows
+    ])  # fmt: skip
 
 
 def _spread(ratio: Ratio | None) -> str:
@@ -269,57 +273,53 @@ def _pair(pair: Sequence[float] | None) -> str:
     return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
 
 
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
-
-
 # -- the command line --------------------------------------------------------------------------------------------------
-Installed = Callable[[], Mapping[str, Path]]
-"""Gives the adapters of the skills that are installed, by skill."""
-
-
 def main(
     arguments: Sequence[str] | None = None,
     simulator: Callable[[], Simulator] | None = None,
     installed: Installed | None = None,
+    measures: Measures = lambda: MEASURES,
 ) -> int:
     """Run the command line.
 
-    simulator: makes what `--simulated` runs in. installed: finds the skills that one of your own may follow. This
-    module itself knows of neither.
+    simulator: makes what `--simulated` runs in. installed: finds the skills that are measured, or that one of your own
+    may follow. measures: finds what they command. This module itself knows of no plugins.
     """
     options = _parser().parse_args(arguments)
     try:
-        report = _measure(options, simulator, installed)
+        report = _measure(options, simulator, installed, measures())
         for path in [options.save] if options.save else [folder / REPORT for folder in options.skill]:
             report.save(path)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     print(markdown(report.rows))
+    print("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
     print(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
     return 0
 
 
 def _measure(
-    options: argparse.Namespace, simulator: Callable[[], Simulator] | None, installed: Installed | None
+    options: argparse.Namespace,
+    simulator: Callable[[], Simulator] | None,
+    installed: Installed | None,
+    measures: Mapping[str, Measure],
 ) -> FidelityReport:
     generator = made_generator(options)
-    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills)
+    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills, installed)
     there = installed() if options.skill and installed else {}
-    before = [Command.of(skill, path) for skill, path in there.items() if skill not in paths]
-    rows = fidelity(generator, paths, options.rollouts, options.seed, before)
+    before = [Command.of(skill, path, measures) for skill, path in there.items() if skill not in paths]
+    rows = fidelity(generator, paths, options.rollouts, options.seed, before, measures)
     if options.baseline:
-        rows = [
-            replace(row, baseline=baseline(options.baseline, Command.of(row.skill, paths[row.skill]))) for row in rows
-        ]
+        asked = {skill: Command.of(skill, path, measures) for skill, path in paths.items()}
+        rows = [replace(row, baseline=baseline(options.baseline, asked[row.skill])) for row in rows]
     if options.simulated:
         if simulator is None:
             raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --simulated")
-        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before)
+        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before, measures)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))
-    command = Command.of(first, paths[first])
+    command = Command.of(first, paths[first], measures)
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
     return FidelityReport(
@@ -330,14 +330,17 @@ def _measure(
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
     """Return the generator that `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, foot_locking=options.profile != "paper")
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:
     """Options that name weights, skills and solver."""
     parser.add_argument("--skills", nargs="*", default=[], help="which skills (default: all that have an adapter)")
     parser.add_argument(
-        "--adapters", type=Path, nargs="*", default=[Path("skills")], help="folders that are searched for adapters"
+        "--adapters",
+        type=Path,
+        nargs="*",
+        help="folders searched for adapters (default: the installed skills)",
     )
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument("--rollouts", type=int, default=200, help="a skill")

@@ -2,6 +2,7 @@
 
     humanclaw naturalness --chunks REAL EDITED
 
+* The prior alone: it continues the histories of held-out real chunks, whatever they show.
 * Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the
   Frechet distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing
   learnt from; without them a half of the real chunks, split by clip) with the parameters that those realise, so that
@@ -14,7 +15,6 @@
 * Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one
   beside walks generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end
   up.
-* Uncommanded: how far skills travel and turn on axes that they do not command, from standing and after walking.
 * First steps: how far the slower toe slides in the first chunk from standing, per skill.
 * Sequences: the root-rigid jerk of the six sequences that the paper names.
 """
@@ -22,26 +22,30 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from humanclaw import HumanclawError, Motion
+from humanclaw import CheckpointError, HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
 from humanclaw.measures import MEASURES, Declaration, suited
-from humanclaw.motion import Course, DiTGenerator
+from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.measures import SEAM, Features, Gait
-from humanclaw_train.rollouts import Command, adapters, extend, others, roll
+from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, file_digest, others, roll
+from humanclaw_train.tables import cell, numbers, save, table
+from humanclaw_train.travel import Drift, drift, straight_walks, walker
 
 _NAN: Final = float("nan")
+PRIOR: Final = "(the prior alone)"
 _MOST: Final = 600
 """Chunks of one kind that a measure looks at."""
 
@@ -75,10 +79,16 @@ def naturalness_of(
     skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
 ) -> NaturalnessRow:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    return _row(skill.skill, source, root, rotations, skill.climbs, frechet, free)
+
+
+def _row(
+    name: str, source: str, root: Array, rotations: Array, stairs: bool, frechet: float = _NAN, free: float = _NAN
+) -> NaturalnessRow:
     joints, _ = forward_kinematics(root, rotations)
-    future, stairs = joints[:, HISTORY - 1 :], skill.climbs
+    future = joints[:, HISTORY - 1 :]
     return NaturalnessRow(
-        skill.skill, source, len(root),
+        name, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
         float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet, free,
@@ -88,10 +98,10 @@ def naturalness_of(
 def skills(
     generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
 ) -> list[NaturalnessRow]:
-    """For every skill what is generated and, where the folders have it, what the data show: real chunks, else synthetic
-    ones."""
+    """For the prior and every skill what is generated and, where the folders have it, what the data show: real chunks,
+    else synthetic ones."""
     features = _features(folders)
-    rows: list[NaturalnessRow] = []
+    rows = prior(generator, folders, features, seed) if features else []
     for command in commands:
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
@@ -104,10 +114,31 @@ def skills(
         if data:
             kind = "real" if data.real.any() else "synthetic"
             some = _some(data, _MOST, seed)
-            rows.append(
-                naturalness_of(command.declaration, kind, some.root.astype(float), some.rotations.astype(float), least)
-            )
+            rows.append(naturalness_of(command.declaration, kind, *_arrays(some), least))
     return rows
+
+
+def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[NaturalnessRow]:
+    """Return what the prior alone makes of the histories of held-out clips, whatever they show, and what these show."""
+    found = held_out(folders, "base")
+    if found is None:
+        return []
+    held, rest = (_some(part, _MOST, seed) for part in found)
+    histories = [held.motion(index)[:HISTORY] for index in range(len(held))]
+    keys = [(seed, 9, index) for index in range(len(held))]
+    futures = generator.generate_batch(histories, None, [{}] * len(held), keys)
+    whole = [history.then(future) for history, future in zip(histories, futures, strict=True)]
+    made, true, other = (_arrays(part) for part in (whole, held, rest))
+    distance, least = (measures.frechet(features(*part), features(*true)) for part in (made, other))
+    rows = (("generated", made, distance), ("held-out", true, least))
+    return [_row(PRIOR, source, *part, False, frechet) for source, part, frechet in rows]
+
+
+def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
+    if isinstance(motions, Chunks):
+        return motions.root.astype(float), motions.rotations.astype(float)
+    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
+    return root, rotations
 
 
 def likeness(
@@ -269,49 +300,6 @@ def _straightness(walk: Motion) -> float:
     return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
 
 
-def straight_walks(
-    generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
-) -> list[Motion]:
-    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else
-    nought."""
-    values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
-    motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
-    for call in range(calls):
-        _hold_course(generator, command, motions, courses, values, (seed, 11, call))
-    return motions
-
-
-def _hold_course(
-    generator: DiTGenerator,
-    command: Command,
-    motions: list[Motion],
-    courses: list[Course],
-    values: Array,
-    key: tuple[int, ...],
-) -> None:
-    """Let all bodies go on by one chunk, in place, as `humanclaw.Body` does: what was turned too little is owed."""
-    asked = [command.named(row) for row in values]
-    steered = [course.steer(command.declaration, row) for course, row in zip(courses, asked, strict=True)]
-    histories = [motion[-HISTORY:] for motion in motions]
-    rows = np.array([[row[name] for name in command.names] for row in steered])
-    extend(generator, command, motions, np.arange(len(motions)), rows, key)
-    for index, (history, row) in enumerate(zip(histories, asked, strict=True)):
-        courses[index] = courses[index].after(command.declaration, row, history, motions[index][-FUTURE:])
-
-
-def _ahead(command: Command) -> str:
-    """Return the parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
-    return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
-
-
-def walker(commands: Sequence[Command]) -> Command | None:
-    """Return the skill that walks: it commands travel ahead and heading at once."""
-    for command in commands:
-        if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
-            return command
-    return None
-
-
 def generated_gaits(
     generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
 ) -> dict[str, list[Gait]]:
@@ -323,24 +311,6 @@ def generated_gaits(
         gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
         found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
     return {name: gaits for name, gaits in found.items() if gaits}
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the
-    same)."""
-
-    side: tuple[float, float]
-    turned: tuple[float, float]
-
-
-def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: int = 100, seed: int = 0) -> Drift:
-    """Of straight walks at 1 m/s, from body to body."""
-    walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
-    side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
-    turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
-    pairs = ((float(one.mean()), float(np.percentile(np.abs(one), 95))) for one in (side, turned))
-    return Drift(*pairs)
 
 
 def first_steps(
@@ -360,33 +330,6 @@ def first_steps(
         )
         slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
         found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
-    return found
-
-
-# -- travel that nobody commanded --------------------------------------------------------------------------------------
-_FREE: Final = ("hips.left", "hips.forward", "heading.left")
-
-
-def uncommanded(
-    generator: DiTGenerator, commands: Sequence[Command], walks: Command, bodies: int = 30, seed: int = 0
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """Skill to measure to what happens of it though the skill does not command it: (from standing, after walking at 1
-    m/s).
-
-    Means over bodies, in metres and radians. A skill that commands `hips.back` commands `hips.forward`.
-    """
-    before = ([generator.start() for _ in range(bodies)], straight_walks(generator, walks, 1.0, bodies, 2, seed))
-    found: dict[str, dict[str, tuple[float, float]]] = {}
-    for command in commands:
-        told = {one.measure.replace("back", "forward") for one in command.parameters}
-        values = command.draw(bodies, np.random.default_rng(seed))
-        rows = []
-        for motions in map(list, before):
-            extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
-            last = [motion[-HISTORY - FUTURE :] for motion in motions]
-            local = canonical(*(np.stack([getattr(one, part) for one in last]) for part in ("root", "rotations")))
-            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in told})
-        found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
     return found
 
 
@@ -495,16 +438,46 @@ def agreement(found: Mapping[str, float]) -> tuple[int, int]:
     return same, len(pairs)
 
 
+# -- the report --------------------------------------------------------------------------------------------------------
+REPORT: Final = "naturalness.json"
+"""Where the report lies, beside the base."""
+
+
+@dataclass(frozen=True)
+class NaturalnessReport:
+    """What model cards quote: what `--save` writes."""
+
+    base: str
+    """Digest of the base."""
+    solver: str
+    adapters: Mapping[str, str]
+    """Skill to the digest of its adapter's file."""
+    rows: tuple[NaturalnessRow, ...]
+    first_steps: Mapping[str, tuple[float, float, float]]
+    """As first_steps has it."""
+
+    @classmethod
+    def load(cls, path: Path) -> NaturalnessReport:
+        """Read what `--save` wrote. Raises CheckpointError for anything else."""
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            rows = tuple(NaturalnessRow(**numbers(row)) for row in content["rows"])
+            return cls(**content | {"rows": rows})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            hint = f"Measure with: humanclaw naturalness --chunks CHUNKS --save {path}"
+            raise CheckpointError(f"{path} holds no naturalness report ({error}).", hint) from error
+
+    def of(self, skill: str, adapter: str) -> tuple[NaturalnessRow, ...]:
+        """Return the rows of the skill whose adapter has this digest; none for other weights."""
+        return tuple(row for row in self.rows if row.skill == skill) if self.adapters.get(skill) == adapter else ()
+
+    @property
+    def prior(self) -> tuple[NaturalnessRow, ...]:
+        """Return the rows of the prior alone."""
+        return tuple(row for row in self.rows if row.skill == PRIOR)
+
+
 # -- tables ------------------------------------------------------------------------------------------------------------
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _cell(value: float, digits: int = 1) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
-
-
 def skills_table(rows: Sequence[NaturalnessRow]) -> str:
     heads = (
         "skill",
@@ -518,9 +491,9 @@ def skills_table(rows: Sequence[NaturalnessRow]) -> str:
         "Frechet",
         "free-running",
     )
-    return _table(heads, [
-        (row.skill, row.source, str(row.chunks), _cell(row.skate), _cell(row.slower_toe), _cell(row.sunk, 2),
-         _cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _cell(row.frechet), _cell(row.free))
+    return table(heads, [
+        (row.skill, row.source, str(row.chunks), cell(row.skate), cell(row.slower_toe), cell(row.sunk, 2),
+         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", cell(row.frechet), cell(row.free))
         for row in rows
     ])  # fmt: skip
 
@@ -535,11 +508,11 @@ def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> 
         "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
         "slower toe cm/s"
     )  # fmt: skip
-    rows = [(name, *(_cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
+    rows = [(name, *(cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
     for name, gaits in made.items():
         spread = [np.percentile([getattr(gait, key) for gait in gaits], [50, 5, 95]) for key in _GAIT]
         rows.append((name, *(f"{mid:.2f} ({low:.2f} to {high:.2f})" for mid, low, high in spread)))
-    return _table(heads, rows)
+    return table(heads, rows)
 
 
 def drift_line(found: Drift) -> str:
@@ -550,27 +523,15 @@ def drift_line(found: Drift) -> str:
     )
 
 
-def uncommanded_table(found: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
-    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands
-    it."""
-
-    def cell(row: Mapping[str, tuple[float, float]], name: str) -> str:
-        scale = 180 / np.pi if name.startswith("heading") else 100.0
-        return " / ".join(f"{scale * value:+.1f}" for value in row[name]) if name in row else "-"
-
-    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in found.items()]
-    return _table(("uncommanded, from standing / after walking", "left cm", "ahead cm", "turn degrees"), rows)
-
-
 def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
-    rows = [(skill, *(_cell(value, 2) for value in values)) for skill, values in found.items()]
-    return _table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
+    rows = [(skill, *(cell(value, 2) for value in values)) for skill, values in found.items()]
+    return table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
 
 
 def transitions_table(found: Transitions) -> str:
     """Worst of the bodies over the peak of real motion; rows are the skill before, columns the one that takes over."""
     ratio = found.worst / found.real
-    rows = [(skill, *(_cell(value, 2) for value in line)) for skill, line in zip(found.skills, ratio, strict=True)]
+    rows = [(skill, *(cell(value, 2) for value in line)) for skill, line in zip(found.skills, ratio, strict=True)]
     order = np.argsort(-found.worst, axis=None)[:5]
     pairs = ", ".join(
         f"{found.skills[i]} to {found.skills[j]} {found.worst[i, j]:.0f}"
@@ -582,7 +543,7 @@ def transitions_table(found: Transitions) -> str:
         f"Median seam {np.median(found.median):.0f} m/s2. Worst, m/s2: {pairs}."
     )
     heads = ("from, to", *found.skills)
-    return f"{_table(heads, rows)}\n\n{notes}"
+    return f"{table(heads, rows)}\n\n{notes}"
 
 
 def life_line(found: Life) -> str:
@@ -595,31 +556,36 @@ def life_line(found: Life) -> str:
 
 
 def sequences_table(found: Mapping[str, float]) -> str:
-    rows = [(name, _cell(value), _cell(SEQUENCES[name][1])) for name, value in found.items()]
+    rows = [(name, cell(value), cell(SEQUENCES[name][1])) for name, value in found.items()]
     same, pairs = agreement(found)
-    return f"{_table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs stand in the paper's order."
+    return f"{table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs stand in the paper's order."
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(
+    arguments: Sequence[str] | None = None, installed: Installed | None = None, commanded: Measures = lambda: MEASURES
+) -> int:
+    """Run the command line.
+
+    installed: finds the skills that are measured. commanded: finds what they command.
+    """
     options = _parser().parse_args(arguments)
     try:
         generator = made_generator(options)
-        commands = [Command.of(skill, path) for skill, path in adapters(options.adapters, options.skills).items()]
-        print(skills_table(skills(generator, commands, options.chunks, options.rollouts, options.seed)), flush=True)
+        paths, known = adapters(options.adapters, options.skills, installed), commanded()
+        commands = [Command.of(skill, path, known) for skill, path in paths.items()]
+        rows = skills(generator, commands, options.chunks, options.rollouts, options.seed)
+        print(skills_table(rows), flush=True)
         print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
-        print("\n" + first_steps_table(first_steps(generator, commands, seed=options.seed)), flush=True)
+        first = first_steps(generator, commands, seed=options.seed)
+        print("\n" + first_steps_table(first), flush=True)
+        if options.save:
+            digests = {one.skill: file_digest(one.adapter) for one in commands}
+            report = NaturalnessReport(generator.digest, str(generator.solver), digests, tuple(rows), first)
+            save(options.save, asdict(report))
         if (walks := walker(commands)) is not None:
             made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
             clips = load_pack(options.clips) if options.clips else []
             print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
-            print(
-                "\n"
-                + uncommanded_table(
-                    uncommanded(generator, commands, walks, min(30, options.bodies), seed=options.seed)
-                ),
-                flush=True,
-            )
             print("\n" + drift_line(drift(generator, walks, min(10, options.bodies), seed=options.seed)), flush=True)
         peak = real_peak(options.chunks, commands)
         print(
@@ -640,6 +606,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--clips", type=Path, help="folder with clips.csv, whose straight walks the gait is compared with"
     )
+    parser.add_argument("--save", type=Path, metavar="FILE", help="write rows and first steps as JSON, for the cards")
     parser.add_argument("--bodies", type=int, default=20, help="for each pair of skills")
     parser.add_argument("--calls", type=int, default=120, help="of a long life")
     return parser

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, Motion
-from humanclaw.measures import Declaration, outcomes
+from humanclaw.measures import MEASURES, Declaration, Measure, Parameter, from_si, outcomes
 from humanclaw.motion import load_base, shipped_base
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.recipes import Recipe
@@ -33,6 +33,7 @@ from humanclaw_train.curate import WINDOW_STRIDE, sane, travel
 from humanclaw_train.mocap import MocapError
 from humanclaw_train.retarget import retarget
 from humanclaw_train.retimed import retimed
+from humanclaw_train.rollouts import Measures
 
 CHUNKS: Final = Path(".data/chunks")
 """Where chunks are kept, and looked for."""
@@ -40,21 +41,28 @@ RETIMED: Final = "retimed"
 """The source of chunks that are a clip's poses at another pace."""
 _ROW: Final = 16
 """Half seconds in a row that a clip is passed through."""
+_BEGUN: Final = 8
+"""Rows of two half seconds, begun as the prior stands, to each of those."""
+_SHOWN: Final = (0.01, 0.99)
+"""Quantiles between which a parameter lies that an adapter is trained on."""
+_MISSED: Final = 0.025
+"""Share of that range by which bounds may reach beyond it."""
 _BEYOND: Final = 0.15
 """Share of its range by which a parameter of a chunk may lie outside the schema's bounds: at the very edge of what it
 has seen, a model is least true."""
 
 
 # -- what is given -----------------------------------------------------------------------------------------------------
-def of_folder(folder: Path) -> Trained:
+def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Trained:
     """Read a skill's declaration and recipe from its folder; where there is no recipe.py, every window may show it.
 
+    measures: what its parameters may command.
     Raises PluginError for a schema.json that cannot be read, HumanclawError for a recipe.py without RECIPE.
     """
     folder = folder.resolve()
     declaration, path = Declaration.read(folder), folder / "recipe.py"
     if not path.is_file():
-        return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration)
+        return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration, measures)
     spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.skill}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -63,7 +71,7 @@ def of_folder(folder: Path) -> Trained:
     recipe = getattr(module, "RECIPE", None)
     if not isinstance(recipe, Recipe):
         raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.recipes.Recipe.")
-    return Trained(recipe, declaration)
+    return Trained(recipe, declaration, measures)
 
 
 def clips_of(folder: Path) -> list[Clip]:
@@ -123,7 +131,7 @@ def chunks_of(
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
     whole = Chunks.join(parts)
-    return Chunks.join([whole, whole.mirrored()])
+    return Chunks.join([whole, whole.mirrored(skill.measures)])
 
 
 def _source(clip: Clip) -> str:
@@ -140,35 +148,63 @@ def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool
     mask = sane(root, rotations, flat=not skill.declaration.climbs) & _within(skill, root, rotations)
     if skill.recipe.windows is not None:
         mask &= skill.shown(travel(root, rotations))
-    return Chunks.of(parameters, root[mask], rotations[mask], source, real)
+    return Chunks.of(parameters, root[mask], rotations[mask], source, real, skill.measures)
 
 
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
     """Return (N,) whether what a chunk realises of each parameter is about within the schema's bounds."""
     parameters = skill.declaration.parameters
-    found = outcomes(parameters, root, rotations)
+    found = outcomes(parameters, root, rotations, skill.measures)
     low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))
     slack = _BEYOND * np.where(np.isfinite(high - low), high - low, 0.0)
     return np.asarray(((found >= low - slack) & (found <= high + slack)).all(1))
 
 
 def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: float, seed: int) -> Iterator[Chunks]:
-    """Cut half of the chunks from one call to the next, half from anywhere in between."""
+    """Cut a third of the chunks from one call to the next, a third from anywhere in between, and a third from the first
+    two calls of somebody who stands."""
     random = np.random.default_rng(seed)
-    wanted = seconds * 2 / 2  # two a second, and as many again by mirroring
-    for index in tqdm(range(-(-int(wanted) // (2 * _ROW))), unit="row", disable=None):
-        motion = retimed(clips[index % len(clips)].motion, standing, _ROW, random)
+    wanted = int(seconds * 2 / 2)  # two a second, and as many again by mirroring
+    for index in tqdm(range(-(-wanted // (2 * _ROW + 2 * _BEGUN))), unit="row", disable=None):
+        clip = clips[index % len(clips)].motion
+        motion = retimed(clip, standing, _ROW, random)
         loose = random.integers(0, len(motion) - CHUNK + 1, _ROW)
         starts = np.concatenate([np.arange(_ROW) * FUTURE, loose])
         yield _kept(skill, *cut(motion, starts), RETIMED, False)
+        for _ in range(_BEGUN):
+            first = retimed(clip, standing, 2, random, begun=True)
+            yield _kept(skill, *cut(first, np.array([0, FUTURE])), RETIMED, False)
+
+
+def too_wide(skill: Trained, chunks: Chunks) -> list[str]:
+    """Tell of every parameter whose bounds reach beyond what the chunks show: an adapter does not learn that, and
+    `humanclaw check` will refuse it."""
+    shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
+    return [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
+
+
+def _wider(parameter: Parameter, low: float, high: float) -> bool:
+    slack = _MISSED * (high - low)
+    return parameter.low < low - slack or parameter.high > high + slack
+
+
+def _reach(parameter: Parameter, low: float, high: float) -> str:
+    asked, shown = (
+        " to ".join(f"{from_si(parameter.key, edge):.0f}" for edge in pair)
+        for pair in ((parameter.low, parameter.high), (low, high))
+    )
+    return f"{parameter.key} may be {asked}, and the chunks show {shown}: narrow its bounds, or give more clips."
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
+    """Run the command line.
+
+    measures: gives what parameters may command; this module itself knows of no plugins.
+    """
     options = _parser().parse_args(arguments)
     try:
-        skill = of_folder(options.skill)
+        skill = of_folder(options.skill, measures())
         standing = load_base(options.base or shipped_base())
         start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
         clips = clips_of(options.clips)
@@ -178,6 +214,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     print(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
+    for line in too_wide(skill, chunks):
+        print(f"warning: {line}", file=sys.stderr)
     return 0
 
 

@@ -16,5 +16,6 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for command in (
         commands.train, commands.fidelity, commands.naturalness, commands.speed, commands.cards, commands.data,
+        commands.show,
     ):  # fmt: skip
         cli.add_command(command)

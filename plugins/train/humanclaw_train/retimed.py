@@ -3,7 +3,9 @@
 A clip of somebody who squats goes down once and up once, at one pace. A skill has to go from any height to any other
 one in half a second, so the poses of the clip, which are real, are passed through in another time. The feet stand
 still, the legs follow by two-bone inverse kinematics, and whoever stands upright does so as the prior stands, so that
-every other skill can follow. Chunks made so are not marked as real. Needs numpy and scipy alone.
+every other skill can follow. What is `begun` begins exactly as the prior stands, as the first call of an episode does,
+and passes over into any pose of the clip in its first half second. Chunks made so are not marked as real. Needs numpy
+and scipy alone.
 """
 
 from __future__ import annotations
@@ -31,18 +33,21 @@ _DOWN: Final = 0.5
 """Share of its height by which a body is down for the pose of its trunk to be wholly the clip's,"""
 _ARMS: Final = 0.35
 """and how much of the clip's arms there is in it then: from overhead to hanging, half a second is too short."""
+_ANKLES: Final = [JOINT_INDEX[f"{side}_ankle"] for side in SIDES]
 _LIKENESS: Final = np.array([_ARMS if JOINTS[joint].startswith(("left", "right")) else 1.0 for joint in UPPER])
 
 
-def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generator) -> Motion:
+def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generator, *, begun: bool = False) -> Motion:
     """Pass through the poses of a clip for `chunks` half seconds, after one history at rest; 5 + 15 chunks frames.
 
-    standing: the prior's, of which the last frame is taken.
+    standing: the prior's, of which the last frame is taken. begun: whether the rest is exactly that.
     """
     clip = clip[_moving(clip)]
     passed = _sampled(clip, _clock(len(clip), chunks, rng))
     turned = _upright(passed, standing, float(clip.root[:, 1].max()))
-    return _replanted(passed, turned, standing, share=float(rng.random()))
+    if begun:
+        return _replanted(_from_standing(turned, standing), _stance(turned, standing, share=1.0))
+    return _replanted(turned, _stance(turned, standing, share=float(rng.random())))
 
 
 def _moving(clip: Motion) -> slice:
@@ -74,42 +79,59 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
     return Motion(CubicSpline(frames, clip.root)(clock), vector_from_matrix(left @ right))
 
 
-def _upright(motion: Motion, standing: Motion, height: float) -> Array:
-    """Return (T, 24, 3) rotations: trunk, arms and head as in the clip where the body is down, as in standing where
-    it is up."""
+def _upright(motion: Motion, standing: Motion, height: float) -> Motion:
+    """Hold trunk, arms and head as in the clip where the body is down, as in standing where it is up."""
     down = smoothstep((1 - motion.root[:, 1] / height).clip(0) / _DOWN)
     rotations = motion.rotations.copy()
     # Of rotation vectors, which no joint but the root turns half round: an arm from overhead to hanging has no jump.
     stood = standing.rotations[-1:, UPPER]
     rotations[:, UPPER] = stood + (down[:, None] * _LIKENESS)[..., None] * (rotations[:, UPPER] - stood)
-    return rotations
+    return Motion(motion.root, rotations)
 
 
-def _replanted(motion: Motion, rotations: Array, standing: Motion, share: float) -> Motion:
-    """Put both feet still on the floor: apart as in the clip or as in standing, and anything in between."""
-    pelvis, yaw = matrix_from_vector(rotations[:, 0]), heading(rotations[:, 0])
-    feet = _stance(motion, standing, share)
+def _from_standing(motion: Motion, standing: Motion) -> Motion:
+    """Stand as the prior does for one history, and be wholly in the motion half a second later."""
+    middle, turn = _place(motion, standing)
+    stood, vectors = standing.root[-1], standing.rotations[-1].copy()
+    vectors[0] = vector_from_matrix(turn @ matrix_from_vector(vectors[0]))
+    begun = middle + (stood - standing[-1:].joints()[0, _ANKLES].mean(0) * [1, 0, 1]) @ turn.T
+    share = smoothstep((np.arange(len(motion)) - HISTORY + 1) / FUTURE)[:, None]
+    root = begun + share * (motion.root - begun)
+    first = matrix_from_vector(vectors)
+    away = vector_from_matrix(np.swapaxes(first, -1, -2) @ matrix_from_vector(motion.rotations))
+    return Motion(root, vector_from_matrix(first @ matrix_from_vector(share[..., None] * away)))
+
+
+def _replanted(motion: Motion, feet: Feet) -> Motion:
+    """Bend the legs so that both feet are where they are said to be."""
+    pelvis, yaw = matrix_from_vector(motion.rotations[:, 0]), heading(motion.rotations[:, 0])
     root = motion.root.copy()
     lift = np.full(feet.pitch.shape, 0.0)
     root[:, 1] = np.minimum(root[:, 1], ik.ceiling(root[None], pelvis[None], feet, lift)[0])
     stand = ik.ease_ankles(root[None], pelvis[None], feet, yaw[None])
-    turned = rotations.copy()
+    turned = motion.rotations.copy()
     for joint, matrix in ik.place_legs(root[None], pelvis[None], stand, yaw[None]).items():
         turned[:, JOINT_INDEX[joint]] = vector_from_matrix(matrix[0])
     return Motion(root, turned)
 
 
 def _stance(motion: Motion, standing: Motion, share: float) -> Feet:
-    """Stand where the feet of the clip are on the whole, moved by a share towards where those of standing are."""
-    ankles = [JOINT_INDEX[f"{side}_ankle"] for side in SIDES]
-    shown = np.median(motion.joints()[:, ankles], axis=0)
-    middle, facing = shown.mean(0), float(np.median(motion.yaw()))
-    stood = standing[-1:].joints()[0, ankles]
-    turn = matrix_from_vector(np.array([0.0, facing - standing.yaw()[-1], 0.0]))
+    """Return feet still on the floor: where those of the clip are on the whole, moved by a share towards where those
+    of standing are."""
+    shown = np.median(motion.joints()[:, _ANKLES], axis=0)
+    middle, turn = _place(motion, standing)
+    stood = standing[-1:].joints()[0, _ANKLES]
     other = middle + (stood - stood.mean(0)) @ turn.T
     sole = (1 - share) * shown + share * other
     sole[:, 1] = 0.0
     shape = (1, 2, len(motion))
     spread = np.broadcast_to(sole[None, :, None], (*shape, 3))
-    out = np.array([0.12, -0.12])[None, :, None] + facing
+    out = np.array([0.12, -0.12])[None, :, None] + float(np.median(motion.yaw()))
     return Feet(spread, np.broadcast_to(out, shape), np.zeros(shape), np.zeros(shape))
+
+
+def _place(motion: Motion, standing: Motion) -> tuple[Array, Array]:
+    """Return the point of the floor between the feet (3,), and the rotation (3, 3) from how standing faces."""
+    middle = np.median(motion.joints()[:, _ANKLES], axis=0).mean(0) * [1, 0, 1]
+    facing = float(np.median(motion.yaw()))
+    return middle, matrix_from_vector(np.array([0.0, facing - standing.yaw()[-1], 0.0]))

@@ -4,8 +4,8 @@ at."""
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import CheckpointError, Motion
-from humanclaw.measures import Declaration, Parameter
+from humanclaw.measures import MEASURES, Declaration, Measure, Parameter
 from humanclaw.motion import DiTGenerator, read_header
 from humanclaw.pose import FUTURE, HISTORY, Array
 from humanclaw_train.chunks import canonical
 
+Installed = Callable[[], Mapping[str, Path]]
+"""Gives the adapters of the skills that are installed, by skill."""
+Measures = Callable[[], Mapping[str, Measure]]
+"""Gives the measures that are installed, by name."""
 CHUNKS_IN_A_ROW: Final = 3
 _LEAST: Final = 0.25
 """Commands smaller than this share of the largest are not asked for: a ratio to nothing says nothing."""
@@ -33,22 +37,24 @@ class Command:
     names: tuple[str, ...]
     low: Array
     high: Array
+    measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
 
     @classmethod
-    def of(cls, skill: str, adapter: Path) -> Command:
+    def of(cls, skill: str, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
         """Return the range that the adapter was trained on, less a twentieth at either end.
 
         Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
         """
-        return cls.declared(Declaration.read(declared(skill, adapter)), adapter)
+        return cls.declared(Declaration.read(declared(skill, adapter)), adapter, measures)
 
     @classmethod
-    def declared(cls, declaration: Declaration, adapter: Path) -> Command:
+    def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
         """Do the same for a skill whose declaration is at hand, wherever its adapter lies."""
         config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
-        return cls(declaration, adapter, tuple(config["params"]), centre - 0.9 * scale, centre + 0.9 * scale)
+        low, high = centre - 0.9 * scale, centre + 0.9 * scale
+        return cls(declaration, adapter, tuple(config["params"]), low, high, measures)
 
     @property
     def skill(self) -> str:
@@ -79,18 +85,25 @@ class Command:
         return values
 
 
-def adapters(roots: Sequence[Path], wanted: Sequence[str] = ()) -> dict[str, Path]:
+def adapters(
+    roots: Sequence[Path] | None, wanted: Sequence[str] = (), installed: Installed | None = None
+) -> dict[str, Path]:
     """Return the adapters below some folders by skill, or of them the wanted ones in that order. Raises
-    CheckpointError."""
-    found = {
-        path.parent.name: path
-        for path in sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
-    }
+    CheckpointError.
+
+    roots: None for those of the installed skills, or, where nothing tells which are installed, of the repository.
+    """
+    found = dict(installed()) if roots is None and installed else _below(roots or [Path("skills")])
     missing = [skill for skill in wanted if skill not in found]
     if missing or not found:
         known = ", ".join(found) or "none"
         raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"There are: {known}.")
     return {skill: found[skill] for skill in wanted or found}
+
+
+def _below(roots: Sequence[Path]) -> dict[str, Path]:
+    files = sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
+    return {file.parent.name: file for file in files}
 
 
 def own(folders: Sequence[Path]) -> dict[str, Path]:

@@ -36,7 +36,7 @@ from humanclaw_train.control import Adapter
 from humanclaw_train.dit import DiT, Modulations
 from humanclaw_train.fidelity import milliseconds
 from humanclaw_train.flow import velocity
-from humanclaw_train.rollouts import Command, adapters
+from humanclaw_train.rollouts import Command, Installed, adapters
 
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
@@ -256,8 +256,11 @@ def _told(timings: Iterator[Timing]) -> Iterator[Timing]:
         yield timing
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(arguments: Sequence[str] | None = None, skills: Installed | None = None) -> int:
+    """Run the command line.
+
+    skills: finds the skills that are installed, of which the first is timed.
+    """
     options = _parser().parse_args(arguments)
     runtimes = installed()
     timings: list[Timing] = []
@@ -272,12 +275,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if absent:
         print(f"Not installed, not measured: {', '.join(absent)}.")
     try:
-        generator, paths = DiTGenerator.shipped(), adapters(options.adapters)
+        generator, paths = DiTGenerator.shipped(), adapters(options.adapters, installed=skills)
         skill = next(iter(paths))
         command = Command.of(skill, paths[skill])
         values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
-        print(f"The shipped generator as episodes run it, {skill}, with foot locking: {taken:.1f} ms a chunk.")
+        print(f"The shipped generator as episodes run it, {skill}, corrected: {taken:.1f} ms a chunk.")
     except HumanclawError as error:
         print(f"The shipped weights were not timed: {error}")
     return 0
@@ -288,7 +291,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["lite", "paper"])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--bodies", type=int, nargs="*", default=[8, 64], help="batches, timed with the default solver")
-    parser.add_argument("--adapters", type=Path, nargs="*", default=[Path("skills")])
+    parser.add_argument("--adapters", type=Path, nargs="*", help="folders of adapters (default: the installed skills)")
     return parser
 
 

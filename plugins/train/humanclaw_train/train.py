@@ -31,7 +31,7 @@ from torch import Tensor, nn
 
 from humanclaw import HumanclawError
 from humanclaw.body import N_JOINTS
-from humanclaw.measures import Declaration
+from humanclaw.measures import MEASURES, Declaration
 from humanclaw.motion import (
     PROFILES,
     SIZES,
@@ -52,7 +52,7 @@ from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
 from humanclaw_train.fidelity import live
-from humanclaw_train.rollouts import declared
+from humanclaw_train.rollouts import Measures, declared
 
 CHUNKS: Final = Path(".data/chunks")
 """Where `humanclaw data` puts chunks."""
@@ -397,8 +397,11 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
     return Card(recipe, trainer.chunks.statistics, tuple(licences))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
+    """Run the command line.
+
+    measures: finds what a skill's parameters may command; this module itself knows of no plugins.
+    """
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
     device = torch.device(
@@ -432,7 +435,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 device,
                 options.compile,
                 options.init,
-                _live(options.base, declared),
+                _live(options.base, declared, measures),
             )
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -455,13 +458,13 @@ def _named(options: argparse.Namespace) -> tuple[str, Path]:
     return options.skill, declared(options.skill, Path("adapter.safetensors"))
 
 
-def _live(base: Path, folder: Path) -> Callable[[Path], str] | None:
+def _live(base: Path, folder: Path, measures: Measures) -> Callable[[Path], str] | None:
     """None for a skill that nothing here declares, or that takes no parameters."""
     if not (folder / "schema.json").is_file():
         return None
     declaration = Declaration.read(folder)
     generator = DiTGenerator(read_base(base), PROFILES["default"])
-    return live(generator, declaration) if declaration.parameters else None
+    return live(generator, declaration, measures=measures()) if declaration.parameters else None
 
 
 def _copy(path: Path, to: Path) -> None:

@@ -1,6 +1,7 @@
 """Model cards: what they say is what the checkpoint's header and the fidelity report say."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,11 +9,12 @@ from safetensors.numpy import load_file
 from tiny_motion import write_adapter, write_base
 
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
-from humanclaw_train.cards import CARD, REPORT, card, main, write_all
+from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
-from humanclaw_train.rollouts import file_digest
+from humanclaw_train.naturalness import PRIOR, NaturalnessReport, NaturalnessRow
+from humanclaw_train.rollouts import adapters, file_digest
 
-SKILLS = Path(__file__).parents[2] / "skills"
+SKILLS = Path(__file__).parents[3] / "skills"
 SHIPPED = [shipped_base(), *sorted(SKILLS.glob("*/*/*/adapter.safetensors"))]
 RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "steps": 0, "done_steps": 4321}
 
@@ -87,6 +89,26 @@ def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
     assert "Not measured for these weights" in card(path)
 
 
+def test_a_card_quotes_how_like_people_its_own_weights_move_and_what_nobody_commands(weights):
+    path = weights / "sit_in_place" / "adapter.safetensors"
+    row = NaturalnessRow("sit_in_place", "generated", 600, 1.0, 0.1, 0.0, 96.0, 0.005, frechet=3.25)
+    other = replace(row, skill=PRIOR, frechet=7.75)
+    digests = {"sit_in_place": file_digest(path)}
+    likeness = NaturalnessReport(
+        read_header(path)["base"], "euler", digests, (other, row), {"sit_in_place": (0.1, 1.26, 2.0)}
+    )
+    besides = {"hips.forward": (-0.312, 0.105), "heading.left": (0.0, 0.0)}
+    report = _report(weights)
+    report = replace(report, rows=(replace(report.rows[0], uncommanded=besides),))
+    text = card(path, report, likeness)
+    assert "| 3.2 |" in text or "| 3.3 |" in text
+    assert "7.8" not in text
+    assert "slides by 1.3 cm at the 99th percentile" in text
+    assert "| sit_in_place | - | -31.2 / +10.5 | +0.0 / +0.0 |" in text
+    assert "7.8" in card(weights / "base.safetensors", report, likeness)
+    assert "Likeness" not in card(path, report, replace(likeness, adapters={"sit_in_place": "others"}))
+
+
 def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):
     for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
         text = " ".join(card(weights / name).split())
@@ -105,6 +127,13 @@ def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, cap
     assert "out of date" in capsys.readouterr().out
 
 
+def test_without_folders_the_cards_are_those_of_the_installed_skills(weights, capsys):
+    path = weights / "sit_in_place" / "adapter.safetensors"
+    assert main(["--base", str(weights / "base.safetensors")], installed=lambda: {"sit_in_place": path}) == 0
+    written = [line.removeprefix("wrote: ") for line in capsys.readouterr().out.splitlines()]
+    assert written == [str(weights / CARD), str(path.with_name(CARD))]
+
+
 def test_a_broken_report_is_told_and_nothing_is_written(weights):
     (weights / REPORT).write_text(json.dumps([]))
     assert main(["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]) == 2
@@ -112,7 +141,7 @@ def test_a_broken_report_is_told_and_nothing_is_written(weights):
 
 
 def test_the_shipped_cards_are_those_of_the_shipped_weights():
-    assert write_all(shipped_base(), [SKILLS], check=True) == []
+    assert write([shipped_base(), *adapters([SKILLS]).values()], shipped_base(), check=True) == []
 
 
 @pytest.mark.parametrize("checkpoint", SHIPPED, ids=lambda path: path.parent.name)

@@ -128,7 +128,7 @@ def _with_notes(adapter):
 # -- simulated ---------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def simulator():
-    made = Plugins.discover().make("simulators", "bullet", profile="default")
+    made = Plugins.discover().make("simulators", "mujoco", profile="default")
     yield made
     made.close()
 

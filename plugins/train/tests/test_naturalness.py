@@ -11,9 +11,10 @@ from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
+    PRIOR,
     SEQUENCES,
+    NaturalnessReport,
     agreement,
-    drift,
     first_steps,
     free_running,
     halves,
@@ -22,13 +23,13 @@ from humanclaw_train.naturalness import (
     likeness,
     main,
     naturalness_of,
+    prior,
     real_peak,
     sequence_jerks,
     transitions,
-    uncommanded,
-    walker,
 )
-from humanclaw_train.rollouts import Command, adapters
+from humanclaw_train.rollouts import Command, adapters, file_digest
+from humanclaw_train.travel import drift, uncommanded, walker
 
 SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 
@@ -93,6 +94,17 @@ def test_chunks_of_clips_that_nothing_learnt_from_are_kept_apart(tmp_path):
     _wobbling(40, 0.1, "never seen").save(tmp_path / "held_out" / "walk.npz")
     held, rest = held_out([tmp_path], "walk")
     assert (set(held.source), set(rest.source)) == ({"never seen"}, {"learnt"})
+
+
+def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generator, tmp_path):
+    data = _wobbling(80, 0.1, "learnt", 1)
+    features = Features.of(data.root.astype(float), data.rotations.astype(float))
+    data.save(tmp_path / "base.npz")
+    assert prior(generator, [tmp_path], features, seed=0) == []
+    _wobbling(80, 0.1, "never seen", 2).save(tmp_path / "held_out" / "base.npz")
+    made, true = prior(generator, [tmp_path], features, seed=0)
+    assert (made.skill, made.source, true.source) == (PRIOR, "generated", "held-out")
+    assert made.frechet > 3 * true.frechet  # It stands still, and they do not.
 
 
 def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
@@ -162,9 +174,28 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path):
     _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
     _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
     arguments = ["--adapters", str(still), "--base", str(still / "base.safetensors"), "--rollouts", "2", "--steps", "1"]
-    assert main([*arguments, "--bodies", "1", "--calls", "2", "--chunks", str(tmp_path)]) == 0
+    assert (
+        main(
+            [
+                *arguments,
+                "--bodies",
+                "1",
+                "--calls",
+                "2",
+                "--chunks",
+                str(tmp_path),
+                "--save",
+                str(tmp_path / "report.json"),
+            ]
+        )
+        == 0
+    )
     printed = capsys.readouterr().out
     assert "| walk | real | 40 |" in printed
     for words in ("pairs stand in the paper's order", "Peak of real motion", "random calls in a row"):
         assert words in printed
+    report = NaturalnessReport.load(tmp_path / "report.json")
+    digest = file_digest(still / "walk" / "adapter.safetensors")
+    assert [row.source for row in report.of("walk", digest)] == ["generated", "real"]
+    assert report.of("walk", "of other weights") == ()
     assert main(["--adapters", str(tmp_path)]) == 2

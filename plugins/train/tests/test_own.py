@@ -7,7 +7,8 @@ import pytest
 
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
-from humanclaw.motion import read_header
+from humanclaw.measures import MEASURES, Measure
+from humanclaw.motion import load_base, read_header, shipped_base
 from humanclaw.pose import HISTORY, forward_kinematics, rest_pose, support_height
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
@@ -67,6 +68,22 @@ def make(skill, clips, tmp_path, *more: str) -> Chunks:
     return Chunks.load(out / "crouch.npz")
 
 
+def test_a_parameter_may_command_a_measure_of_a_plugin(tmp_path):
+    bend = Measure("knees.bend", "rad", "Bend of a knee.", 1, lambda p, r: r[:, -1, JOINT_INDEX["left_knee"], 0])
+    part = {"type": "integer", "minimum": 10, "maximum": 120, "x-measure": "knees.bend", "description": "Bend."}
+    folder = tmp_path / "curtsy"
+    folder.mkdir()
+    (folder / "schema.json").write_text(
+        json.dumps(SCHEMA | {"properties": {"bend_deg": part}, "required": ["bend_deg"]})
+    )
+    record(tmp_path / "clips", squat())
+    command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "0"]
+    assert own.main(command) == 2
+    assert own.main(command, measures=lambda: MEASURES | {"knees.bend": bend}) == 0
+    chunks = Chunks.load(tmp_path / "curtsy.npz")
+    assert np.allclose(chunks.params[:, 0], chunks.rotations[:, -1, JOINT_INDEX["left_knee"], 0], atol=1e-4)
+
+
 def test_a_window_is_measured_by_what_the_schema_declares(skill, tmp_path):
     record(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
@@ -82,6 +99,12 @@ def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(skill, tmp_pa
     assert heights.max() < 0.85 + 0.15 * 0.25 + 1e-6
 
 
+def test_bounds_that_no_clip_reaches_are_told_before_anything_is_trained(skill, tmp_path, capsys):
+    record(tmp_path / "clips", squat(depth=0.8))
+    make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
+
+
 def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(skill, tmp_path):
     amass(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "100")
@@ -91,6 +114,15 @@ def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_st
     assert (rises > 0.1).sum() > 10
     toes = forward_kinematics(retimed.root, retimed.rotations)[0][:, :, JOINT_INDEX["left_foot"]]
     assert np.ptp(toes[..., [0, 2]], axis=1).max() < 0.01
+
+
+def test_a_posture_is_also_taken_from_standing_as_the_prior_stands_straight_to_any_height(skill, tmp_path):
+    amass(tmp_path / "clips", squat())
+    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "200")
+    standing = load_base(shipped_base()).start_rotations[-1]
+    begun = np.abs(chunks.rotations[:, :HISTORY] - standing).max((1, 2, 3)) < 1e-4
+    assert begun.mean() > 0.05
+    assert np.ptp(chunks.params[begun]) > 0.8 * np.ptp(chunks.params)
 
 
 def test_chunks_of_captured_motion_are_real_and_no_others(skill, tmp_path):

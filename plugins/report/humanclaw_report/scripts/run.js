@@ -1,29 +1,47 @@
 // The list of episodes: filter, sort, and a look at the last view before a page is opened.
+// A row is laid out once it comes near the window: a run of 1,218 episodes opens as fast as one of 50.
 // @ts-check
 "use strict";
 
 {
   const form = /** @type {HTMLFormElement} */ (document.getElementById("filters"));
   const table = /** @type {HTMLTableElement} */ (document.getElementById("list"));
+  const rest = /** @type {HTMLTemplateElement} */ (document.getElementById("rest"));
+  const more = /** @type {HTMLButtonElement} */ (document.getElementById("more"));
   const body = table.tBodies[0];
-  const rows = [...body.rows];
-  const texts = new Map(rows.map((row) => [row, (row.textContent ?? "").toLowerCase()]));
+  const few = body.rows.length;
+  const rows = [...body.rows, .../** @type {NodeListOf<HTMLTableRowElement>} */ (rest.content.querySelectorAll("tr"))];
+  /** Those that fit the filter, in the order in which they are shown. */
+  let found = rows;
+  /** @type {Map<HTMLTableRowElement, string>} */
+  const texts = new Map();
+
+  /** @param {HTMLTableRowElement} row */
+  const textOf = (row) => {
+    const text = texts.get(row) ?? (row.textContent ?? "").toLowerCase();
+    texts.set(row, text);
+    return text;
+  };
 
   /** Whether a row has every value that is asked for. @param {HTMLTableRowElement} row @param {[string, string][]} wanted */
   const fits = (row, wanted) =>
     wanted.every(([name, value]) =>
-      name === "text" ? texts.get(row)?.includes(value.toLowerCase()) : (row.dataset[name] ?? "").split("|").includes(value),
+      name === "text" ? textOf(row).includes(value.toLowerCase()) : (row.dataset[name] ?? "").split("|").includes(value),
     );
+
+  /** Show this many of what was found. @param {number} count */
+  const show = (count) => {
+    body.replaceChildren(...found.slice(0, count));
+    more.hidden = count >= found.length;
+    more.textContent = `Show more: ${body.rows.length} of ${found.length.toLocaleString("en")} are listed`;
+  };
 
   const filter = () => {
     const wanted = /** @type {[string, string][]} */ ([...new FormData(form)].filter(([, value]) => value));
-    let count = 0;
-    for (const row of rows) {
-      const shown = fits(row, wanted);
-      row.hidden = !shown;
-      count += Number(shown);
-    }
-    /** @type {HTMLOutputElement} */ (document.getElementById("count")).value = `${count} of ${rows.length} episode${rows.length === 1 ? "" : "s"}`;
+    found = rows.filter((row) => fits(row, wanted));
+    show(few);
+    const [count, all] = [found.length, rows.length].map((number) => number.toLocaleString("en"));
+    /** @type {HTMLOutputElement} */ (document.getElementById("count")).value = `${count} of ${all} episode${rows.length === 1 ? "" : "s"}`;
     history.replaceState(null, "", wanted.length ? `#${new URLSearchParams(wanted)}` : location.pathname);
   };
 
@@ -38,8 +56,12 @@
     const compare = new Intl.Collator("en", { numeric: true }).compare;
     const keys = new Map(rows.map((row) => [row, keyOf(row.cells[head.cellIndex])]));
     rows.sort((a, b) => (down ? -1 : 1) * compare(keys.get(a) ?? "", keys.get(b) ?? ""));
-    body.append(...rows);
+    filter();
   };
+
+  more.addEventListener("click", () => show(body.rows.length + few));
+  new IntersectionObserver(([last]) => last.isIntersecting && more.click(), { rootMargin: "600px" }).observe(more);
+  window.addEventListener("beforeprint", () => show(found.length));
 
   const peek = /** @type {HTMLElement} */ (document.getElementById("peek"));
   const picture = /** @type {HTMLImageElement} */ (peek.querySelector("img"));
@@ -69,5 +91,6 @@
     }
     filter();
   }
+  show(few);
   document.documentElement.dataset.ready = "yes";
 }

@@ -112,6 +112,8 @@ class Furnishing {
     this.mesh = mesh;
     this.box = new THREE.Box3(new THREE.Vector3().fromArray(data.box[0]), new THREE.Vector3().fromArray(data.box[1]));
     this.material = /** @type {THREE.MeshLambertMaterial} */ (mesh.material);
+    /** @type {Furnishing[]} */
+    this.hung = [];
   }
 
   /** @param {boolean} shown @param {boolean} faded */
@@ -180,6 +182,14 @@ class Stage {
       this.scene.add(mesh);
       this.furnishings.push(new Furnishing(data, mesh));
     }
+    for (const wall of this.furnishings.filter(({ data }) => data.kind === "wall")) wall.hung = this.hangings(wall);
+  }
+
+  /** What hangs on a wall: it touches the wall and not the floor. @param {Furnishing} wall */
+  hangings(wall) {
+    const around = wall.box.clone().expandByScalar(0.05);
+    const above = (/** @type {THREE.Box3} */ { min }) => this.replay.floors.every((floor) => min.y < floor - 0.05 || min.y > floor + 0.3);
+    return this.furnishings.filter((other) => !["wall", "floor", "stairs"].includes(other.data.kind) && around.intersectsBox(other.box) && above(other.box));
   }
 
   /** The walked path, a hand above the floor. */
@@ -280,11 +290,14 @@ class Stage {
     const points = [pelvis, this.body.joints[this.replay.body.head].getWorldPosition(new THREE.Vector3())];
     points.push(new THREE.Vector3(pelvis.x, this.floor(pelvis.y) + 0.15, pelvis.z));
     const cutting = this.cut && !this.ego;
-    for (const furnishing of this.furnishings) {
-      const above = cutting && furnishing.box.min.y > top;
-      const fixed = furnishing.data.kind === "floor" || furnishing.data.kind === "stairs";
-      furnishing.show(!above, cutting && !fixed && !above && points.some((point) => hides(furnishing.box, this.camera.position, point)));
-    }
+    const between = this.furnishings.filter((one) => cutting && this.fades(one, points));
+    const faded = new Set([...between, ...between.flatMap((one) => one.hung)]);
+    for (const furnishing of this.furnishings) furnishing.show(!cutting || furnishing.box.min.y <= top, faded.has(furnishing));
+  }
+
+  /** @param {Furnishing} furnishing @param {THREE.Vector3[]} points */
+  fades({ data, box }, points) {
+    return data.kind !== "floor" && data.kind !== "stairs" && points.some((point) => hides(box, this.camera.position, point));
   }
 
   resize() {

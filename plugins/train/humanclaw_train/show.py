@@ -1,0 +1,190 @@
+"""What a skill's motion looks like: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
+
+A strip and a moving picture: the body in half-physics, the same call several times in a row, and beside it the person
+of the clips who did most nearly what is asked. The body has the flight or the seat that the command is for; what a
+person of a clip stood on is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
+from humanclaw.interfaces import Camera, WorldState
+from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, to_si
+from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
+from humanclaw.storage import gif
+from humanclaw_train.chunks import Clip, canonical, load_pack
+from humanclaw_train.simulated import flat, stage
+
+if TYPE_CHECKING:
+    from humanclaw import Plugins
+    from humanclaw.scene import Asset
+
+Picture = NDArray[np.uint8]
+SIZE: Final = (240, 320)
+"""Of one body in one moment, pixels."""
+MOMENTS: Final = 8
+"""In a strip."""
+_EVERY: Final = 2
+"""Frames of motion a frame of the moving picture."""
+_EYE: Final = np.array([-3.4, 0.35, 1.1])
+"""From the body to the camera: to its right and a little ahead, metres."""
+_TILE: Final = 0.5
+"""Side of a tile of the floor, metres; feet that slide show against it."""
+
+
+def show(
+    plugins: Plugins,
+    name: str,
+    params: Mapping[str, Any],
+    calls: int,
+    seed: int,
+    beside: Path | None,
+    out: Path,
+    renderer: str,
+) -> tuple[Path, Path]:
+    """Write a moving picture and a strip of a skill; their paths. params: checked. beside: folder of clips to compare
+    with.
+
+    Raises HumanclawError.
+    """
+    skill = plugins.skill(name)
+    values = {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
+    told = ", ".join(f"{key} {value}" for key, value in params.items())
+    scene = stage(skill.declaration, {one.name: values.get(one.name, 0.0) for one in skill.parameters}, calls)
+    with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
+        shown = [(f"{skill.name} {told}", acted(body, skill, params, calls), scene)]
+    clips = load_pack(beside) if beside else []
+    if found := nearest(clips, skill.declaration, values, calls):
+        shown.append((f"a person: {found[0]}", on_floor(found[1]), flat()))
+    drawing: Renderer = plugins.make("renderers", renderer)
+    try:
+        return pictures(shown, drawing, out)
+    finally:
+        drawing.close()
+
+
+def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:
+    """Return what becomes of the same call several times in a row, from where the body stands."""
+    whole = body.history
+    for _ in range(calls):
+        for chunk in body.execute(Call(skill.name, params)).chunks:
+            whole = whole.then(chunk.execution.simulated)
+    return whole
+
+
+def nearest(
+    clips: Iterable[Clip],
+    skill: Declaration,
+    values: Mapping[str, float],
+    calls: int,
+    measures: Mapping[str, Measure] = MEASURES,
+) -> tuple[str, Motion] | None:
+    """Return the name and the motion of the clip that does most nearly what is asked, for at most as long as the calls;
+    None where no clip shows the skill.
+
+    Nearest is the mean of the windows' differences, each parameter in units of its range; a span that is too short for
+    all the calls is as far off as it lacks of them.
+    """
+    spans = [
+        (clip.name, clip.motion[start : min(end + 1, start + HISTORY + calls * FUTURE)])
+        for clip in clips
+        for start, end in _stretches(clip.spans.get(skill.skill, ()), calls)
+    ]
+    whole = [(name, motion) for name, motion in spans if len(motion) >= CHUNK]
+    wanted = HISTORY + calls * FUTURE
+    return min(
+        whole,
+        key=lambda one: _difference(one[1], skill, values, measures) + 1 - len(one[1]) / wanted,
+        default=None,
+    )
+
+
+def _stretches(spans: Sequence[tuple[int, int]], calls: int) -> Iterator[tuple[int, int]]:
+    """Cut long spans into overlapping ones of the length that is shown."""
+    for first, last in spans:
+        for start in range(first, max(first + 1, last + 2 - HISTORY - calls * FUTURE), FUTURE):
+            yield start, last
+
+
+def on_floor(motion: Motion) -> Motion:
+    """Let a person begin at the origin, facing +Z, with the lowest sole of all on the floor."""
+    return Pose2D.of(motion, 0, float(support_height(motion.joints()).min())).to_local(motion)
+
+
+def _difference(
+    motion: Motion, skill: Declaration, values: Mapping[str, float], measures: Mapping[str, Measure]
+) -> float:
+    starts = range(0, len(motion) - CHUNK + 1, FUTURE)
+    windows = canonical(*(np.stack([part[i : i + CHUNK] for i in starts]) for part in (motion.root, motion.rotations)))
+    found = outcomes(skill.parameters, *windows, measures)
+    asked = np.array([values[one.name] for one in skill.parameters])
+    spread = np.array([one.high - one.low for one in skill.parameters])
+    return float((np.abs(found - asked) / spread).sum(1).mean())
+
+
+# -- drawing -----------------------------------------------------------------------------------------------------------
+def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
+    """Yield the body at each frame from the side, on a floor of tiles of half a metre."""
+    renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
+    last = len(motion) - 1
+    for frame in frames:
+        at = min(frame, last)
+        centre = motion.root[max(0, at - 10) : at + 11].mean(0)
+        yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre)).rgb
+
+
+def _camera(centre: Array) -> Camera:
+    forward = -_EYE / np.linalg.norm(_EYE)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    up = np.cross(right / np.linalg.norm(right), forward)
+    return Camera(centre + _EYE - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
+
+
+def _tiled(asset: Asset) -> Asset:
+    """Lay tiles, seen from above, on all that is horizontal."""
+    floor = asset.mesh.vertices[:, [0, 2]]
+    low, high = floor.min(0), floor.max(0)
+    counts = np.maximum(1, np.round((high - low) / _TILE)).astype(int)
+    light = np.add.outer(np.arange(counts[1]), np.arange(counts[0])) % 2
+    texture = np.repeat((150 + 45 * light[:, :, None]).astype(np.uint8), 3, axis=2).repeat(4, 0).repeat(4, 1)
+    uv = ((floor - low) / (high - low)).astype(np.float32)
+    return replace(asset, mesh=replace(asset.mesh, uv=uv, texture=texture))
+
+
+def strip(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Picture:
+    """Put a row of moments below another, each with its title."""
+    return np.concatenate([_titled(np.concatenate(pictures, axis=1), title) for title, pictures in rows])
+
+
+def _titled(picture: Picture, title: str) -> Picture:
+    image = Image.fromarray(picture)
+    ImageDraw.Draw(image).text((8, 8), title, fill="black", font_size=16)
+    return np.asarray(image)
+
+
+def pictures(shown: Sequence[tuple[str, Motion, Scene]], renderer: Renderer, out: Path) -> tuple[Path, Path]:
+    """Write `out` (GIF), the bodies side by side, and a strip of them beside it (PNG); the two paths."""
+    length = max(len(motion) for _, motion, _ in shown)
+    moments = np.linspace(HISTORY - 1, length - 1, MOMENTS).astype(int)
+    strips, films = [], []
+    for title, motion, scene in shown:
+        strips.append((title, list(filmed(motion, scene, renderer, moments.tolist()))))
+        frames = filmed(motion, scene, renderer, range(0, length, _EVERY))
+        films.append([_titled(frame, title) for frame in frames])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    still = out.with_suffix(".png")
+    try:
+        gif([np.concatenate(row, axis=1) for row in zip(*films, strict=True)], out, FPS / _EVERY)
+        Image.fromarray(strip(strips)).save(still)
+    except OSError as error:
+        raise HumanclawError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
+    return out, still

@@ -1,0 +1,45 @@
+"""Markdown tables, and reports as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanclaw.storage import write_atomically
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def cell(value: float, digits: int = 1) -> str:
+    """Return a number, or a dash for what is not there."""
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
+
+
+def save(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a report as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, (json.dumps(_plain(content), indent=1) + "\n").encode())
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN: null stands for it. Six digits are plenty."""
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if np.isfinite(value) else None
+    return value
+
+
+def numbers(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Read numbers back: null is not a number."""
+    return {key: float("nan") if value is None else value for key, value in content.items()}

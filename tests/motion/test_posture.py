@@ -1,0 +1,56 @@
+"""What nobody commands does not add up: joints that carry no weight come back to their usual pose, slowly."""
+
+import numpy as np
+import pytest
+
+from humanclaw import Motion
+from humanclaw.body import JOINT_INDEX
+from humanclaw.motion import DiTGenerator
+from humanclaw.motion.posture import settle
+from humanclaw.pose import FUTURE, HISTORY
+
+USUAL = np.zeros((24, 3))
+
+
+def held(joint: str, axis: int, angle: float, frames: int) -> Motion:
+    rotations = np.zeros((frames, 24, 3))
+    rotations[:, JOINT_INDEX[joint], axis] = angle
+    return Motion(np.tile([0.0, 0.9, 0.0], (frames, 1)), rotations)
+
+
+def after(joint: str, axis: int, angle: float, calls: int = 1) -> float:
+    """Where a joint is that a model leaves where its history has it, after some calls."""
+    for _ in range(calls):
+        future = settle(held(joint, axis, angle, HISTORY), held(joint, axis, angle, FUTURE), USUAL)
+        angle = float(future.rotations[-1, JOINT_INDEX[joint], axis])
+    return angle
+
+
+def test_a_wrist_that_is_bent_by_error_comes_back_by_a_tenth_a_call():
+    assert after("left_wrist", 0, 0.2) == pytest.approx(0.18)
+    assert after("left_wrist", 0, 0.2, calls=20) == pytest.approx(0.2 * 0.9**20)
+
+
+def test_it_comes_back_without_a_jump_and_is_there_before_the_next_history_begins():
+    future = settle(held("head", 0, 0.2, HISTORY), held("head", 0, 0.2, FUTURE), USUAL)
+    path = future.rotations[:, JOINT_INDEX["head"], 0]
+    assert np.abs(np.diff(path, prepend=0.2)).max() < 0.004
+    assert path[-HISTORY:] == pytest.approx(0.18)
+
+
+def test_an_arm_that_is_held_up_is_no_error_and_sinks_by_two_degrees_at_most():
+    assert np.degrees(2.0 - after("left_shoulder", 2, 2.0)) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("joint", "axis"), [("pelvis", 0), ("left_hip", 2), ("right_knee", 0), ("left_ankle", 0)])
+def test_what_carries_weight_stays_where_the_model_has_it(joint, axis):
+    assert after(joint, axis, 0.2) == 0.2
+
+
+def test_the_usual_pose_is_that_of_the_data_and_the_papers_profile_corrects_nothing():
+    usual = DiTGenerator.shipped().base.usual
+    assert usual.shape == (24, 3)
+    assert usual[0] == pytest.approx(0)
+    assert 10 < np.degrees(usual[JOINT_INDEX["left_knee"], 0]) < 60  # people who mostly move
+    assert DiTGenerator.shipped().corrections
+    assert not DiTGenerator.shipped("paper").corrections
