@@ -56,6 +56,28 @@ def test_a_command_that_is_not_installed_names_what_brings_it():
     assert "pip install humanclaw-bench" in done.output
 
 
+@pytest.mark.parametrize(
+    ("python_version", "sys_platform", "platform_machine", "needed"),
+    [
+        ("3.11", "linux", "x86_64", True),
+        ("3.12", "linux", "x86_64", False),
+        ("3.11", "linux", "aarch64", False),
+        ("3.11", "darwin", "arm64", False),
+        ("3.11", "win32", "AMD64", False),
+    ],
+)
+def test_pybullet_is_needed_only_where_it_has_wheels(python_version, sys_platform, platform_machine, needed):
+    (bullet,) = (folder for folder in folders() if folder.name == "bullet")
+    requirements = map(Requirement, tomllib.loads((bullet / "pyproject.toml").read_text())["project"]["dependencies"])
+    (pybullet,) = (one for one in requirements if one.name == "pybullet")
+    here = {
+        "python_version": python_version,
+        "sys_platform": sys_platform,
+        "platform_machine": platform_machine,
+    }
+    assert pybullet.marker.evaluate(here) is needed
+
+
 def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again():
     """As PyBullet, which has no wheel for the newest Pythons."""
     plugins = Plugins()

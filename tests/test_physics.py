@@ -1,5 +1,6 @@
 """Physics checks and the world's speed: their own arithmetic, and the commands that print them."""
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from engines import BULLET, DEFAULT
@@ -12,7 +13,7 @@ from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
 from humanclaw.testing.physics import Finding, skill_with, table
 from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.testing.speed import Quartiles, crowded
+from humanclaw.testing.speed import Quartiles, crowded, resident
 
 
 def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
@@ -27,6 +28,12 @@ def test_the_command_prints_the_table_and_nothing_else(simulator):
     assert done.exit_code == 0
     assert done.stdout.startswith("| check | measure | found | bound | holds |")
     assert len(done.stdout.splitlines()) == 5
+
+
+def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_it(tmp_path):
+    (tmp_path / "statm").write_text("1000 256 64 1 0 900 0\n")
+    assert resident(tmp_path / "statm") == 1.0
+    assert np.isnan(resident(tmp_path / "elsewhere"))
 
 
 def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first():

@@ -1,4 +1,4 @@
-"""The simulators that this Python can have: PyBullet has no wheels for the newest."""
+"""The simulators that this Python can have: PyBullet has wheels for some alone."""
 
 from importlib.util import find_spec
 

@@ -82,9 +82,12 @@ def reset_times(simulator: Simulator, scene: Scene, count: int, tick: Tick) -> t
     return times, np.array(memory)
 
 
-def resident() -> float:
-    """Megabytes of memory that the process holds now (Linux)."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+def resident(statm: Path = Path("/proc/self/statm")) -> float:
+    """Megabytes of memory that the process holds now; NaN where the system has no such file, as on macOS and
+    Windows."""
+    if not statm.exists():
+        return float("nan")
+    pages = int(statm.read_text().split()[1])
     return pages * 4096 / 2**20
 
 
