@@ -48,6 +48,13 @@ def test_plugins_says_what_each_provides(cli):
     assert all(row["state"] == "in use" for row in rows.values())
 
 
+@pytest.mark.parametrize("command", ["skills", "plugins"])
+def test_a_table_fits_80_columns_in_a_pipe_and_breaks_no_name(cli, command):
+    shown = cli(command, COLUMNS="80").stdout.splitlines()
+    assert max(map(len, shown)) <= 80
+    assert any("humanclaw-skill-side-step" in line for line in shown)
+
+
 def test_tools_are_ready_for_a_model(cli):
     found = json.loads(cli("tools", "--format", "openai").stdout)
     assert {"walk", "stop"} <= {tool["function"]["name"] for tool in found}

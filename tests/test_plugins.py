@@ -154,6 +154,25 @@ def test_a_plugin_file_that_exits_names_itself(tmp_path):
         Plugins.discover([path])
 
 
+def test_an_error_that_exits_while_it_says_what_it_is_takes_nobody_along(tmp_path):
+    path = tmp_path / "bad.py"
+    path.write_text("class Odd(Exception):\n    def __str__(self):\n        raise SystemExit(1)\n\n\nraise Odd()")
+    with pytest.raises(PluginError, match=r"bad\.py failed to load: Odd\."):
+        Plugins.discover([path])
+
+
+def test_a_factory_that_is_none_is_named():
+    class Odd:
+        @hookimpl
+        def humanclaw_agents(self, register):
+            register("seven", 7)
+
+    plugins = Plugins()
+    plugins.add(Odd(), "odd")
+    with pytest.raises(PluginError, match="agent 'seven' of plugin 'odd' is int and no factory"):
+        plugins.make("agents", "seven", {})
+
+
 def test_a_factory_that_exits_is_named():
     class Exits:
         @hookimpl

@@ -120,3 +120,17 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full
     assert [json.loads(line)["step"] for line in found.splitlines()] == [0]
     assert not list((tmp_path / "a").rglob("*.partial"))
     assert RecordedEpisode(tmp_path / "a").record.outcome == "running"
+
+
+@pytest.mark.parametrize("place", ['"x": NaN', '"z": Infinity', '"yaw": 1e999', '"x": 1e308', '"floor": -20000'])
+def test_a_start_that_is_nowhere_is_told_by_its_line(tmp_path, place):
+    (tmp_path / "s.jsonl").write_text(
+        '{"id": "a", "instruction": "Find a couch.", "scene": "house:0", "start": {' + place + "}}"
+    )
+    with pytest.raises(HumanclawError, match=r"s\.jsonl:1 is no episode"):
+        read_episodes(tmp_path / "s.jsonl")
+
+
+def test_a_seed_below_zero_is_none():
+    with pytest.raises(ValueError, match="greater than or equal to 0"):
+        EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0", seed=-1)

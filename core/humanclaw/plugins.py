@@ -421,6 +421,9 @@ class Plugins:
         installed.
         """
         found = self._find(kind, name)
+        if not callable(found.value):
+            told = f"{noun(kind)} {name!r} of plugin {found.owner!r} is {type(found.value).__name__} and no factory."
+            raise PluginError(told, "Register a function that makes one.")
         try:
             return found.value(*args, **options)
         except (SystemExit, GeneratorExit) as error:
@@ -616,7 +619,9 @@ def _reason(error: BaseException) -> str:
         return " ".join(str(error.args[0]).split())
     try:
         return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
         return type(error).__name__
 
 

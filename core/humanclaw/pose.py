@@ -186,7 +186,7 @@ class Pose2D:
     """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it
     spans."""
 
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     x: float = 0.0
     z: float = 0.0

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
@@ -43,6 +43,7 @@ Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_e
 Vec3 = tuple[float, float, float]
 _LARGEST: Final = 1 << 30
 """Bytes of one array of motion: 10,000 steps take a sixth of it."""
+_FARTHEST: Final = 10_000.0
 _AGAIN = "Run the episode again, or remove its folder."
 
 
@@ -69,6 +70,13 @@ class Difficulty(Record):
     """Pieces of furniture within a metre, averaged along it."""
 
 
+def _on_the_map(start: Pose2D) -> Pose2D:
+    """Hold a start to where floats still tell millimetres."""
+    if max(map(abs, (start.x, start.z, start.floor))) > _FARTHEST:
+        raise ValueError(f"a start lies within {_FARTHEST:g} m of the origin")
+    return start
+
+
 class EpisodeSpec(Record):
     """One episode: an instruction, a scene and a start."""
 
@@ -78,7 +86,7 @@ class EpisodeSpec(Record):
     """Scheme and name, such as house:0."""
     scene_digest: str = ""
     """If given, a scene with another digest is refused."""
-    start: Pose2D | None = None
+    start: Annotated[Pose2D, AfterValidator(_on_the_map)] | None = None
     """None: where the scene says."""
     target_category: str = ""
     """Empty for a free instruction, which is then not scored."""
@@ -86,7 +94,7 @@ class EpisodeSpec(Record):
     interact: bool = False
     """Whether the target is to be sat on."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 100
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0)] = 0
     difficulty: Difficulty | None = None
     """Known of the episodes of a split."""
 

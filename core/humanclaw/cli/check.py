@@ -82,7 +82,6 @@ def _counted(count: int, name: str) -> str:
 
 def _print(reports: Sequence[Report]) -> None:
     console = Console()
-    console = console if console.is_terminal else Console(width=160)
     for report in reports:
         for line in _lines(report):
             console.print(line, highlight=False, soft_wrap=True)
@@ -90,7 +89,7 @@ def _print(reports: Sequence[Report]) -> None:
     found = sum(len(report.faults) for report in reports)
     skills = _counted(len(reports), "skill")
     told = f"{_counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
-    console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False)
+    console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
 
 
 def _lines(report: Report) -> Iterator[str]:

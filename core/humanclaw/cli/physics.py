@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any, Final
 
 import click
@@ -34,8 +36,11 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random commands.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.argument("checks", nargs=-1, type=click.Choice(_CHECKS))
-def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, checks: tuple[str, ...]) -> None:
+def physics(
+    simulator: str, profile: str, samples: int, chunks: int, seed: int, as_json: bool, checks: tuple[str, ...]
+) -> None:
     """Run the physics checks of half-physics and print them as a table; exit code 1 if one does not hold.
 
     CHECKS: some of them; all without.
@@ -49,7 +54,8 @@ def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, 
         for name in names:
             bar.update(task, description=name)
             findings += list(CHECKS[name](fixture, lambda: bar.advance(task)))
-    click.echo(table(findings))
+    rows = [asdict(finding) | {"holds": finding.holds} for finding in findings]
+    click.echo(json.dumps(rows, indent=2, ensure_ascii=False) if as_json else table(findings))
     sys.exit(not all(finding.holds for finding in findings))
 
 
@@ -58,7 +64,8 @@ def physics(simulator: str, profile: str, samples: int, chunks: int, seed: int, 
 @click.option("--scene", default="house:0", show_default=True, help="A house, filled up from itself.")
 @click.option("--chunks", type=click.IntRange(1), default=100, show_default=True, help="Half seconds of walking.")
 @click.option("--resets", type=click.IntRange(2), default=200, show_default=True, help="How often to load a scene.")
-def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int, as_json: bool) -> None:
     """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
     from humanclaw.testing.physics import Fixture
     from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
@@ -75,5 +82,9 @@ def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: i
         ("loading it", f"{Quartiles.of(loading)} ms", "< 2000 ms"),
         (f"memory, reset 10 to {resets}", f"{memory[min(9, resets - 1)]:.0f} to {memory[-1]:.0f} MB", "flat"),
     )
+    if as_json:
+        keys = ("what", "found", "target")
+        click.echo(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=2, ensure_ascii=False))
+        return
     lines = ["| world speed | found | target |", "| --- | --- | --- |", *(f"| {' | '.join(row)} |" for row in rows)]
     click.echo("\n".join(lines))

@@ -39,7 +39,9 @@ class StepProgress:
         call = str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
         line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
-        self._console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ellipsis")
+        # A line that is too long is cut off for a person, and never for a file.
+        whole = not self._console.is_terminal
+        self._console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ellipsis", soft_wrap=whole)
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:

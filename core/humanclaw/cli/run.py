@@ -22,8 +22,6 @@ from humanclaw.cli.options import Deciders, decider_options, plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=160)  # A pipe has no width; 80 columns would cut the reasons off.
     console.print(f'{deciders.agent} in {reference}: "{instruction}"', highlight=False, markup=False, soft_wrap=True)
     with console.status("Loading the plugins") as status:
         # What an episode needs takes a second to import; whoever typed the command has been answered by then.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 import click
 from rich.console import Console
@@ -16,6 +16,9 @@ from humanclaw.contract import Skill, bounds
 from humanclaw.plugins import Choice, PluginInfo, Plugins
 from humanclaw.tools import Format, publish
 
+_WRAPPED: Final = ("parameters", "provides", "state")
+"""Columns whose cells may be long: the others are names, which are never broken."""
+
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -25,7 +28,8 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     plugins = Plugins.discover(files, choice)
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
     rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
-    _print(rows, as_json, "No skill is installed. Run `pip install humanclaw-skill-walk`.")
+    _print(rows, as_json, ("skill", "parameters", "from", "state"),
+           "No skill is installed. Run `pip install humanclaw-skill-walk`.")  # fmt: skip
 
 
 @click.command("plugins")
@@ -34,7 +38,8 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
 def plugins_command(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     """List the plugins, what they provide, and why one is disabled."""
     found = Plugins.discover(files, choice)
-    _print([_plugin_row(info) for info in found.infos], as_json, "No plugin is installed.")
+    rows = [_plugin_row(info) for info in found.infos]
+    _print(rows, as_json, ("plugin", "version", "provides", "state"), "No plugin is installed.")
 
 
 @click.command()
@@ -112,7 +117,8 @@ def _plugin_row(info: PluginInfo) -> dict[str, str]:
     }
 
 
-def _print(rows: list[dict[str, str]], as_json: bool, nothing: str) -> None:
+def _print(rows: list[dict[str, str]], as_json: bool, shown: Sequence[str], nothing: str) -> None:
+    """Print everything as JSON, or as a table those columns that fit beside one another in 80 characters."""
     if as_json:
         click.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
@@ -120,10 +126,25 @@ def _print(rows: list[dict[str, str]], as_json: bool, nothing: str) -> None:
         click.echo(nothing)
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for key in rows[0]:
-        table.add_column(key, overflow="fold")
+    for key in shown:
+        table.add_column(key, overflow="fold", no_wrap=key not in _WRAPPED)
     for row in rows:
-        table.add_row(*row.values())
-    # A pipe has no width: a table cut to 80 columns would lose what a script looks for.
-    console = Console()
-    (console if console.is_terminal else Console(width=200)).print(table)
+        table.add_row(*(_BRIEF.get(key, str)(row[key]) for key in shown))
+    Console().print(table)
+
+
+def _without_version(source: str) -> str:
+    return source.partition(" ")[0]
+
+
+def _by_kind(provided: str) -> str:
+    """Say each kind once: "agent oracle" and "agent random" become "agent oracle, random"."""
+    kinds: dict[str, list[str]] = {}
+    for line in provided.splitlines():
+        kind, _, name = line.rpartition(" ")
+        kinds.setdefault(kind, []).append(name)
+    return "\n".join(f"{kind} {', '.join(names)}".strip() for kind, names in kinds.items())
+
+
+_BRIEF: Final[Mapping[str, Callable[[str], str]]] = {"from": _without_version, "provides": _by_kind}
+"""How a table says what would make it wider than 80 characters."""

@@ -96,6 +96,22 @@ def _entry(skill: Skill) -> str:
     return f"  {usage(skill):28} {', '.join(f'{key} {bounds(part)}'.strip() for key, part in parts.items())}"
 
 
+def forms(skills: Mapping[str, Skill]) -> tuple[dict[str, Any], ...]:
+    """Return each skill as a form: its description, and for each parameter what a model is told of it and a value to
+    begin with."""
+    return tuple(_form(skill) for skill in skills.values() if skill.trained)
+
+
+def _form(skill: Skill) -> dict[str, Any]:
+    parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
+    told = [
+        {key: part[key] for key in ("description", "minimum", "maximum") if key in part}
+        | {"name": name, "value": part.get("default", _amount(part, 0))}
+        for name, part in parts.items()
+    ]
+    return {"name": skill.name, "description": skill.description, "parameters": told}
+
+
 def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
     """Return what each key of the page stands for, the line that would be typed; keys without a skill are left out."""
     ready = {name: skill for name, skill in skills.items() if skill.trained}

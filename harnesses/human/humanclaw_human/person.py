@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import sys
 import threading
+import weakref
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
-from humanclaw_human.commands import keys, manual, parse
-from humanclaw_human.window import Window
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
+from humanclaw_human.commands import forms, keys, manual, parse
+from humanclaw_human.window import Controls, Moment, Window
 
+_REVISIT: Final = 1.0
+"""Seconds in which the page of the episode before may come back to the same port; else a new one is opened."""
 _POLL: Final = 0.2
 """Seconds; on some systems Ctrl-C is not heard while one waits without an end."""
 
@@ -62,9 +66,10 @@ class Person:
         self._window: Window | None = None
 
     def begin(self, context: EpisodeContext) -> None:
-        self._skills = context.skills
+        self._skills, self._most = context.skills, context.spec.max_steps
         if self._window is None:
-            self._window = _opened(self._settings, self._lines.put)
+            self._window = _opened(self._settings, self._lines.put, self._skills)
+            weakref.finalize(self, self._window.close)
         click.echo(
             f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: "
             f"{self._window.address}"
@@ -72,8 +77,9 @@ class Person:
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         assert self._window is not None
-        told = (observation.step, observation.instruction, str(observation.feedback))
-        self._window.show(observation.rgb, *told, keys(self._skills))
+        past = tuple((str(entry.executed or "no call"), str(entry.feedback)) for entry in history)
+        told = (observation.instruction, str(observation.feedback), past)
+        self._window.show(observation.rgb, Moment(observation.step, self._most, *told))
         if observation.feedback:
             click.echo(str(observation.feedback))
         while True:
@@ -97,15 +103,15 @@ class Lines:
         self._queue: queue.Queue[str | None] = queue.Queue()
         self._reading = False
 
-    def put(self, line: str) -> None:
-        """Take the line of a key that was pressed."""
-        click.echo(line)
+    def put(self, line: str | None) -> None:
+        """Take the line of a key or button; None when the person leaves."""
+        click.echo(line or "left")
         self._queue.put(line)
 
     def ask(self, prompt: str) -> str:
-        """Wait for the next line. Raises KeyboardInterrupt when the terminal is closed."""
+        """Wait for the next line. Raises KeyboardInterrupt when the person leaves or the terminal is closed."""
         click.echo(prompt, nl=False)
-        if not self._reading:
+        if not self._reading and not _is_nothing(sys.stdin):
             self._reading = True
             threading.Thread(target=self._read, daemon=True).start()
         while True:
@@ -123,13 +129,22 @@ class Lines:
         self._queue.put(None)
 
 
-def _opened(settings: Settings, submit: Callable[[str], None]) -> Window:
+def _is_nothing(stream: TextIO) -> bool:
+    """Whether there is no terminal behind it, as in the processes of a benchmark: then the page alone is asked."""
     try:
-        window = Window(settings.port, submit)
+        return os.path.samestat(os.fstat(stream.fileno()), os.stat(os.devnull))
+    except (OSError, ValueError):
+        return False
+
+
+def _opened(settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]) -> Window:
+    controls = Controls(keys(skills), forms(skills))
+    try:
+        window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     except OSError as error:
         raise HumanclawError(
             f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."
         ) from error
     if settings.browser:
-        webbrowser.open(window.address)
+        threading.Timer(_REVISIT, lambda: window.visited or webbrowser.open(window.address)).start()
     return window

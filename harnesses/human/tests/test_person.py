@@ -1,5 +1,6 @@
 """A person's lines become calls, and the view is where a browser finds it."""
 
+import gc
 import io
 import json
 import os
@@ -13,9 +14,9 @@ import pytest
 
 from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.storage import jpeg
-from humanclaw_human.commands import keys, manual, parse
+from humanclaw_human.commands import forms, keys, manual, parse
 from humanclaw_human.person import Person, Settings
-from humanclaw_human.window import Window
+from humanclaw_human.window import LEAVE, Moment, Window
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +80,11 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
 def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
     window = Window()
     try:
-        window.show(PICTURE, 3, "Find a chair.", "You walked.")
-        told = {"step": 3, "instruction": "Find a chair.", "feedback": "You walked.", "keys": {}}
-        assert json.load(urlopen(window.address + "state")) == told
+        window.show(PICTURE, Moment(3, 100, "Find a chair.", "You walked.", (("turn", "You turned."),)))
+        assert json.load(urlopen(window.address + "state")) == {
+            "step": 3, "of": 100, "instruction": "Find a chair.", "feedback": "You walked.",
+            "past": [["turn", "You turned."]],
+        }  # fmt: skip
         assert urlopen(window.address + "view.jpg?3").read() == jpeg(PICTURE), "what a model would be shown"
         assert b"<img" in urlopen(window.address).read()
         with pytest.raises(HTTPError, match="404"):
@@ -106,8 +109,8 @@ def pressed():
 
 
 @pytest.fixture
-def window(pressed):
-    window = Window(0, pressed.append)
+def window(pressed, skills):
+    window = Window(0, pressed.append, lambda line: parse(line, skills))
     yield window
     window.close()
 
@@ -120,28 +123,73 @@ def answered(request):
 
 
 def press(window, line, secret=None):
-    known = re.search(r'secret = "(\S+)"', urlopen(window.address).read().decode())[1]
+    known = re.search(r'"secret": "([^"]+)"', urlopen(window.address).read().decode())[1]
     return answered(
         Request(window.address + "call", line.encode(), {"X-HumanCLAW": known if secret is None else secret})
     )
 
 
-def test_a_key_is_a_call_while_one_is_waited_for(window, pressed):
-    assert press(window, "walk 0 40 0") == 400, "there is no such key yet"
-    window.show(PICTURE, 0, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
-    assert press(window, "stop") == 400
+def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
+    assert press(window, "walk 0 40 0") == 409, "nothing is shown yet"
+    window.show(PICTURE, Moment(0, 9, "Find a chair."))
+    assert press(window, "fly 3") == 400
     assert press(window, "walk 0 40 0 # a chair") == 204
     assert press(window, "walk 0 40 0") == 409, "the body moves"
-    window.show(PICTURE, 1, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
+    window.show(PICTURE, Moment(1, 9, "Find a chair."))
     window.settle()
     assert press(window, "walk 0 40 0") == 409, "a line was typed"
     assert pressed == ["walk 0 40 0 # a chair"]
 
 
 def test_no_other_page_can_press_a_key(window, pressed):
-    window.show(PICTURE, 0, "Find a chair.", "", {"ArrowUp": "walk 0 40 0"})
+    window.show(PICTURE, Moment(0, 9, "Find a chair."))
     assert [press(window, "walk 0 40 0", secret) for secret in ("", "x")] == [403, 403]
     assert pressed == []
+
+
+def test_the_page_offers_every_skill_with_what_a_model_is_told_of_it(skills):
+    offered = {form["name"]: form for form in forms(skills)}
+    assert set(offered) == set(skills)
+    part = offered["sit_in_place"]["parameters"][0]
+    declared = skills["sit_in_place"].schema["properties"]["h_cm"]
+    assert (part["name"], part["minimum"], part["description"]) == ("h_cm", 20, declared["description"])
+    assert parse(f"sit_in_place {part['value']}", skills).call.skill == "sit_in_place", "a value to begin with"
+
+
+@pytest.fixture
+def no_terminal(monkeypatch):
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr("sys.stdin", nothing)
+        yield
+
+
+@pytest.mark.usefixtures("no_terminal")
+def test_who_leaves_by_the_page_interrupts_the_episode(skills):
+    person = begun(skills)
+    threading.Timer(0.2, lambda: press(person._window, LEAVE)).start()
+    with pytest.raises(KeyboardInterrupt):
+        person.decide(Observation(0, "Stop.", PICTURE), ())
+
+
+@pytest.mark.usefixtures("no_terminal")
+def test_without_a_terminal_the_page_alone_is_asked(skills):
+    person = begun(skills)
+    threading.Timer(0.2, lambda: press(person._window, "stop")).start()
+    assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "stop"
+
+
+def test_the_next_person_can_have_the_port_of_the_one_who_is_gone(skills):
+    person = begun(skills)
+    port = int(person._window.address.split(":")[-1].strip("/"))
+    del person
+    gc.collect()
+    assert begun(skills, port=port)._window.address.endswith(f":{port}/")
+
+
+def begun(skills, **settings):
+    person = Person(Settings(browser=False, **settings))
+    person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))
+    return person
 
 
 def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skills):

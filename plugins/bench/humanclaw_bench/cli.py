@@ -33,7 +33,18 @@ from humanclaw_bench.splits import (
     summary,
 )  # fmt: skip
 from humanclaw_bench.splits import make as make_splits
-from humanclaw_bench.tables import WRITERS, Result, all_tables, asked_of, compare_table, main_table, named, terminal
+from humanclaw_bench.tables import (
+    WRITERS,
+    Result,
+    all_tables,
+    asked_of,
+    compare_table,
+    main_table,
+    named,
+    plain,
+    plain_differences,
+    terminal,
+)  # fmt: skip
 from humanclaw_bench.worker import Job
 
 RUN = click.Path(path_type=Path)
@@ -101,14 +112,14 @@ def run_command(
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
         raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
     player = plugins.make("executors", wanted, workers, address or "")
-    with RunProgress(console(), out) as progress:
+    with RunProgress(Console(), out) as progress:
         status = run_split(
             specs, job, player, out, plugins=plugins, watch=progress.watch,
             go_on=lambda status: progress.foresee(status, ask=not yes),
         )  # fmt: skip
         progress.end(status)
     if status.done:
-        _print(terminal(main_table(_results([out]), paper=False), console().width))
+        _print(terminal(main_table(_results([out]), paper=False), Console().width))
         plugins.tell("humanclaw_run_end", run=out, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
@@ -156,10 +167,11 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 @click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
 @click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
 def table(
-    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, partial: bool,
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, as_json: bool, partial: bool,
     files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Print the paper's tables for one or more runs, a row for each agent."""
@@ -167,9 +179,13 @@ def table(
     if form == "latex":
         _require_whole(results, partial)
     tables = all_tables(results, paper=paper, seed=seed)
-    for name in only or [name for name in NAMES if tables[name].rows and tables[name].columns]:
+    chosen = only or [name for name in NAMES if tables[name].rows and tables[name].columns]
+    if as_json:
+        _print_json({name: plain(tables[name]) for name in chosen})
+        return
+    for name in chosen:
         if form == "terminal":
-            _print(terminal(tables[name], console().width))
+            _print(terminal(tables[name], Console().width))
         else:
             click.echo(WRITERS[form](tables[name]))
 
@@ -179,8 +195,9 @@ def table(
 @click.argument("b", type=RUN)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap and the random swaps.")
 @click.option("--across-engines", is_flag=True, help="Compare although the runs are of different simulators.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
-def compare_command(a: Path, b: Path, seed: int, across_engines: bool, partial: bool) -> None:
+def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished, and say which differences are noise."""
     one, two = _one(a), _one(b)
     _require_whole((one, two), partial)
@@ -189,6 +206,9 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, partial: 
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
         raise RecordError(f"the runs are of different simulators: {told}.", "Say --across-engines if that is meant.")
     differences = compare(one.scores, two.scores, seed=seed)
+    if as_json:
+        _print_json(plain_differences(differences, ALL))
+        return
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
     for result in (one, two):
         click.echo(result.note)
@@ -210,7 +230,7 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
         out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False), console().width))
+    _print(terminal(main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False), Console().width))
     click.echo(f"scores: {out}")
 
 
@@ -288,11 +308,9 @@ def _one(run: Path) -> Result:
     return results[0]
 
 
-def console() -> Console:
-    """Return the console; a pipe has no width: tables are as wide there as they need."""
-    console = Console()
-    return console if console.is_terminal else Console(width=240)
-
-
 def _print(what: RenderableType) -> None:
-    console().print(what, soft_wrap=False)
+    Console().print(what, soft_wrap=False)
+
+
+def _print_json(what: object) -> None:
+    click.echo(json.dumps(what, indent=2, ensure_ascii=False))

@@ -8,11 +8,11 @@ from itertools import count
 from pathlib import Path
 
 import click
+from rich.console import Console
 
 from humanclaw import Backends, EpisodeSpec, Plugins, load_run
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
-from humanclaw_bench.cli import console
 from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.metrics import Scores
@@ -120,7 +120,7 @@ def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> 
     if not specs:
         return []
     plugins = Plugins.discover()
-    with RunProgress(console(), out) as progress:
+    with RunProgress(Console(), out) as progress:
         player = plugins.make("executors", "local", workers, "")
         status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
         progress.end(status)

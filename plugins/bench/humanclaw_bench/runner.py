@@ -69,6 +69,8 @@ class RunStatus:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
+OWN: Final = frozenset({"run.json", "journal.jsonl", "logs", "scores.jsonl", "report.html", "submission.json"})
+"""What lies in the folder of a run beside its episodes."""
 PILOT: Final = 3
 """Episodes from which what a run will take is foreseen."""
 
@@ -90,8 +92,7 @@ def run_split(
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
     stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
     """
-    if twice := [name for name, count in Counter(spec.id.lower() for spec in specs).items() if count > 1]:
-        raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
+    _check_ids(specs)
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
         _agree(out / "run.json", manifest(specs, job, plugins))
@@ -110,6 +111,15 @@ def run_split(
                     executor.stop()
                     stopped.set()
     return _with(status, stopped=stopped.is_set())
+
+
+def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
+    """Hold each episode to a folder of its own, also where capitals are not told apart. Raises HumanclawError."""
+    counted = Counter(spec.id.lower() for spec in specs)
+    if twice := [name for name, count in counted.items() if count > 1]:
+        raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
+    if taken := sorted(counted.keys() & OWN):
+        raise HumanclawError(f"episode {taken[0]!r} has the name of a file of the run itself.", "Give it another id.")
 
 
 def has_ended(folder: Path) -> bool:

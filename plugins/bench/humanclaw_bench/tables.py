@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -319,7 +319,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
 
 
 # -- writing a table ---------------------------------------------------------------------------------------------------
-def terminal(table: ResultTable, width: int = 240) -> Group:
+def terminal(table: ResultTable, width: int = 80) -> Group:
     """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
     parts = [_part(table, first, last) for first, last in _cuts(table, width)]
     notes = (Text(note, style="dim") for note in table.all_notes)
@@ -392,6 +392,35 @@ def comma_separated(table: ResultTable) -> str:
 
 def _plain(value: float) -> str:
     return f"{value:.6g}" if np.isfinite(value) else ""
+
+
+def plain(table: ResultTable) -> dict[str, Any]:
+    """Return a table for JSON: full precision, shares as fractions, None where there is no number."""
+    rows = [
+        {
+            table.corner: row.name.removesuffix(f" {MARK}"), "source": "paper" if row.paper else "run",
+            **{column.title: _known(cell) for column, cell in zip(table.columns, row.cells, strict=True)},
+        }
+        for row in table.rows
+    ]  # fmt: skip
+    return {"title": table.title, "rows": rows, "notes": list(table.all_notes)}
+
+
+def _known(cell: Estimate) -> dict[str, float | None]:
+    numbers = {"value": cell.value, "low": cell.low, "high": cell.high, "n": cell.count or None}
+    return {key: None if number is None or not np.isfinite(number) else number for key, number in numbers.items()}
+
+
+def plain_differences(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> list[dict[str, Any]]:
+    """Return a comparison for JSON, a metric a row: both values, B - A with its interval, p and the verdict."""
+    found = [(metric, differences[metric.name]) for metric in metrics if metric.name in differences]
+    return [
+        {
+            "metric": metric.name, "a": one.a, "b": one.b, "difference": _known(Estimate(one.value, one.low, one.high)),
+            "p": one.p, "verdict": verdict(Column.of(metric), one), "n": one.count,
+        }
+        for metric, one in found
+    ]  # fmt: skip
 
 
 _TEX: Final = str.maketrans(

@@ -332,6 +332,14 @@ def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):
         play([first, second.model_copy(update={"id": first.id.upper()})])
 
 
+@pytest.mark.parametrize("name", ["run.json", "Logs", "journal.jsonl"])
+def test_an_id_that_is_the_name_of_a_file_of_the_run_itself_is_refused(play, tmp_path, name):
+    (spec,) = toy_world.specs(1)
+    with pytest.raises(HumanclawError, match="a file of the run itself"):
+        play([spec.model_copy(update={"id": name})])
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_clock_that_jumps_changes_nothing(play, monkeypatch):
     jumps = iter(range(0, 10**9, 10**6))
     with monkeypatch.context() as patch:

@@ -304,6 +304,16 @@ def invoke(*args: object) -> Result:
     return CliRunner().invoke(group, ["bench", *map(str, args)])
 
 
+def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Path) -> None:
+    run = write_run(tmp_path, 3, 1, 1)
+    (row,) = json.loads(invoke("table", run, "--json", "--no-paper", "--only", "main").output)["main"]["rows"]
+    assert row["FindSR"]["value"] == 0.75
+    assert row["FindSR"]["n"] == 4
+    (find,) = [row for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)
+               if row["metric"] == "FindSR"]  # fmt: skip
+    assert (find["a"], find["b"], find["difference"]["value"]) == (0.75, 0.75, 0.0)
+
+
 def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:
     result = invoke("table", write_run(tmp_path, 3, 1, 1))
     assert result.exit_code == 0

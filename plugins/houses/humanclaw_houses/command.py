@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 
@@ -52,14 +53,18 @@ def import_(
 
 @assets.command("list")
 @click.argument("library", type=click.Path(path_type=Path))
-def list_(library: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, with triangles and hulls.")
+def list_(library: Path, as_json: bool) -> None:
     """List what a library holds, and under which licences."""
     entries = Library(library).entries
-    table = Table("asset", "category", "size", "seat", "triangles", "hulls", "licence", "author")
+    if as_json:
+        click.echo(json.dumps([e.model_dump(mode="json") for e in entries], indent=2, ensure_ascii=False))
+        return
+    table = Table("asset", "category", "size (m)", "seat", "licence", "author", box=None, pad_edge=False)
     for e in entries:
         size = " x ".join(f"{value:.2f}" for value in e.size)
         seat = f"{e.seat_height:.2f}" if e.seat_height else ""
-        table.add_row(e.id, e.category, size, seat, str(e.triangles), str(e.hulls), e.licence, e.author)
+        table.add_row(e.id, e.category, size, seat, e.licence, e.author)
     Console().print(table)
 
 

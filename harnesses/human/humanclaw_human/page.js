@@ -1,0 +1,90 @@
+// What the body sees, what a model is told, and calls by key, button or form.
+// @ts-check
+"use strict";
+
+/** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
+/** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
+/** @typedef {{secret: string, leave: string, keys: Record<string, string>, skills: Skill[]}} Controls */
+/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][]}} Moment */
+
+{
+  const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+  const { secret, leave, keys, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
+  const seen = /** @type {HTMLInputElement} */ (at("seen"));
+  const skill = /** @type {HTMLSelectElement} */ (at("skill"));
+  /** @type {Record<string, string>} */
+  const signs = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→" };
+  let shown = "";
+
+  /** @template {keyof HTMLElementTagNameMap} T @param {T} tag @param {string} text @returns {HTMLElementTagNameMap[T]} */
+  const made = (tag, text = "") => Object.assign(document.createElement(tag), { textContent: text });
+
+  /** Send a call; what is wrong with it is told. @param {string} line */
+  async function send(line) {
+    const words = seen.value.trim(), before = at("step").textContent;
+    at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
+    const body = words && line !== leave ? `${line} # ${words}` : line;
+    const answer = await fetch("call", { method: "POST", headers: { "X-HumanCLAW": secret }, body });
+    at("hint").textContent = answer.ok ? "" : await answer.text();
+    if (answer.ok) seen.value = "";
+    else at("step").textContent = before;
+  }
+
+  function choose() {
+    const chosen = skills[skill.selectedIndex];
+    at("described").textContent = chosen.description;
+    at("parameters").replaceChildren(...chosen.parameters.map((part) => {
+      const label = made("label"), input = made("input");
+      Object.assign(input, { type: "number", min: part.minimum, max: part.maximum, value: part.value, required: true });
+      label.append(input, `${part.name}: ${part.description}`);
+      return label;
+    }));
+  }
+
+  /** @param {Moment} now */
+  function show(now) {
+    /** @type {HTMLImageElement} */ (at("view")).src = `view.jpg?${now.step}-${Date.now()}`;
+    at("instruction").textContent = now.instruction;
+    at("step").textContent = `Step ${now.step} of ${now.of}`;
+    at("feedback").textContent = now.feedback;
+    at("past").replaceChildren(...now.past.map(([call, result]) => made("li", `${call}: ${result}`)));
+  }
+
+  async function follow() {
+    try {
+      const told = await (await fetch("state", { cache: "no-store" })).text();
+      if (at("hint").dataset.gone) location.reload(); // Another episode is served here, with a secret of its own.
+      if (told !== shown && JSON.parse(told).step >= 0) show(JSON.parse(told));
+      shown = told;
+    } catch (error) {
+      at("hint").dataset.gone = "yes";
+      at("hint").textContent = "The episode has ended. If the run goes on, the next one appears here or in a new page.";
+    }
+    setTimeout(follow, 200);
+  }
+
+  at("keys").append(...Object.entries(keys).map(([key, line]) => {
+    const button = made("button");
+    button.append(made("kbd", key.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (name) => signs[name])), line);
+    button.type = "button";
+    button.addEventListener("click", () => send(line));
+    return button;
+  }));
+  document.addEventListener("keydown", (event) => {
+    const line = keys[(event.shiftKey ? "Shift+" : "") + event.key];
+    const typing = event.target instanceof Element && event.target.closest("input, select");
+    if (!line || typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    send(line);
+  });
+  skill.append(...skills.map(({ name }) => made("option", name)));
+  skill.addEventListener("change", choose);
+  if (skills.length) choose();
+  at("call").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const values = [...at("parameters").querySelectorAll("input")].map((input) => input.value);
+    send([skill.value, ...values].join(" "));
+  });
+  at("leave").addEventListener("click", () => send(leave));
+  follow();
+}
