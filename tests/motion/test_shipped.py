@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from humanclaw.body import JOINT_INDEX
 from humanclaw.measures import Declaration, outcomes
+from humanclaw.motion import Course
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.pose import HISTORY, STANDING_HEIGHT, Motion, Pose2D, support_height
@@ -110,3 +112,20 @@ def test_a_long_random_life_stays_human(generator):
     # Each chunk takes the lowest sole for the floor, so that errors add up; physics, which has a floor, lets none
     # remain.
     assert np.abs(support_height(joints)).max() < 0.006 * len(calls)
+
+
+def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_on(generator):
+    """Two of the ways in which errors add up: a heading that drifts, and a posture that falls apart after eighty
+    calls."""
+    declaration = Declaration.read(_adapter("walk").parent)
+    motion, course = generator.start(), Course()
+    for step in range(100):
+        values = course.steer(declaration, {"x": 0.0, "z": 0.5, "yaw": 0.0})
+        future = generator.generate(motion[-5:], _adapter("walk"), values, (4, step))
+        course = course.after(declaration, {"x": 0.0, "z": 0.5, "yaw": 0.0}, motion[-5:], future)
+        motion = motion.then(future)
+    last = motion[-15:]
+    assert abs(motion.root[-1, 0]) < 0.5
+    assert abs(np.degrees(motion.yaw()[-1])) < 5
+    assert 0.8 < (last.root[:, 1] - support_height(last.joints())).mean() < 1.0
+    assert np.degrees(np.abs(last.rotations[:, JOINT_INDEX["left_wrist"]])).max() < 40

@@ -52,7 +52,7 @@ _ATTRIBUTIONS: Final = {
 }
 """What the owners of the data ask to be said."""
 _BASE_LIMITS: Final = (
-    "Hips do not sway sideways, and arms move little beyond the swing of the gait.",
+    "Arms move little while a body turns on the spot or steps aside: 8 to 9 cm to and fro, where walking has 40.",
     "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw "
     "naturalness`.",
 )
