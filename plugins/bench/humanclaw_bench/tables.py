@@ -465,13 +465,15 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         f"could have had less, or the interval leaves room for {100 * TELLING:.0f} points either way."
     )
     grid = Table(
-        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
-    )
+        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )  # fmt: skip
     for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
         grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
     for metric in metrics:
         if metric.name in differences:
-            grid.add_row(*compared(Column.of(metric), differences[metric.name]))
+            cells = compared(Column.of(metric), differences[metric.name])
+            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # An interval has a line of its own.
     return grid
 
 

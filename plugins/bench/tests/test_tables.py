@@ -307,11 +307,11 @@ def invoke(*args: object) -> Result:
 def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Path) -> None:
     run = write_run(tmp_path, 3, 1, 1)
     (row,) = json.loads(invoke("table", run, "--json", "--no-paper", "--only", "main").output)["main"]["rows"]
-    assert row["FindSR"]["value"] == 0.75
-    assert row["FindSR"]["n"] == 4
-    (find,) = [row for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)
-               if row["metric"] == "FindSR"]  # fmt: skip
-    assert (find["a"], find["b"], find["difference"]["value"]) == (0.75, 0.75, 0.0)
+    assert row["NavSR"]["value"] == 0.75
+    assert row["NavSR"]["n"] == 4
+    (nav,) = [row for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)
+               if row["metric"] == "NavSR"]  # fmt: skip
+    assert (nav["a"], nav["b"], nav["difference"]["value"]) == (0.75, 0.75, 0.0)
 
 
 def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:

@@ -37,15 +37,17 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE|RUN")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE")
 @click.option("--out", type=click.Path(path_type=Path), help="MP4 or GIF; the default is film.mp4 in the episode.")
 @click.option("--height", type=click.IntRange(90, 2160), default=720, show_default=True, help="Pixels; 16 to 9.")
 @click.option("--every", type=click.IntRange(1, 30), default=2, show_default=True, help="Of 30 frames a second.")
 @click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
-    """Film a recorded episode, or a run's only one: a camera that follows the body, with what the eyes see in a
-    corner."""
+    """Film a recorded episode: a camera that follows the body, with what the eyes see in a corner.
+
+    EPISODE is its folder; the folder of a run will do where it holds one.
+    """
     from humanclaw import Plugins
     from humanclaw_report.film import film as make
 
