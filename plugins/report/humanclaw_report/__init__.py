@@ -36,7 +36,7 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for name, told in (
         ("report", "Write the page that shows a run, or several side by side."),
-        ("film", "Film a recorded episode, or a run's only one: a camera that follows the body."),
+        ("film", "Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."),
         ("watch", "Show a run while it is under way, in a browser on this machine."),
     ):
         cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", told))
