@@ -14,7 +14,7 @@ from snippets import ROOT, RUN_WHOLE, WAYS, Snippet, pages, snippets
 from wheels import distributions
 
 from humanclaw import Plugins
-from humanclaw.cli import build
+from humanclaw.cli import LazyCommand, build
 
 ALL = list(snippets())
 CODE = [one for one in ALL if one.way != "text"]
@@ -126,6 +126,7 @@ def _parse(command, words):
     context = click.Context(command, info_name="humanclaw")
     while isinstance(command, click.Group):
         name, found, words = command.resolve_command(context, list(words))
+        found = found.load() if isinstance(found, LazyCommand) else found
         context, command = click.Context(found, parent=context, info_name=name), found
     if not command.context_settings.get("ignore_unknown_options"):
         known = {option for one in command.get_params(context) for option in (*one.opts, *one.secondary_opts)}
