@@ -64,6 +64,7 @@ TABLES = {
     "install",
     "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it "
     "holds",
+    "core/humanclaw/motion/weights/naturalness.json": "is another",
 }
 """Files of data that name skills, and why they may."""
 
