@@ -43,6 +43,7 @@ class DiTGenerator:
         self.base = base
         self.solver = solver
         self.corrections = corrections
+        self._usual = base.usual
         self._times = np.array(solver.times, np.float32)
         self._branches: dict[Path, _Branch] = {}
         # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it
@@ -99,7 +100,7 @@ class DiTGenerator:
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
         if self.corrections:
-            settled = [settle(*pair, self.base.usual) for pair in zip(local, futures, strict=True)]
+            settled = [settle(*pair, self._usual) for pair in zip(local, futures, strict=True)]
             futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 

@@ -152,8 +152,8 @@ def likeness(
     held, rest = _some(held, _MOST, seed), _some(rest, _MOST, seed)
     motions = [held.motion(index)[:HISTORY] for index in range(len(held))]
     extend(generator, command, motions, np.arange(len(held)), _asked(command, held), (seed, 7))
-    made = features(*(np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations")))
-    true, other = (features(part.root.astype(float), part.rotations.astype(float)) for part in (held, rest))
+    made = features(*_arrays(motions))
+    true, other = (features(*_arrays(part)) for part in (held, rest))
     return measures.frechet(made, true), measures.frechet(other, true)
 
 
@@ -179,8 +179,8 @@ def free_running(
         extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
     starts = [call * FUTURE for call in range(1, calls)]
     windows = [motion[start : start + HISTORY + FUTURE] for motion in motions for start in starts]
-    made = canonical(*(np.stack([getattr(window, part) for window in windows]) for part in ("root", "rotations")))
-    return measures.frechet(features(*made), features(data.root.astype(float), data.rotations.astype(float)))
+    made = canonical(*_arrays(windows))
+    return measures.frechet(features(*made), features(*_arrays(data)))
 
 
 def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
