@@ -54,6 +54,8 @@ COAST: Final = 0.2
 TOE_OUT: Final = 0.12
 AIRBORNE: Final = 0.004
 """A foot this far above the floor hangs, metres."""
+LEVEL_FEET: Final = 0.005
+"""Feet that stand this close to level, metres along the facing, may both go first."""
 SEATED: Final = 0.03
 """Hips this far behind the feet sit, metres."""
 
@@ -66,11 +68,11 @@ class State:
 
     root, velocity (N, 3); yaw, yaw_rate, level of the floor (N,); seat (N,): how far the hips are behind the feet,
     nought when standing; foot, foot_velocity (N, 2, 3): the points under the ankles, left first; foot_yaw,
-    foot_yaw_rate, foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command has a
-    reason against it; pose, pose_rate (N, CHANNELS). phase (N,) of the step cycle and cadence (N,), nought for who does
-    not walk; sway (N, 3): amplitudes of the pelvis about its path, as humanclaw_train.gait has them. height (N,): of
-    the pelvis itself above the level. lacking (N,): by how much the chunk before missed 2 cm of clearance over the edge
-    of a stair, metres.
+    foot_yaw_rate, foot_pitch, foot_pitch_rate (N, 2); next (N,): the foot that swings first unless the command or
+    where the feet stand has a reason against it; pose, pose_rate (N, CHANNELS). phase (N,) of the step cycle and
+    cadence (N,), nought for who does not walk; sway (N, 3): amplitudes of the pelvis about its path, as
+    humanclaw_train.gait has them. height (N,): of the pelvis itself above the level. lacking (N,): by how much the
+    chunk before missed 2 cm of clearance over the edge of a stair, metres.
     """
 
     root: Array
@@ -221,7 +223,7 @@ def plan(state: State, c: Commands) -> StepPlan:
     flow = np.where(strides, smoothstep((np.abs(z) - 0.02) / 0.25), 0.0)
     end = floor(state.root) + turned(step, state.yaw)
     base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
-    first = _first_foot(state, c, x, yaw, shuffle)
+    first = _first_foot(state, c, step, yaw, shuffle)
     speed = np.linalg.norm(step, axis=-1) / SECONDS
     stride = _goes_on(state, c, step, yaw, flow)
     return StepPlan(
@@ -280,11 +282,19 @@ def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: 
     return np.asarray(share * (chord + np.where(strides, np.minimum(limit, 1.0), 0.0)[:, None] * gain))
 
 
-def _first_foot(state: State, c: Commands, x: Array, yaw: Array, shuffle: Mask) -> Ints:
-    """Return the foot that hangs or stands behind, but sideways and round the one on that side."""
-    push = np.where(c.does("settle"), 0.0, x / 0.1 + yaw / 0.4)
+def _first_foot(state: State, c: Commands, step: Array, yaw: Array, shuffle: Mask) -> Ints:
+    """Return the foot that hangs, or the one of two standing ones that has further to go; but sideways and round the
+    one on that side.
+
+    A history tells of no more than where the feet are. Were it chance which of them goes first, a model of few steps
+    would set out with the average of the two, and both would slide.
+    """
+    push = np.where(c.does("settle"), 0.0, step[:, 0] / 0.1 + yaw / 0.4)
     sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
-    return np.where(sided, np.where(push > 0, 0, 1), state.next).astype(int)
+    left_ahead = turned(floor(state.foot[:, 0] - state.foot[:, 1]), -state.yaw)[:, 1] * np.sign(step[:, 1])
+    apart = ~state.hanging & (np.abs(left_ahead) > LEVEL_FEET)
+    straight = np.where(apart, np.where(left_ahead > 0, 1, 0), state.next)
+    return np.where(sided, np.where(push > 0, 0, 1), straight).astype(int)
 
 
 def hip_path(state: State, p: StepPlan) -> tuple[Array, Array]:

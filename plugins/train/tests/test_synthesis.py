@@ -189,6 +189,20 @@ def test_sitting_down_lowers_the_hips_behind_feet_that_stay(profiles):
     assert np.linalg.norm(hands - knees, axis=-1).max() < 0.3
 
 
+@pytest.mark.parametrize("stops", [1, 2])
+@pytest.mark.parametrize(("skill", "z"), [("walk", 0.5), ("walk", 0.1), ("step_back", 0.2)])
+def test_of_two_standing_feet_the_one_with_further_to_go_sets_out(profiles, skill, z, stops):
+    given = {"x": 0.0, "z": z, "yaw": 0.0} if skill == "walk" else {"z": z}
+    before = [("walk", {"x": 0.0, "z": 0.1, "yaw": 0.0}), *[("stop", {})] * stops]
+    start = HISTORY - 1 + len(before) * FUTURE
+    toes = np.stack([compose(profiles, [*before, (skill, given)], seed).joints()[:, TOES, 2] for seed in range(20)])
+    left_ahead = (toes[:, start, 0] - toes[:, start, 1]) * (-1 if skill == "step_back" else 1)
+    left_first = np.diff(np.abs(toes[:, start + 6] - toes[:, start]), axis=1)[:, 0] < 0
+    apart = np.abs(left_ahead) > 0.01
+    assert apart.sum() >= 10
+    assert np.array_equal(left_first[apart], left_ahead[apart] < 0)
+
+
 def test_stop_lets_a_sitter_sit(profiles):
     motion = compose(profiles, [("sit_in_place", {"h": 0.45}), ("stop", {})], 9)
     assert motion.root[-1, 1] == pytest.approx(0.45, abs=2e-3)
