@@ -57,6 +57,16 @@ def test_a_legal_call_moves_the_body_by_half_a_second(play):
     assert 0.2 < math.dist(first.start, first.end) < 0.6
 
 
+def test_a_body_begins_in_the_stance_that_its_first_motion_goes_on_from(body, house):
+    """Otherwise hands and hips would leap in the first frame, and a first stair would lack what the hips sink by."""
+    body.reset(house)
+    before = body.state().body
+    body.call("walk", z_cm=40)
+    commanded = body.last.chunks[0].commanded
+    leap = commanded.joints()[0] - before.joints()[-1]
+    assert np.linalg.norm(leap, axis=-1).max() < 0.05
+
+
 def test_an_active_stop_ends_the_episode(play):
     episode, _ = play(STOP, STEP)
     assert episode.record.outcome == "stopped"

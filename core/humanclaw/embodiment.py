@@ -116,7 +116,7 @@ class Body:
         self.resets += 1
         self.last: SkillExecution | None = None
         self._state = self._simulator.reset(self.scene, self.start)
-        self._history = re_rooted(self._generator.start(), self._state.body)
+        self._take_up_stance()
         self._course = Course()
         return self.observe()
 
@@ -187,6 +187,11 @@ class Body:
         told = _played(plan, played) if len(plan) > 1 else ()
         self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
         return self.last
+
+    def _take_up_stance(self) -> None:
+        """Stand as the motion model's first history does: a simulator stands everybody in the rest pose."""
+        self._history = re_rooted(self._generator.start(), self._state.body)
+        self._simulate(self._history)
 
     def _simulate(self, commanded: Motion) -> Chunk:
         execution = self._simulator.execute(commanded)

@@ -55,7 +55,9 @@ class Simulator(Protocol):
     """Half-physics (paper, section 3.4): the body follows commanded poses as contact and gravity allow."""
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
-        """Load a scene and stand the body on its start. Raises SceneError if the body does not fit there."""
+        """Load a scene and stand the body on its start, in any pose: the first frames that it is then driven through,
+        five of them, are the stance in which the motion model begins. Raises SceneError if the body does not fit there.
+        """
 
     def execute(self, motion: Motion) -> Execution:
         """Drive the body through consecutive frames given in the world frame; the vertical root motion is not

@@ -16,7 +16,7 @@ from rooms import two_rooms
 
 from humanclaw import Call, Decision, EpisodeSpec, Motion, ProviderError, Scene, hookimpl
 from humanclaw.interfaces import Execution, View, WorldState
-from humanclaw.pose import HISTORY, Pose2D, rest_pose
+from humanclaw.pose import FUTURE, HISTORY, Pose2D, rest_pose
 from humanclaw.records import Usage
 
 FILE = __file__
@@ -83,7 +83,8 @@ class Pushing(Simulator):
         return super().reset(scene, start)
 
     def execute(self, motion: Motion) -> Execution:
-        self._couch = self._couch + [self.push, 0, 0, 0, 0, 0, 0]
+        if len(motion) == FUTURE:  # and not as the body takes up its stance
+            self._couch = self._couch + [self.push, 0, 0, 0, 0, 0, 0]
         return super().execute(motion)
 
     def state(self) -> WorldState:

@@ -133,9 +133,11 @@ class Actor:
         self.simulated = self._history = generator.start()
 
     def stand(self, scene: Scene) -> None:
-        """Stand at the origin as an episode begins."""
+        """Stand at the origin as an episode begins, in the stance that motion goes on from."""
         self._put(scene)
         self._history = re_rooted(self._generator.start(), self.simulated)
+        self.simulated = self._simulator.execute(self._history).simulated
+        self._history = re_rooted(self._history, self.simulated)
 
     def move_to(self, scene: Scene) -> None:
         """Go on at the origin of another scene, in the pose of the history."""
