@@ -314,23 +314,27 @@ def generated_gaits(
 
 
 def first_steps(
-    generator: DiTGenerator, commands: Sequence[Command], bodies: int = 100, seed: int = 0
+    generator: DiTGenerator, commands: Sequence[Command], bodies: int = 400, seed: int = 0
 ) -> dict[str, tuple[float, float, float]]:
     """Skill to the slide of the slower toe in first chunks from standing, cm: 95th and 99th percentile, and most."""
     found = {}
     for command in commands:
         motions = [generator.start() for _ in range(bodies)]
-        extend(
-            generator,
-            command,
-            motions,
-            np.arange(bodies),
-            command.draw(bodies, np.random.default_rng(seed)),
-            (seed, 13),
-        )
+        values = _first_commands(command, bodies, np.random.default_rng(seed))
+        extend(generator, command, motions, np.arange(bodies), values, (seed, 13))
         slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
         found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
     return found
+
+
+def _first_commands(command: Command, bodies: int, random: np.random.Generator) -> Array:
+    """(bodies, k) over the whole range, small ones too; every other one straight: whatever can be nought but what the
+    skill is for is nought. That is what is called most, and where either foot might go first."""
+    values = random.uniform(command.low, command.high, (bodies, len(command.low)))
+    idle = (command.low <= 0) & (command.high >= 0)
+    idle[command.primary : command.primary + 1] = False
+    values[::2, idle] = 0.0
+    return values
 
 
 # -- a long life -------------------------------------------------------------------------------------------------------

@@ -113,6 +113,22 @@ def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator,
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
+def test_first_steps_are_asked_for_straight_ahead_too_and_by_little(generator, commands, monkeypatch):
+    """What is called most, and what scatter in the other parameters would hide."""
+    asked = []
+    batch = generator.generate_batch
+    monkeypatch.setattr(
+        generator,
+        "generate_batch",
+        lambda bodies, adapter, values, keys: asked.extend(values) or batch(bodies, adapter, values, keys),
+    )
+    first_steps(generator, commands[:1], bodies=40)
+    straight = [row["x"] == row["yaw"] == 0 for row in asked]
+    assert straight == [True, False] * 20
+    most = max(row["z"] for row in asked)
+    assert min(row["z"] for row in asked) < 0.2 * most
+
+
 def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands):
     found = uncommanded(generator, commands, commands[0], bodies=2)
     assert set(found["walk"]) == set()
