@@ -46,6 +46,13 @@ def test_an_id_that_is_there_twice_is_named_by_its_lines(tmp_path):
     assert [spec.id for spec in read_episodes(file)] == ["one", "two"]
 
 
+def test_a_key_that_is_there_twice_in_an_episode_is_named(tmp_path):
+    line = SPEC.model_dump_json()
+    (tmp_path / "split.jsonl").write_text(line.replace('"seed"', '"seed":7,"seed"', 1) + "\n")
+    with pytest.raises(HumanclawError, match=r"split.jsonl:1 holds the key 'seed' twice"):
+        read_episodes(tmp_path / "split.jsonl")
+
+
 def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
     (tmp_path / "split.jsonl").write_bytes(SPEC.model_dump_json().encode() + b"\n\xff\xfe\n")
     with pytest.raises(HumanclawError, match=r"split.jsonl:2 is no episode"):
