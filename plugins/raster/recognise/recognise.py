@@ -3,7 +3,8 @@
 Looks at every kind of target in HOUSES (the first so many, or 12-23, or 3,5,8) from places where a body can stand. Of
 the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with MobileNet-v3,
 COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with the target's
-visible pixels of 0.3 or more. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from it. Needs
+visible pixels of 0.3 or more. "Whole" are those that the edge of the picture does not cut; furniture may still hide
+a part. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from it. Needs
 node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red go to
 build/recognise, and two hits and two misses of each category to build/recognise/sheet.jpg.
 """
@@ -13,7 +14,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,11 +37,12 @@ TILE = 240
 
 @dataclass(frozen=True)
 class Target:
-    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels."""
+    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels. whole: the picture does not cut it."""
 
     category: str
     source: str
     box: tuple[float, float, float, float]
+    whole: bool
 
 
 def standing(place: np.ndarray, towards: np.ndarray) -> WorldState:
@@ -77,7 +78,8 @@ def targets(scene: Scene, ids: np.ndarray) -> list[Target]:
         if obj is not None and obj.category in CLASSES and count > SHARE * ids.size:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
-            found.append(Target(obj.category, scene.assets[obj.asset].source, box))
+            whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
+            found.append(Target(obj.category, scene.assets[obj.asset].source, box, whole))
     return found
 
 
@@ -106,15 +108,19 @@ def detect(pictures: list[np.ndarray]) -> list[list[list[float]]]:
 
 
 def table(scores: list[tuple[Target, float]]) -> str:
-    lines = [f"{'category':<14}{'targets':>8}" + "".join(f"{f'at {s}':>8}" for s in SCORES)]
+    heads = "".join(f"{head:>9}" for head in ("targets", *(f"at {least}" for least in SCORES)) * 2)
+    lines = [f"{'':<14}{'all':>9}{'':<18}{'whole':>9}", f"{'category':<14}{heads}"]
     for source in ("generated", "imported"):
         kept = [(t, s) for t, s in scores if (t.source == "generated") == (source == "generated")]
-        count = Counter(t.category for t, _ in kept)
         for name in (*CLASSES, "all") if kept else ():
-            of = [s for t, s in kept if name in (t.category, "all")]
-            shares = "".join(f"{np.mean([s >= least for s in of]):>8.0%}" for least in SCORES) if of else ""
-            lines.append(f"{name:<14}{count[name] if name != 'all' else len(kept):>8}{shares}  {source}")
+            of = [(t, s) for t, s in kept if name in (t.category, "all")]
+            lines.append(f"{name:<14}{_shares([s for _, s in of])}{_shares([s for t, s in of if t.whole])}  {source}")
     return "\n".join(lines)
+
+
+def _shares(scores: list[float]) -> str:
+    found = (f"{np.mean([score >= least for score in scores]):.0%}" if scores else "-" for least in SCORES)
+    return f"{len(scores):>9}" + "".join(f"{share:>9}" for share in found)
 
 
 def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image:
