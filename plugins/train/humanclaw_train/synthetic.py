@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.pose import FUTURE, HISTORY, Array
@@ -61,18 +60,18 @@ def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> 
     values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
-        wide = rng.random(len(rows)) < 0.5
         for column, name in enumerate(_names(one)):
-            values[rows, column] = _draw(one.recipe.commands[name], wide, rng)
+            values[rows, column] = _draw(one.recipe.commands[name], len(rows), rng)
     return values
 
 
-def _draw(how: Draw, wide: NDArray[np.bool_], rng: np.random.Generator) -> Array:
-    even = rng.uniform(how.low, how.high, len(wide))
+def _draw(how: Draw, n: int, rng: np.random.Generator) -> Array:
+    """Each parameter by itself, so that a short step is also practised straight ahead, and a long one aside."""
+    even = rng.uniform(how.low, how.high, n)
     if how.usual is None:
         return even
-    usual = rng.normal(how.usual, how.spread, len(wide)) * (rng.random(len(wide)) >= how.nought)
-    return np.asarray(np.where(wide, even, usual).clip(how.low, how.high))
+    usual = rng.normal(how.usual, how.spread, n) * (rng.random(n) >= how.nought)
+    return np.asarray(np.where(rng.random(n) < 0.5, even, usual).clip(how.low, how.high))
 
 
 def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.random.Generator) -> Array:

@@ -25,9 +25,9 @@ RECIPE = Recipe(
     ),
     feet="stride",
     commands={
-        "x": Draw(-0.31, 0.31, usual=0.0, spread=0.05, nought=0.6, jitter=0.015),
+        "x": Draw(-0.31, 0.31, usual=0.0, spread=0.05, nought=0.8, jitter=0.015),
         "z": Draw(0.0, 0.82, usual=0.48, spread=0.12, jitter=0.03),
-        "yaw": Draw(-0.54, 0.54, usual=0.0, spread=0.16, nought=0.6, jitter=0.05),
+        "yaw": Draw(-0.54, 0.54, usual=0.0, spread=0.16, nought=0.8, jitter=0.05),
     },
     share=2.6,
     repeats=0.65,
