@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from humanclaw import HumanclawError
-from humanclaw.cli import check_options
+from humanclaw.cli import check_options, main
+from humanclaw.plugins import Plugins
 
 KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -181,6 +182,57 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_bench" in loaded
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
+
+
+def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
+    said = "go to [bold]that[/bold] :cat:"
+    done = cli(
+        "run", "--instruction", said, "--agent", "still", "--max-steps", "1", "--film", "none", "--out", "[a] :cat:"
+    )
+    assert f'still in house:0: "{said}"' in done.stdout
+    assert "report: [a] :cat:/report.html" in done.stdout
+
+
+def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path):
+    (tmp_path / "odd.py").write_text("raise RuntimeError('it needs odd[all]')")
+    folder = tmp_path / "odd-1.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1\n")
+    (folder / "entry_points.txt").write_text("[humanclaw]\nodd = odd\n")
+    shown = cli("plugins", PYTHONPATH=str(tmp_path), COLUMNS="200").stdout
+    assert "disabled: RuntimeError: it needs odd[all]" in shown
+
+
+@pytest.mark.parametrize(
+    ("encoding", "command", "shown"),
+    [
+        ("cp1252", ("physics", "free-space"), "| free space | contacts meanwhile | 0 | \\u2264 0 | yes |"),
+        (
+            "ascii",
+            ("run", "--instruction", "h\u00fcpf \u2713", "--max-steps", "1", "--film", "none"),
+            "h\\xfcpf \\u2713",
+        ),
+    ],
+)
+def test_an_output_that_has_no_such_letter_is_given_its_number(cli, encoding, command, shown):
+    """Such as a pipe on Windows, whose encoding is the system's."""
+    done = cli(*command, PYTHONIOENCODING=encoding)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert shown in done.stdout
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest_one(cli):
+    done = cli("phisics")
+    assert done.returncode == 2
+    assert done.stderr == "error: there is no command 'phisics'.\nDid you mean physics?\n"
+
+
+def test_a_misspelt_command_of_a_distribution_that_is_not_installed_is_answered_with_that(monkeypatch, capsys):
+    monkeypatch.setattr(Plugins, "discover", classmethod(lambda cls, *about: cls()))
+    with pytest.raises(SystemExit) as ended:
+        main(["bnech"])
+    assert ended.value.code == 2
+    assert "Did you mean bench (of humanclaw-bench)?" in capsys.readouterr().err
 
 
 def part(**settings):
