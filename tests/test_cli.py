@@ -1,5 +1,6 @@
 """The command line, as a person uses it."""
 
+import datetime
 import json
 import os
 import re
@@ -131,6 +132,17 @@ def test_a_record_is_never_overwritten(cli, tmp_path):
     assert (folder / "episode.json").read_text() == "precious"
 
 
+def test_two_runs_that_begin_in_one_second_have_a_folder_each(cli, tmp_path):
+    now = datetime.datetime.now()
+    for second in range(120):
+        moment = now + datetime.timedelta(seconds=second)
+        (tmp_path / "runs" / f"{moment:%Y%m%d-%H%M%S}-still").mkdir(parents=True)
+    done = cli("run", "--agent", "still", "--max-steps", "1", "--film", "none")
+    assert done.returncode == 0, done.stderr
+    (report,) = tmp_path.glob("runs/*-still-2/report.html")
+    assert f"report: {report.relative_to(tmp_path)}" in done.stdout
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
     if signal.getsignal(number) is signal.SIG_IGN:
@@ -164,6 +176,28 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_ge
     assert "`humanclaw report r`" in done.stdout
     assert "Traceback" not in done.stderr
     assert (tmp_path / "r/house-0-0/episode.json").is_file()
+
+
+def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(cli, tmp_path):
+    (tmp_path / "hasty.py").write_text(
+        "from humanclaw import hookimpl\n"
+        "from humanclaw_mujoco.world import mujoco\n"
+        "def hasty(profile):\n"
+        "    def execute(motion):\n"
+        "        one.close = raised\n"
+        "        raise KeyboardInterrupt\n"
+        "    def raised(): raise KeyboardInterrupt\n"
+        "    one = mujoco(profile)\n"
+        "    one.execute = execute\n"
+        "    return one\n"
+        "@hookimpl\n"
+        "def humanclaw_simulators(register): register('hasty', hasty, 'nobody waits for it')\n"
+    )
+    done = cli("run", "--plugin", "hasty.py", "--simulator", "hasty", "--film", "none", "--out", "r")
+    assert done.returncode == 130
+    assert "interrupted after" in done.stdout
+    assert "record: r/house-0-0" in done.stdout
+    assert "Traceback" not in done.stderr
 
 
 def test_a_run_answers_before_anything_is_loaded_that_takes_time():
