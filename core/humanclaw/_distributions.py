@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import difflib
-import importlib.metadata
 import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-
-from packaging.requirements import Requirement
 
 DEMO = "demo"
 """The extra with all that `humanclaw run` needs."""
@@ -46,5 +43,9 @@ def nearest(name: str, brought: Mapping[str, str]) -> str:
 
 def _extra(extra: str) -> set[str]:
     """Return the distributions that an extra of the core names, whatever the version of Python."""
+    import importlib.metadata
+
+    from packaging.requirements import Requirement  # Only who misses something waits for these.
+
     requirements = map(Requirement, importlib.metadata.requires("humanclaw") or ())
     return {one.name for one in requirements if one.marker and f'extra == "{extra}"' in str(one.marker)}
