@@ -1,4 +1,6 @@
-# The demo in a container: docker build -t humanclaw . && docker run --rm -v "$PWD/runs:/home/humanclaw/runs" humanclaw
+# The demo in a container, its record yours in runs/:
+#   docker build -t humanclaw . && mkdir -p runs
+#   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD/runs:/home/humanclaw/runs" humanclaw
 FROM python:3.12-slim AS wheels
 WORKDIR /src
 COPY . .
@@ -10,7 +12,8 @@ RUN --mount=type=bind,from=wheels,source=/wheels,target=/wheels \
 RUN useradd --create-home humanclaw && install -d -o humanclaw /home/humanclaw/runs
 USER humanclaw
 WORKDIR /home/humanclaw
-# The renderer is compiled here, so that the first picture of a container is drawn at once.
-RUN humanclaw run --agent still --max-steps 1 --film none --out /tmp/first && rm -r /tmp/first
+ENV HOME=/home/humanclaw
+# The renderer is compiled here, so that the first picture of a container is drawn at once, whoever it runs as.
+RUN humanclaw run --agent still --max-steps 1 --film none --out /tmp/first && rm -r /tmp/first && chmod -R a+rwX "$HOME"
 ENTRYPOINT ["humanclaw"]
 CMD ["run", "--instruction", "find a couch and sit on it", "--scene", "house:0"]

@@ -1,5 +1,6 @@
 """The command line, as a person uses it."""
 
+import datetime
 import json
 import os
 import re
@@ -12,7 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from humanclaw import HumanclawError
-from humanclaw.cli import check_options
+from humanclaw.cli import check_options, main
+from humanclaw.plugins import Plugins
 
 KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -130,6 +132,17 @@ def test_a_record_is_never_overwritten(cli, tmp_path):
     assert (folder / "episode.json").read_text() == "precious"
 
 
+def test_two_runs_that_begin_in_one_second_have_a_folder_each(cli, tmp_path):
+    now = datetime.datetime.now()
+    for second in range(120):
+        moment = now + datetime.timedelta(seconds=second)
+        (tmp_path / "runs" / f"{moment:%Y%m%d-%H%M%S}-still").mkdir(parents=True)
+    done = cli("run", "--agent", "still", "--max-steps", "1", "--film", "none")
+    assert done.returncode == 0, done.stderr
+    (report,) = tmp_path.glob("runs/*-still-2/report.html")
+    assert f"report: {report.relative_to(tmp_path)}" in done.stdout
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
     if signal.getsignal(number) is signal.SIG_IGN:
@@ -165,13 +178,36 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_ge
     assert (tmp_path / "r/house-0-0/episode.json").is_file()
 
 
+def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(cli, tmp_path):
+    (tmp_path / "hasty.py").write_text(
+        "from humanclaw import hookimpl\n"
+        "from humanclaw_mujoco.world import mujoco\n"
+        "def hasty(profile):\n"
+        "    def execute(motion):\n"
+        "        one.close = raised\n"
+        "        raise KeyboardInterrupt\n"
+        "    def raised(): raise KeyboardInterrupt\n"
+        "    one = mujoco(profile)\n"
+        "    one.execute = execute\n"
+        "    return one\n"
+        "@hookimpl\n"
+        "def humanclaw_simulators(register): register('hasty', hasty, 'nobody waits for it')\n"
+    )
+    done = cli("run", "--plugin", "hasty.py", "--simulator", "hasty", "--film", "none", "--out", "r")
+    assert done.returncode == 130
+    assert "interrupted after" in done.stdout
+    assert "record: r/house-0-0" in done.stdout
+    assert "Traceback" not in done.stderr
+
+
 def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     probe = (
         "import sys, humanclaw.cli as cli; cli.build(None).commands['run'].make_context('run', []); print(*sys.modules)"
     )
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw.cli.options" in loaded
-    assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins"} & set(loaded)
+    slow = {"numpy", "pydantic", "jsonschema", "importlib.metadata", "packaging.requirements", "humanclaw.plugins"}
+    assert not slow & set(loaded)
 
 
 def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
@@ -181,6 +217,57 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_bench" in loaded
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
+
+
+def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
+    said = "go to [bold]that[/bold] :cat:"
+    done = cli(
+        "run", "--instruction", said, "--agent", "still", "--max-steps", "1", "--film", "none", "--out", "[a] :cat:"
+    )
+    assert f'still in house:0: "{said}"' in done.stdout
+    assert "report: [a] :cat:/report.html" in done.stdout
+
+
+def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path):
+    (tmp_path / "odd.py").write_text("raise RuntimeError('it needs odd[all]')")
+    folder = tmp_path / "odd-1.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1\n")
+    (folder / "entry_points.txt").write_text("[humanclaw]\nodd = odd\n")
+    shown = cli("plugins", PYTHONPATH=str(tmp_path), COLUMNS="200").stdout
+    assert "disabled: RuntimeError: it needs odd[all]" in shown
+
+
+@pytest.mark.parametrize(
+    ("encoding", "command", "shown"),
+    [
+        ("cp1252", ("physics", "free-space"), "| free space | contacts meanwhile | 0 | \\u2264 0 | yes |"),
+        (
+            "ascii",
+            ("run", "--instruction", "h\u00fcpf \u2713", "--max-steps", "1", "--film", "none"),
+            "h\\xfcpf \\u2713",
+        ),
+    ],
+)
+def test_an_output_that_has_no_such_letter_is_given_its_number(cli, encoding, command, shown):
+    """Such as a pipe on Windows, whose encoding is the system's."""
+    done = cli(*command, PYTHONIOENCODING=encoding)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert shown in done.stdout
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest_one(cli):
+    done = cli("phisics")
+    assert done.returncode == 2
+    assert done.stderr == "error: there is no command 'phisics'.\nDid you mean physics?\n"
+
+
+def test_a_misspelt_command_of_a_distribution_that_is_not_installed_is_answered_with_that(monkeypatch, capsys):
+    monkeypatch.setattr(Plugins, "discover", classmethod(lambda cls, *about: cls()))
+    with pytest.raises(SystemExit) as ended:
+        main(["bnech"])
+    assert ended.value.code == 2
+    assert "Did you mean bench (of humanclaw-bench)?" in capsys.readouterr().err
 
 
 def part(**settings):

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
+import difflib
 import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-
-from packaging.requirements import Requirement
 
 DEMO = "demo"
 """The extra with all that `humanclaw run` needs."""
@@ -33,7 +31,21 @@ def install(distributions: Iterable[str]) -> str:
     return f"pip install {' '.join(wanted)}"
 
 
+def nearest(name: str, brought: Mapping[str, str]) -> str:
+    """Ask whether one of the nearest names was meant; empty if none is near.
+
+    brought: every name that could be meant, to the distribution that brings it; empty for what is there.
+    """
+    near = difflib.get_close_matches(name, brought, n=3, cutoff=0.5)
+    told = [f"{one} (of {brought[one]})" if brought[one] else one for one in near]
+    return f"Did you mean {' or '.join(told)}?" if told else ""
+
+
 def _extra(extra: str) -> set[str]:
     """Return the distributions that an extra of the core names, whatever the version of Python."""
+    import importlib.metadata
+
+    from packaging.requirements import Requirement  # Only who misses something waits for these.
+
     requirements = map(Requirement, importlib.metadata.requires("humanclaw") or ())
     return {one.name for one in requirements if one.marker and f'extra == "{extra}"' in str(one.marker)}

@@ -476,11 +476,7 @@ class Plugins:
         listed = f"Known: {', '.join([*known, *more]) or 'none'}."
         if distribution:
             return f"{distribution} brings it where what it needs is installed; here it is not. {listed}"
-        near = difflib.get_close_matches(name, known.keys() | elsewhere.keys(), n=3, cutoff=0.5)
-        if near:
-            told = [one if one in known else f"{one} (of {elsewhere[one]})" for one in near]
-            return f"Did you mean {' or '.join(told)}?"
-        return listed
+        return distributions.nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
         """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or

@@ -10,12 +10,13 @@ import errno
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 import humanclaw
-from humanclaw._distributions import bringing, install
+from humanclaw._distributions import bringing, install, nearest, table
 from humanclaw._lazy import lazy
 from humanclaw.errors import HumanclawError
 
@@ -71,9 +72,17 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.commands:
             self._load()
-        if cmd_name not in self.commands and (missing := bringing("commands", cmd_name)):
-            raise HumanclawError(f"command {cmd_name!r} is not installed.", f"Run `{install([missing])}`.")
+        if cmd_name not in self.commands and not ctx.resilient_parsing:
+            raise self._missing(cmd_name)
         return super().get_command(ctx, cmd_name)
+
+    def _missing(self, name: str) -> HumanclawError:
+        """Say what brings a command that is not there, or which ones have nearly its name."""
+        if distribution := bringing("commands", name):
+            return HumanclawError(f"command {name!r} is not installed.", f"Run `{install([distribution])}`.")
+        known = dict.fromkeys(self.commands, "")
+        told = nearest(name, {**table()["commands"], **known})
+        return HumanclawError(f"there is no command {name!r}.", told or "See `humanclaw --help`.")
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         self._load()
@@ -133,7 +142,10 @@ def build(plugins: Callable[[], Plugins]) -> click.Group:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Entry point of the console script."""
+    """Entry point of the console script. A letter that the output has not, as in a pipe on Windows, is told by its
+    number."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(build(_discover).main(args=args, prog_name="humanclaw"))
 
 

@@ -81,7 +81,7 @@ def _counted(count: int, name: str) -> str:
 
 
 def _print(reports: Sequence[Report]) -> None:
-    console = Console()
+    console = Console(emoji=False)
     for report in reports:
         for line in _lines(report):
             console.print(line, highlight=False, soft_wrap=True)

@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain, count
 from pathlib import Path
 
 import click
@@ -49,10 +50,10 @@ def play(
     plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     agent, verifier = deciders.make(plugins)
-    out = out or Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{deciders.agent}"
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
+    out = out or _new_folder(deciders.agent)
     folder = out / spec.id
     _claim(folder)
     progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
@@ -64,32 +65,49 @@ def play(
     with (
         _left_empty(folder),
         _interrupted_by_sigterm(),
+        _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
     ):
         status.update(f"Playing; the record is in {folder}")
-        try:
-            record = run_episode(
-                body,
-                spec,
-                agent,
-                verifier,
-                folder=folder,
-                options=deciders.options,
-                distance=geodesics,
-                meter=deciders.meter(),
-            )
-        except KeyboardInterrupt:
-            if not (folder / "episode.json").exists():
-                raise
-            record = RecordedEpisode(folder).record
-    console.print(summary(record, RecordedEpisode(folder).steps))
-    status.update("Writing the report")
+        run_episode(
+            body,
+            spec,
+            agent,
+            verifier,
+            folder=folder,
+            options=deciders.options,
+            distance=geodesics,
+            meter=deciders.meter(),
+        )
     try:
+        recorded = RecordedEpisode(folder)
+        console.print(summary(recorded.record, recorded.steps))
+        status.update("Writing the report")
         _report(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
         raise
-    _exit(record)
+    _exit(recorded.record)
+
+
+def _new_folder(agent: str) -> Path:
+    """Make a folder for a run that nobody has named: of two that begin in one second each has its own."""
+    first = Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
+    for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
+        with writing(first), suppress(FileExistsError):
+            first.with_name(name).mkdir(parents=True)
+            break
+    return first.with_name(name)
+
+
+@contextmanager
+def _kept(folder: Path) -> Iterator[None]:
+    """Go on after Ctrl-C, however often, where there is a record by then: it is told of."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not (folder / "episode.json").exists():
+            raise
 
 
 @contextmanager
@@ -160,5 +178,5 @@ def _exit(record: EpisodeRecord) -> None:
         raise click.ClickException(f"the provider failed: {record.error}")
     if record.outcome == "limit_reached":
         raise click.ClickException(f"a limit was reached: {record.error}")
-    if record.outcome == "interrupted":
+    if record.outcome in ("interrupted", "running"):  # Running: Ctrl-C came again before its end was written.
         sys.exit(INTERRUPTED)

@@ -27,9 +27,7 @@ class StepProgress:
         self._step = step
         if self._chunks > 1:
             x, _, z = chunk.execution.simulated.root[-1]
-            self._console.print(
-                f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}", highlight=False
-            )
+            self._console.print(f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}")
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
@@ -41,7 +39,7 @@ class StepProgress:
         line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
         # A line that is too long is cut off for a person, and never for a file.
         whole = not self._console.is_terminal
-        self._console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ellipsis", soft_wrap=whole)
+        self._console.print(line, no_wrap=True, overflow="ellipsis", soft_wrap=whole)
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:

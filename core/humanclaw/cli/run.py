@@ -21,8 +21,8 @@ from humanclaw.cli.options import Deciders, decider_options, plugin_options
 @plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
-    console = Console()
-    console.print(f'{deciders.agent} in {reference}: "{instruction}"', highlight=False, markup=False, soft_wrap=True)
+    console = Console(markup=False, emoji=False, highlight=False)  # What is told is somebody's own words, or a path.
+    console.print(f'{deciders.agent} in {reference}: "{instruction}"', soft_wrap=True)
     with console.status("Loading the plugins") as status:
         # What an episode needs takes a second to import; whoever typed the command has been answered by then.
         from humanclaw.cli.play import play

@@ -130,7 +130,7 @@ def _print(rows: list[dict[str, str]], as_json: bool, shown: Sequence[str], noth
         table.add_column(key, overflow="fold", no_wrap=key not in _WRAPPED)
     for row in rows:
         table.add_row(*(_BRIEF.get(key, str)(row[key]) for key in shown))
-    Console().print(table)
+    Console(markup=False, emoji=False).print(table)
 
 
 def _without_version(source: str) -> str:

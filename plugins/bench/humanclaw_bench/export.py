@@ -39,7 +39,7 @@ def metrics_of(plugins: Plugins) -> Extra:
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Every episode with its scores and, if it failed, its root cause. Many of them show progress."""
     found: list[Scored] = []
-    for recorded in tqdm(episodes, desc=f"scoring {name}", disable=len(episodes) < 50, leave=False):
+    for recorded in tqdm(episodes, desc=f"scoring {name}", disable=None if len(episodes) >= 50 else True, leave=False):
         scores = score(recorded, extra)
         found.append((scores, attribute(recorded, scores)))
     return found
@@ -112,7 +112,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
         features=_features(episodes, actions), use_videos=False,
     )  # fmt: skip
-    for recorded in tqdm(episodes, desc="exporting", disable=len(episodes) < 50, leave=False):
+    for recorded in tqdm(episodes, desc="exporting", disable=None if len(episodes) >= 50 else True, leave=False):
         for frame in _frames(recorded, actions):
             dataset.add_frame(frame)
         dataset.save_episode()

@@ -44,7 +44,7 @@ def import_(
     for collection in open_collection(source, name, FolderMetadata(licence, author, front, table)):
         with tqdm(collection.models, desc=collection.name, unit="model", leave=False) as bar:
             _add(total, import_assets(collection, library, triangles, bar))
-    _tell(total, Console(), library)
+    _tell(total, Console(markup=False, emoji=False), library)
     if not total.imported:
         raise HumanclawError(
             "nothing was imported.", "The models have none of the categories, or none was usable; see above."
@@ -65,7 +65,7 @@ def list_(library: Path, as_json: bool) -> None:
         size = " x ".join(f"{value:.2f}" for value in e.size)
         seat = f"{e.seat_height:.2f}" if e.seat_height else ""
         table.add_row(e.id, e.category, size, seat, e.licence, e.author)
-    Console().print(table)
+    Console(markup=False, emoji=False).print(table)
 
 
 def _add(total: ImportReport, report: ImportReport) -> None:
