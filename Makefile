@@ -45,7 +45,7 @@ lint: install  ## Style, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
-	PYTHONPATH=plugins/ray $(BIN)/lint-imports  # installed by nobody who has no Ray
+	PYTHONPATH=plugins/ray:plugins/rerun $(BIN)/lint-imports  # installed by nobody who has neither Ray nor Rerun
 
 lint-pages:  ## The types of the pages' scripts (needs npx)
 	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json

@@ -19,7 +19,7 @@ from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene
 from humanclaw.body import PARENTS
 from humanclaw.interfaces import Camera, ego_camera
 from humanclaw.pose import FPS, HISTORY, Array
-from humanclaw.scene import Mesh
+from humanclaw.scene import Mesh, SceneObject
 
 Kind = Literal["simulated", "generated"]
 TIME: Final = "time"
@@ -66,20 +66,22 @@ class EpisodeLog:
         fov = np.radians(Camera.fov)
         self._static("world/eyes", rr.Pinhole(fov_y=fov, aspect_ratio=1.0, camera_xyz=rr.ViewCoordinates.RUB))
 
-    # -- what stands there -------------------------------------------------------------------------------------------
+    # -- what stands there ---------------------------------------------------------------------------------------------
     def house(self, scene: Scene) -> None:
         """Log every object but the ceilings, as a mesh with a colour a vertex, where the scene says."""
         self._names = {obj.id: f"{obj.category}_{obj.id}" for obj in scene.objects}
         for obj in scene.objects:
             if obj.category != _LEFT_OUT:
-                self._static(self._path(obj.id), rr.Transform3D(translation=obj.position, quaternion=obj.rotation))
+                self._static(self._path(obj.id), _placed(obj))
                 self._static(self._path(obj.id), _mesh(scene.assets[obj.asset].mesh))
 
-    # -- what moves --------------------------------------------------------------------------------------------------
+    # -- what moves ----------------------------------------------------------------------------------------------------
     def body(self, kind: Kind, motion: Motion, first: int) -> None:
         """Log the skeleton; first: the frame that the motion begins with."""
         path, ends = f"world/body/{kind}", bones(motion)
-        strips = rr.LineStrips3D.columns(strips=ends.reshape(-1, 2, 3)).partition([len(_BONES)] * len(ends))
+        strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3)).partition(
+            [len(_BONES)] * len(ends)
+        )
         self._columns(path, first, len(ends), strips)
 
     def objects(self, paths: Mapping[int, Array], first: int) -> None:
@@ -88,7 +90,7 @@ class EpisodeLog:
             placed = rr.Transform3D.columns(translation=path[:, :3], quaternion=path[:, 3:])
             self._columns(self._path(key), first, len(path), placed)
 
-    # -- what is seen, said and measured -----------------------------------------------------------------------------
+    # -- what is seen, said and measured -------------------------------------------------------------------------------
     def view(self, picture: bytes, body: Motion, frame: int) -> None:
         """Log what the eyes saw (JPEG), and from where: they are the last frame's of a motion."""
         eyes = ego_camera(body)
@@ -190,6 +192,10 @@ def _blueprint() -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Horizontal(house, told, column_shares=[3, 2]), rrb.TimePanel(timeline=TIME))
 
 
+def _placed(obj: SceneObject) -> rr.Transform3D:
+    return rr.Transform3D(translation=obj.position, quaternion=rr.Quaternion(xyzw=obj.rotation))
+
+
 def _mesh(mesh: Mesh) -> rr.Mesh3D:
     return rr.Mesh3D(vertex_positions=mesh.vertices, triangle_indices=mesh.faces, vertex_colors=_colours(mesh))
 
@@ -198,7 +204,7 @@ def _colours(mesh: Mesh) -> NDArray[np.uint8]:
     """(N, 3) colour of the texture at each vertex."""
     height, width = mesh.texture.shape[:2]
     u, v = np.clip(mesh.uv, 0, 1).T
-    return mesh.texture[np.rint((1 - v) * (height - 1)).astype(int), np.rint(u * (width - 1)).astype(int)]
+    return np.asarray(mesh.texture[np.rint((1 - v) * (height - 1)).astype(int), np.rint(u * (width - 1)).astype(int)])
 
 
 @contextmanager

@@ -206,6 +206,10 @@ def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_
 
 
 def test_without_the_variable_nothing_is_logged_and_rerun_is_not_loaded():
-    probe = "import sys, humanclaw_rerun as h; h.humanclaw_step(None, None); import humanclaw_rerun.command; print(*sys.modules)"
+    probe = (
+        "import sys, humanclaw_rerun, humanclaw_rerun.command\n"
+        "humanclaw_rerun.humanclaw_step(None, None)\n"
+        "print(*sys.modules)"
+    )
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "rerun" not in loaded
