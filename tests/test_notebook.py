@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import base64
+import re
 from pathlib import Path
+from typing import Any
 
+import pytest
 from made import picture, record_episode
 
 from humanclaw import RecordedEpisode, load_run
@@ -49,3 +52,30 @@ def test_a_run_shows_how_its_episodes_ended_and_a_line_for_each(tmp_path: Path) 
 def test_a_run_of_one_episode_is_told_in_the_singular(tmp_path: Path) -> None:
     record_episode(tmp_path / "couch-0")
     assert "1 episode: 1 stopped" in load_run(tmp_path)._repr_html_()
+
+
+def outputs(notebook: Any) -> list[str]:
+    """What each cell with an output shows, without its pictures and numbers: those are of a platform."""
+    shown = [out.data["text/html"] for cell in notebook.cells for out in cell.get("outputs", ())]
+    return [re.sub(r"[\d.]+", "0", re.sub(r"base64,[^\"]+", "", html)) for html in shown]
+
+
+def test_the_notebook_of_the_examples_shows_what_executing_it_shows() -> None:
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    notebook = pytest.importorskip("notebook", reason="nbclient is not installed")
+    kept = nbformat.read(notebook.NOTEBOOK, as_version=4)
+    assert outputs(kept) == outputs(notebook.executed())
+    assert [html.partition("</strong>")[0] for html in outputs(kept)] == [
+        "<div><strong>Body in house:0, step 0",
+        "<div><strong>Body in house:0, step 0",
+        "<div><strong>0 episodes: 0 stopped",
+        "<div><strong>Episode free-0",
+    ]
+
+
+def test_the_notebook_of_the_examples_is_small_and_names_no_folder_of_its_maker() -> None:
+    text = (Path(__file__).parents[1] / "examples" / "notebook.ipynb").read_text("utf-8")
+    assert len(text) < 700_000
+    told = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
+    assert not re.findall(r"/(?:tmp|home|root|work|Users)/", told)
