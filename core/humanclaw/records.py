@@ -35,8 +35,8 @@ from humanclaw.pose import FUTURE, Array, Motion, Pose2D
 __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
     "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode",
-    "RecordedRun", "Refusal", "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run",
-    "name_of", "write_record", "writing",
+    "RecordedRun", "Refusal", "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record",
+    "load_run", "name_of", "write_record", "writing",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
