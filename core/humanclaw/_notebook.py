@@ -20,11 +20,6 @@ def spread(count: int, wanted: int = SHOWN) -> list[int]:
     return sorted({round(k * (count - 1) / (wanted - 1)) for k in range(wanted)})
 
 
-def counted(number: int, noun: str) -> str:
-    """1 step, 2 steps."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def card(title: str, lines: Iterable[str], pictures: Sequence[tuple[str, bytes]] = ()) -> str:
     """HTML that needs nothing from outside. pictures: what each is called, and its JPEG."""
     side = 320 if len(pictures) == 1 else 120

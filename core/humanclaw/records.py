@@ -27,7 +27,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import within, write_atomically
-from humanclaw._notebook import card, counted, spread, table
+from humanclaw._notebook import card, spread, table
+from humanclaw._words import counted
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
@@ -384,7 +385,9 @@ class RecordedEpisode:
         _verify(folder, self.record)
         self.steps = tuple(_read_steps(folder / "steps.jsonl"))
         if self.record.files and len(self.steps) != self.record.steps:
-            raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
+            raise RecordError(
+                f"{folder} holds {counted(len(self.steps), 'step')}; its record says {self.record.steps}.", _AGAIN
+            )
 
     @property
     def has_motion(self) -> bool:
