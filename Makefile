@@ -48,7 +48,7 @@ lint: install  ## Style, types and import rules
 	PYTHONPATH=plugins/ray:plugins/rerun $(BIN)/lint-imports  # installed by nobody who has neither Ray nor Rerun
 
 lint-pages:  ## The types of the pages' scripts (needs npx)
-	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json
+	npx --yes -p typescript@5 -p @types/three@0.140 -c 'tsc -p plugins/report/tests/tsconfig.json --typeRoots "$$(dirname "$$(dirname "$$(command -v tsc)")")/@types"'
 
 CHUNKS ?= .data/chunks
 
