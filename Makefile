@@ -3,7 +3,7 @@ PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one 
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install demo demo-film test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks docs lint-pages recognise clean
+.PHONY: help install demo demo-film test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks notebook docs lint-pages recognise clean
 
 help:  ## What can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -45,10 +45,10 @@ lint: install  ## Style, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
-	PYTHONPATH=plugins/ray $(BIN)/lint-imports  # installed by nobody who has no Ray
+	PYTHONPATH=plugins/ray:plugins/rerun $(BIN)/lint-imports  # installed by nobody who has neither Ray nor Rerun
 
 lint-pages:  ## The types of the pages' scripts (needs npx)
-	npx --yes -p typescript@5 -p @types/three@0.140 tsc -p plugins/report/tests/tsconfig.json
+	npx --yes -p typescript@5 -p @types/three@0.140 -c 'tsc -p plugins/report/tests/tsconfig.json --typeRoots "$$(dirname "$$(dirname "$$(command -v tsc)")")/@types"'
 
 CHUNKS ?= .data/chunks
 
@@ -92,6 +92,9 @@ mcp-clients: install  ## Seven MCP clients drive the body, each in an environmen
 
 frameworks: install  ## Seven agent frameworks drive the body by body.tools, each in an environment of its own (minutes)
 	$(BIN)/python harnesses/frameworks/clients/run.py
+
+notebook: install  ## The outputs of examples/notebook.ipynb, made again (a minute)
+	$(BIN)/python tests/support/notebook.py
 
 docs: install  ## The site of docs/ into site/, strict: a broken link or an undocumented name ends it
 	$(BIN)/pip install --quiet --no-build-isolation -e ".[docs]"

@@ -144,6 +144,7 @@ IMPORTED_AS = {
     "agents": "openai-agents",
     "google": "google-genai",
     "pydantic_ai": "pydantic-ai-slim",
+    "rerun": "rerun-sdk",
     "skimage": "scikit-image",
 }
 OPTIONAL = {"alktx2", "onnxruntime", "openvino"}

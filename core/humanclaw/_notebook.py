@@ -1,4 +1,4 @@
-"""How a body, an episode and a record show themselves in a notebook: a few pictures over a few words."""
+"""How a body, an episode, a record and a run show themselves in a notebook: a few pictures or rows over a few words."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Final
 
 SHOWN: Final = 8
 """Pictures of a strip at most."""
+ROWS: Final = 20
+"""Of a table at most."""
 
 
 def spread(count: int, wanted: int = SHOWN) -> list[int]:
@@ -29,3 +31,15 @@ def card(title: str, lines: Iterable[str], pictures: Sequence[tuple[str, bytes]]
     told = "".join(f"<div>{escape(line)}</div>" for line in lines if line)
     strip = f'<div style="display:flex;flex-wrap:wrap;gap:6px;margin-top:6px">{shown}</div>' if shown else ""
     return f"<div><strong>{escape(title)}</strong>{told}{strip}</div>"
+
+
+def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """HTML of the first rows, which says how many more there are."""
+    lines = [_row("th", head), *(_row("td", row) for row in rows[:ROWS])]
+    more = f"<div>and {len(rows) - ROWS} more</div>" if len(rows) > ROWS else ""
+    return f"<div><strong>{escape(title)}</strong><table>{''.join(lines)}</table>{more}</div>"
+
+
+def _row(tag: str, cells: Sequence[str]) -> str:
+    shown = "".join(f'<{tag} style="text-align:left">{escape(cell)}</{tag}>' for cell in cells)
+    return f"<tr>{shown}</tr>"

@@ -14,6 +14,7 @@ import os
 import re
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,16 +27,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import within, write_atomically
-from humanclaw._notebook import card, spread
+from humanclaw._notebook import card, spread, table
+from humanclaw._words import counted
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
 
 __all__ = [
     "Answer", "Attempt", "Call", "Contact", "Decision", "Difficulty", "Displacement", "EpisodeRecord", "EpisodeSpec",
-    "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode", "Refusal",
-    "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record", "load_run", "name_of",
-    "write_record", "writing",
+    "EpisodeWriter", "Feedback", "Outcome", "PlayedPart", "Proprioception", "Record", "RecordedEpisode",
+    "RecordedRun", "Refusal", "SkillInfo", "StepRecord", "Touch", "Usage", "Vec3", "Verdict", "close_record",
+    "load_run", "name_of", "write_record", "writing",
 ]  # fmt: skip
 
 FORMAT: Literal[2] = 2
@@ -383,7 +385,9 @@ class RecordedEpisode:
         _verify(folder, self.record)
         self.steps = tuple(_read_steps(folder / "steps.jsonl"))
         if self.record.files and len(self.steps) != self.record.steps:
-            raise RecordError(f"{folder} holds {len(self.steps)} steps; its record says {self.record.steps}.", _AGAIN)
+            raise RecordError(
+                f"{folder} holds {counted(len(self.steps), 'step')}; its record says {self.record.steps}.", _AGAIN
+            )
 
     @property
     def has_motion(self) -> bool:
@@ -417,7 +421,7 @@ class RecordedEpisode:
         spec, count = self.record.spec, len(self.steps)
         kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
         pictures = [(f"step {kept[k].step}", _read(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
-        ended = f"{self.record.outcome.replace('_', ' ')} after {count} step{'' if count == 1 else 's'}"
+        ended = f"{self.record.outcome.replace('_', ' ')} after {counted(count, 'step')}"
         return card(f"Episode {spec.id}", [f"{self.record.agent}: {spec.instruction}", ended], pictures)
 
     @property
@@ -437,7 +441,30 @@ class RecordedEpisode:
         return state.hexdigest()
 
 
-def load_run(folder: Path) -> list[RecordedEpisode]:
+class RecordedRun(list[RecordedEpisode]):
+    """The episodes of a run, a list that shows itself in a notebook."""
+
+    def _repr_html_(self) -> str:
+        """Return how many episodes came to which end, and a line for each of the first."""
+        ends = Counter(episode.record.outcome.replace("_", " ") for episode in self)
+        told = ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())
+        head = ("episode", "instruction", "agent", "outcome", "steps", "to the target")
+        return table(f"{counted(len(self), 'episode')}: {told}", head, [_cells(episode) for episode in self])
+
+
+def _cells(episode: RecordedEpisode) -> tuple[str, ...]:
+    record, last = episode.record, episode.steps[-1].target_distance if episode.steps else None
+    return (
+        record.spec.id,
+        record.spec.instruction,
+        record.agent,
+        record.outcome.replace("_", " "),
+        str(len(episode.steps)),
+        "" if last is None else f"{last:.2f} m",
+    )
+
+
+def load_run(folder: Path) -> RecordedRun:
     """Read all episodes under a folder, by name. Raises RecordError if there are none."""
     found = sorted(path.parent for path in folder.rglob("episode.json"))
     if not found:
@@ -445,7 +472,7 @@ def load_run(folder: Path) -> list[RecordedEpisode]:
             f"there is no episode record in {folder}.",
             "Name a folder that `humanclaw run` or `humanclaw bench run` wrote.",
         )
-    episodes = [RecordedEpisode(path) for path in found]
+    episodes = RecordedRun(map(RecordedEpisode, found))
     for run in {path.parent for path in found if (path.parent / "run.json").exists()}:
         _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
     return episodes

@@ -18,6 +18,7 @@ import click
 import humanclaw
 from humanclaw._distributions import bringing, install, nearest, table
 from humanclaw._lazy import lazy
+from humanclaw._words import counted
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
@@ -30,11 +31,12 @@ if TYPE_CHECKING:
         plugin_files,
         plugin_options,
     )
+    from humanclaw.cli.tables import show_markdown
     from humanclaw.plugins import Plugins
 
 __all__ = [
-    "Commands", "Deciders", "LazyCommand", "build", "check_options", "decider_options", "engine_options", "main",
-    "plugin_files", "plugin_options",
+    "Commands", "Deciders", "LazyCommand", "build", "check_options", "counted", "decider_options", "engine_options",
+    "main", "plugin_files", "plugin_options", "show_markdown",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,
@@ -46,6 +48,7 @@ __getattr__ = lazy(
         "engine_options": "options",
         "plugin_files": "options",
         "plugin_options": "options",
+        "show_markdown": "tables",
     },
 )
 

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
 
 from humanclaw._skill_check import CHECKS
+from humanclaw._words import counted
 from humanclaw.cli.options import plugin_options
 from humanclaw.plugins import Choice, Plugins
 
@@ -50,8 +52,7 @@ def check(
     a Python file with a hook humanclaw_skills. Without any, all installed skills are checked.
     """
     if listing:
-        width = max(map(len, CHECKS))
-        click.echo("\n".join(f"{name:<{width}}  {says}" for name, says in CHECKS.items()))
+        _list_checks(as_json)
         return
     from humanclaw.testing import check_target  # Bodies and all, which other commands need not wait for.
 
@@ -70,14 +71,21 @@ def check(
     sys.exit(not all(report.passed for report in reports))
 
 
+def _list_checks(as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(dict(CHECKS), indent=2))
+        return
+    table = Table.grid("name", "what holds", padding=(0, 2))
+    table.columns[0].no_wrap = True
+    for name, says in CHECKS.items():
+        table.add_row(name, escape(says))
+    Console(highlight=False).print(table)
+
+
 def _row(report: Report) -> dict[str, Any]:
     faults = [{"check": one.check, "problem": one.message, "remedy": one.remedy} for one in report.faults]
     played = {"calls": report.calls, "engines": report.engines, "notes": report.notes}
     return {"skill": report.skill, "passed": report.passed, "faults": faults, **played}
-
-
-def _counted(count: int, name: str) -> str:
-    return f"{count} {name}{'s' * (count != 1)}"
 
 
 def _print(reports: Sequence[Report]) -> None:
@@ -87,14 +95,14 @@ def _print(reports: Sequence[Report]) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     broken = sum(not report.passed for report in reports)
     found = sum(len(report.faults) for report in reports)
-    skills = _counted(len(reports), "skill")
-    told = f"{_counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
+    skills = counted(len(reports), "skill")
+    told = f"{counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
     console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
 
 
 def _lines(report: Report) -> Iterator[str]:
     if report.passed:
-        played = f"{_counted(report.calls, 'call')} played on {', '.join(['a fake body', *report.engines])}"
+        played = f"{counted(report.calls, 'call')} played on {', '.join(['a fake body', *report.engines])}"
         yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"
     else:
         yield f"[red]fault[/] {escape(report.skill)}"

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from humanclaw.cli.options import SIMULATOR_HELP
+from humanclaw.cli.tables import show_markdown
 from humanclaw.half_physics.profile import PROFILES
 
 _CHECKS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
@@ -55,7 +56,10 @@ def physics(
             bar.update(task, description=name)
             findings += list(CHECKS[name](fixture, lambda: bar.advance(task)))
     rows = [asdict(finding) | {"holds": finding.holds} for finding in findings]
-    click.echo(json.dumps(rows, indent=2, ensure_ascii=False) if as_json else table(findings))
+    if as_json:
+        click.echo(json.dumps(rows, indent=2, ensure_ascii=False))
+    else:
+        show_markdown(table(findings))
     sys.exit(not all(finding.holds for finding in findings))
 
 
@@ -77,14 +81,15 @@ def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: i
         walking = Quartiles.of(chunk_times(fixture, house, chunks, lambda: bar.advance(task)))
         bar.update(task, description="resetting")
         loading, memory = reset_times(fixture.simulator(), house, resets, lambda: bar.advance(task))
+    tenth = min(10, resets)
     rows = (
         (f"0.5 s in {scene}, {FIXED} fixed and {MOVABLE} movable objects", f"{walking} ms", "< 100 ms"),
         ("loading it", f"{Quartiles.of(loading)} ms", "< 2000 ms"),
-        (f"memory, reset 10 to {resets}", f"{memory[min(9, resets - 1)]:.0f} to {memory[-1]:.0f} MB", "flat"),
+        (f"memory, reset {tenth} to {resets}", f"{memory[tenth - 1]:.0f} to {memory[-1]:.0f} MB", "flat"),
     )
     if as_json:
         keys = ("what", "found", "target")
         click.echo(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=2, ensure_ascii=False))
         return
     lines = ["| world speed | found | target |", "| --- | --- | --- |", *(f"| {' | '.join(row)} |" for row in rows)]
-    click.echo("\n".join(lines))
+    show_markdown("\n".join(lines))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+from humanclaw._words import counted
 from humanclaw.embodiment import Chunk
 from humanclaw.hookspecs import hookimpl
 from humanclaw.records import EpisodeRecord, StepRecord
@@ -44,7 +45,7 @@ class StepProgress:
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
     """How the episode ended, in a sentence."""
-    parts = [f"{record.outcome.replace('_', ' ')} after {record.steps} step{'' if record.steps == 1 else 's'}"]
+    parts = [f"{record.outcome.replace('_', ' ')} after {counted(record.steps, 'step')}"]
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")
         parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")

@@ -92,6 +92,26 @@ def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
     return "\n".join(lines)
 
 
+def plain(scores: Mapping[str, Sequence[Scores]]) -> dict[str, Any]:
+    """Return the same for JSON: rates as fractions, None where there is none."""
+    rates = {
+        setting.name: {"episodes": len(scores[setting.name])}
+        | {metric.name: _share(metric, scores[setting.name]) for metric in (FIND, NAV, INTERACT)}
+        for setting in SETTINGS
+    }
+    directions = [
+        {"setting": one.setting, "metric": one.metric, "baseline": one.difference.a, "with": one.difference.b,
+         "p": one.difference.p, "reproduced": one.reproduced}
+        for one in findings(scores)
+    ]  # fmt: skip
+    return {"settings": rates, "directions": directions}
+
+
+def _share(metric: Metric, scores: Sequence[Scores]) -> float | None:
+    found = estimate(metric, scores)
+    return found.value if found.count else None
+
+
 def _rate(metric: Metric, scores: Sequence[Scores]) -> str:
     found = estimate(metric, scores)
     return f"{100 * found.value:.1f} % [{100 * found.low:.0f}, {100 * found.high:.0f}]" if found.count else "-"

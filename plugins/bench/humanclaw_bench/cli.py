@@ -14,7 +14,7 @@ from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
-from humanclaw.cli import Deciders, LazyCommand, decider_options, plugin_files, plugin_options
+from humanclaw.cli import Deciders, LazyCommand, counted, decider_options, plugin_files, plugin_options
 from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
@@ -221,8 +221,9 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
 @bench.command()
 @click.argument("run", type=RUN)
 @click.option("--out", type=RUN, help="Where to write; the default is scores.jsonl in the run.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @plugin_files
-def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
+def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Score a run again from its records: a line an episode with every number and the root cause."""
     out = out or run / "scores.jsonl"
     found = scored(load_run(run), metrics_of(Plugins.discover(files)), run.name)
@@ -230,7 +231,11 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
         out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    _print(terminal(main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False), Console().width))
+    scores = main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False)
+    if as_json:
+        _print_json(plain(scores) | {"scores": str(out)})
+        return
+    _print(terminal(scores, Console().width))
     click.echo(f"scores: {out}")
 
 
@@ -240,14 +245,13 @@ def rescore(run: Path, out: Path | None, files: tuple[Path, ...]) -> None:
 def verify(run: Path, submission: Path | None) -> None:
     """Hold every file of a run to the digests in its records, and name what is damaged."""
     count, faults = damage(run)
-    many = "1 record" if count == 1 else f"{count} records"
     told = f"{len(faults)} damaged." if faults else "all whole."
     if submission and not faults:
         faults = submissions.contradictions(submissions.read(submission), run)
         told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
     for fault in faults:
         click.echo(fault)
-    click.echo(f"{many} in {run}: {told}")
+    click.echo(f"{counted(count, 'record')} in {run}: {told}")
     if faults:
         raise SystemExit(1)
 

@@ -3,7 +3,9 @@ asked."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import count
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import click
 from rich.console import Console
 
 from humanclaw import Backends, EpisodeSpec, Plugins, load_run
+from humanclaw.cli import show_markdown
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import scored
@@ -24,6 +27,8 @@ from humanclaw_bench.worker import Job
 _SPLIT = click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file.")
 _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
 
 @click.command()
 @_SPLIT
@@ -35,14 +40,18 @@ _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_def
     show_default=True,
     help="Folder of the runs.",
 )
-def ablate(name: str, workers: int, out: Path) -> None:
+@_JSON
+def ablate(name: str, workers: int, out: Path, as_json: bool) -> None:
     """Run the paper's ablation with a scripted bounded agent: five settings, and whether the four directions come
     out."""
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
-        click.echo(setting.name)
+        click.echo(setting.name, err=True)
         scores[setting.name] = [one for one, _ in _played(specs, setting.job(Backends()), out / setting.name, workers)]
-    click.echo(ablation.markdown(scores))
+    if as_json:
+        click.echo(json.dumps(ablation.plain(scores), indent=2))
+    else:
+        show_markdown(ablation.markdown(scores))
 
 
 @click.command("repair")
@@ -55,7 +64,8 @@ def ablate(name: str, workers: int, out: Path) -> None:
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True, help="Folder of the runs."
 )
-def repair_command(name: str, each: int, pairs: int, workers: int, out: Path) -> None:
+@_JSON
+def repair_command(name: str, each: int, pairs: int, workers: int, out: Path, as_json: bool) -> None:
     """Whether root causes name what is wrong: failures of known origin, and what mends them."""
     specs, faults = load_split(name), repair.known_faults(Plugins.discover())
     causes = _failures(specs, faults, each, out, workers)
@@ -63,9 +73,15 @@ def repair_command(name: str, each: int, pairs: int, workers: int, out: Path) ->
     for capability in repair.capabilities(faults):
         folder = out / f"{capability}--repaired"
         right |= _repaired(repair.blamed(specs, causes, capability), faults, capability, folder, workers)
-    click.echo(repair.markdown(repair.repaired(causes, right)))
-    if pairs:
-        click.echo("\n" + repair.pairs_markdown(_pairs(specs, faults, pairs, out / "pairs", workers)))
+    singly = repair.repaired(causes, right)
+    paired = _pairs(specs, faults, pairs, out / "pairs", workers) if pairs else ()
+    if as_json:
+        found = {"one fault": [asdict(one) for one in singly], "two faults": [asdict(one) for one in paired]}
+        click.echo(json.dumps(found, indent=2))
+        return
+    show_markdown(repair.markdown(singly))
+    if paired:
+        show_markdown("\n" + repair.pairs_markdown(paired))
 
 
 def _pairs(
@@ -120,7 +136,7 @@ def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> 
     if not specs:
         return []
     plugins = Plugins.discover()
-    with RunProgress(Console(), out) as progress:
+    with RunProgress(Console(stderr=True), out) as progress:
         player = plugins.make("executors", "local", workers, "")
         status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
         progress.end(status)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from humanclaw import RecordedEpisode, RecordError
+from humanclaw.cli import counted
 from humanclaw_bench.export import Scored, metrics_of, scored
 from humanclaw_bench.metrics import ALL, COST, common, compare
 from humanclaw_bench.statistics import Difference
@@ -86,7 +87,7 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
     rows = [compared(Column.of(metric), differences[metric.name]) for metric in ALL if metric.name in differences]
     both = len(common(one.scores, two.scores))
     notes = (
-        f"Over the {both} episodes that both finished. A: {one.name}. B: {two.name}. p: McNemar's exact test for "
-        "rates, random swaps for the rest, raised (Holm).",
+        f"Over the {counted(both, 'episode')} that both finished. A: {one.name}. B: {two.name}. p: McNemar's exact "
+        "test for rates, random swaps for the rest, raised (Holm).",
     )
     page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)

@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
+from humanclaw.cli import counted
 from humanclaw_bench.runner import RunStatus
 from humanclaw_bench.worker import WorkerReport
 
@@ -30,10 +31,13 @@ class RunProgress:
         self._bar.update(self._task, completed=status.done, total=status.total, description=_rate(status))
         if report is None:
             before = f", {status.done} of them have ended before" if status.done else ""
-            self._print(f"{self._out}: {status.total} episodes{before}. Ctrl-C stops after the steps under way.")
+            self._print(
+                f"{self._out}: {counted(status.total, 'episode')}{before}. Ctrl-C stops after the steps under way."
+            )
             return
         why = f"  {report.error}" if report.error else ""
-        line = f"{status.done:>5}/{status.total}  {report.episode:<30} {report.outcome:<13} {report.steps:>3} steps "
+        steps = counted(report.steps, "step")
+        line = f"{status.done:>5}/{status.total}  {report.episode:<30} {report.outcome:<13} {steps:>9} "
         left = "" if self._console.is_terminal else f"  {_rate(status)}"
         self._print(f"{line} {report.seconds:6.1f} s{left}{why}")
 
@@ -43,7 +47,8 @@ class RunProgress:
         state = "stopped" if status.stopped else "ended"
         failed = f", {status.failed} broken by infrastructure" if status.failed else ""
         self._print(
-            f"{state}: {status.done} of {status.total} episodes{failed}; {_clock(status.seconds)}{_spent(status)}."
+            f"{state}: {status.done} of {counted(status.total, 'episode')}{failed}; "
+            f"{_clock(status.seconds)}{_spent(status)}."
         )
         if status.done < status.total:
             self._print("The same command goes on from here.")

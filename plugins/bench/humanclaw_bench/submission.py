@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
+from humanclaw.cli import counted
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.metrics import FIND, INTERACT, NAV, Scores, estimate
@@ -194,7 +195,7 @@ def _section(split: str, entries: Sequence[tuple[Path, Submission]]) -> str:
     head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in _TITLES)
     rows = "".join("<tr>" + "".join(_cells(path, one)) + "</tr>" for path, one in ordered)
     asked = max(one.asked for _, one in entries)
-    caption = f"{asked} episodes, split {html.escape(split[:12])}"
+    caption = f"{counted(asked, 'episode')}, split {html.escape(split[:12])}"
     return f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
 

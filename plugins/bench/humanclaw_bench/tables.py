@@ -17,6 +17,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from humanclaw.cli import counted
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
@@ -132,8 +133,8 @@ class Result:
         asked."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
-        count = f"{len(self.finished)} of {self.total}" if self.partial else str(self.total)
-        return f"{self.name}: {count} episode{'' if self.total == 1 else 's'}{left_out}.{self._broken}{self._unasked}"
+        of = f"{len(self.finished)} of " if self.partial else ""
+        return f"{self.name}: {of}{counted(self.total, 'episode')}{left_out}.{self._broken}{self._unasked}"
 
     @property
     def _broken(self) -> str:
@@ -459,8 +460,8 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
     count = max((d.count for d in differences.values()), default=0)
     caption = (
-        f"Over the {count} episodes that both finished. p: of swapping the runs house by house, exactly for rates "
-        "(with an episode a house McNemar's test), at random for the rest; raised (Holm) for the three success "
+        f"Over the {counted(count, 'episode')} that both finished. p: of swapping the runs house by house, exactly for "
+        "rates (with an episode a house McNemar's test), at random for the rest; raised (Holm) for the three success "
         f"rates and for the other metrics. Noise: p of {SIGNIFICANT} or more. Too few to tell: no difference whatever "
         f"could have had less, or the interval leaves room for {100 * TELLING:.0f} points either way."
     )

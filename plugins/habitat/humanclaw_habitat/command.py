@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
+from humanclaw.cli import counted
 from humanclaw.tasks import write_episodes
 from humanclaw_habitat.categories import GOALS
 from humanclaw_habitat.dataset import Dataset
@@ -91,7 +92,7 @@ def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: boo
     write_episodes(out, specs)
     click.echo(f"{out}")
     categories = Counter(spec.target_category for spec in specs)
-    click.echo(f"  episodes      {len(specs)} in {len({spec.scene for spec in specs})} scenes")
+    click.echo(f"  episodes      {len(specs)} in {counted(len({spec.scene for spec in specs}), 'scene')}")
     click.echo("  categories    " + ", ".join(f"{name} {count}" for name, count in categories.most_common()))
     if left_out.reasons:
         click.get_current_context().exit(1)
@@ -107,10 +108,11 @@ def _tell(scene: Scene) -> bool:
     targets = Counter(obj.category for obj in scene.objects if obj.category in GOALS)
     triangles = sum(len(scene.assets[obj.asset].mesh.faces) for obj in scene.objects)
     movable = sum(obj.movable for obj in scene.objects)
+    objects, assets = counted(len(scene.objects), "object"), counted(len(scene.assets), "asset")
     click.echo(
-        f"{scene.name}: {len(scene.objects)} objects ({movable} movable) of {len(scene.assets)} assets, {triangles} "
+        f"{scene.name}: {objects} ({movable} movable) of {assets}, {triangles} "
         "triangles, "
-        f"{len({room.name for room in scene.rooms})} rooms; "
+        f"{counted(len({room.name for room in scene.rooms}), 'room')}; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )
     for note, what in (("left_out", "left out"), ("without_textures", "without textures"), ("ignored", "ignored")):

@@ -12,6 +12,7 @@ from rich.table import Table
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
+from humanclaw.cli import counted
 from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets
 from humanclaw_houses.importers import open_collection
 from humanclaw_houses.importers.folder import COLUMNS, FolderMetadata
@@ -33,9 +34,11 @@ def assets() -> None:
 @click.option("--author", default="", help="For a folder of models: who made them.")
 @click.option("--front", default="+z", show_default=True, type=click.Choice(["+z", "-z", "+x", "-x"]),
               help="For a folder of models: the way fronts face that the mesh itself does not tell.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def import_(
-    source: Path, library: Path, name: str, triangles: int, table: Path | None, licence: str, author: str, front: str
-) -> None:
+    source: Path, library: Path, name: str, triangles: int, table: Path | None, licence: str, author: str, front: str,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Import furniture into a library: a Sweet Home 3D library (.sh3f) or a folder of GLB or OBJ models.
 
     Importing again changes nothing; importing another source into the same library adds to it.
@@ -44,7 +47,10 @@ def import_(
     for collection in open_collection(source, name, FolderMetadata(licence, author, front, table)):
         with tqdm(collection.models, desc=collection.name, unit="model", leave=False) as bar:
             _add(total, import_assets(collection, library, triangles, bar))
-    _tell(total, Console(markup=False, emoji=False), library)
+    if as_json:
+        click.echo(json.dumps(vars(total), indent=2, ensure_ascii=False))
+    else:
+        _tell(total, Console(markup=False, emoji=False), library)
     if not total.imported:
         raise HumanclawError(
             "nothing was imported.", "The models have none of the categories, or none was usable; see above."
@@ -91,7 +97,8 @@ def _tell(report: ImportReport, console: Console, library: Path) -> None:
     if report.passed_over:
         console.print(f"left out, doors, windows and stairs: {report.passed_over}", highlight=False)
     console.print(
-        f"{library}: {count} assets from this source ({report.unchanged} unchanged), {report.triangles} triangles, "
+        f"{library}: {counted(count, 'asset')} from this source ({report.unchanged} unchanged), "
+        f"{report.triangles} triangles, "
         f"{report.hulls} hulls, {len(report.rejected)} rejected.", highlight=False,
     )  # fmt: skip
 

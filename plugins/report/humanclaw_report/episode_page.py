@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.cli import counted
 from humanclaw.outcomes import touched_above_ground
 from humanclaw.pose import Array
 from humanclaw.records import Usage
@@ -26,7 +27,6 @@ from humanclaw_report.facts import (
     ContactRow,
     Milestone,
     contacts_of,
-    counted,
     in_words,
     milestones,
     name_of_object,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.cli import counted
 from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
 
 
@@ -27,11 +28,6 @@ class ContactRow:
     steps: str
     kind: str
     depth: float
-
-
-def counted(number: int, noun: str) -> str:
-    """1 step, 2 steps."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
+from humanclaw.cli import show_markdown
 from humanclaw.pose import FPS, FUTURE
 from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.synthetic import synthetic_chunks
+from humanclaw_train.tables import as_json
 
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
 """Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg
@@ -118,6 +120,7 @@ def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[T
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
     parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
     parser.add_argument("--seconds", type=float, default=4000.0, help="synthetic motion a skill")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--without", nargs="*", default=[], help="sources that are left out, for instance HDM05")
     parser.add_argument(
@@ -133,7 +136,10 @@ def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[T
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"{table(chunks)}\n\n{histograms(chunks)}")
+    if options.json:
+        print(as_json(statistics(chunks)))
+    else:
+        show_markdown(f"{table(chunks)}\n\n{histograms(chunks)}")
     return 0
 
 

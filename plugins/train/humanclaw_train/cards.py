@@ -1,5 +1,4 @@
-"""Model cards: one beside each checkpoint, written from its header and the fidelity report, so that they cannot
-disagree.
+"""Model cards: one beside each checkpoint, from its header and the fidelity report.
 
 humanclaw cards                   write README.md beside every checkpoint
 humanclaw cards --skill FOLDER    write it for a skill of your own

@@ -26,6 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 from humanclaw import CheckpointError, HumanclawError
+from humanclaw.cli import show_markdown
 from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
@@ -43,7 +44,7 @@ from humanclaw_train.rollouts import (
     roll,
 )
 from humanclaw_train.simulated import Actor, roll_simulated
-from humanclaw_train.tables import cell, numbers, save, table
+from humanclaw_train.tables import as_json, cell, numbers, save, table
 from humanclaw_train.travel import Uncommanded, uncommanded, uncommanded_table, walker
 
 if TYPE_CHECKING:
@@ -293,9 +294,12 @@ def main(
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(markdown(report.rows))
-    print("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
-    print(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
+    if options.json:
+        print(as_json(report))
+        return 0
+    show_markdown(markdown(report.rows))
+    show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
+    show_markdown(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
     return 0
 
 
@@ -353,6 +357,7 @@ def generator_options(parser: argparse.ArgumentParser) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--simulated", action="store_true", help="measure in half-physics as well (minutes)")
     parser.add_argument(
         "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders to take median clips from"

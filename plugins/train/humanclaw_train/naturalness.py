@@ -24,15 +24,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from humanclaw import CheckpointError, HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
+from humanclaw.cli import show_markdown
 from humanclaw.measures import MEASURES, Declaration, suited
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
@@ -41,7 +42,7 @@ from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.measures import SEAM, Features, Gait
 from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, file_digest, others, roll
-from humanclaw_train.tables import cell, numbers, save, table
+from humanclaw_train.tables import as_json, cell, numbers, save, table
 from humanclaw_train.travel import Drift, drift, straight_walks, walker
 
 _NAN: Final = float("nan")
@@ -565,6 +566,20 @@ def sequences_table(found: Mapping[str, float]) -> str:
     return f"{table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs stand in the paper's order."
 
 
+@dataclass
+class _Teller:
+    """Shows each thing as soon as it is found, or keeps all for JSON: the whole takes minutes."""
+
+    keeps: bool
+    found: dict[str, Any] = field(default_factory=dict)
+
+    def __call__(self, name: str, found: Any, words: Callable[[Any], str]) -> None:
+        if self.keeps:
+            self.found[name] = found
+        else:
+            show_markdown(words(found) + "\n\n")
+
+
 def main(
     arguments: Sequence[str] | None = None, installed: Installed | None = None, commanded: Measures = lambda: MEASURES
 ) -> int:
@@ -573,33 +588,34 @@ def main(
     installed: finds the skills that are measured. commanded: finds what they command.
     """
     options = _parser().parse_args(arguments)
+    tell = _Teller(options.json)
     try:
         generator = made_generator(options)
         paths, known = adapters(options.adapters, options.skills, installed), commanded()
         commands = [Command.of(skill, path, known) for skill, path in paths.items()]
         rows = skills(generator, commands, options.chunks, options.rollouts, options.seed)
-        print(skills_table(rows), flush=True)
-        print("\n" + sequences_table(sequence_jerks(generator, commands, seed=options.seed)), flush=True)
+        tell("skills", rows, skills_table)
+        tell("sequences", sequence_jerks(generator, commands, seed=options.seed), sequences_table)
         first = first_steps(generator, commands, seed=options.seed)
-        print("\n" + first_steps_table(first), flush=True)
+        tell("first steps", first, first_steps_table)
         if options.save:
             digests = {one.skill: file_digest(one.adapter) for one in commands}
             report = NaturalnessReport(generator.digest, str(generator.solver), digests, tuple(rows), first)
             save(options.save, asdict(report))
         if (walks := walker(commands)) is not None:
             made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
-            clips = load_pack(options.clips) if options.clips else []
-            print("\n" + gait_table(real_gaits(clips, walks.skill), made), flush=True)
-            print("\n" + drift_line(drift(generator, walks, min(10, options.bodies), seed=options.seed)), flush=True)
+            real = real_gaits(load_pack(options.clips) if options.clips else [], walks.skill)
+            tell("gaits", (real, made), lambda gaits: gait_table(*gaits))
+            tell("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
         peak = real_peak(options.chunks, commands)
-        print(
-            "\n" + transitions_table(transitions(generator, commands, peak, options.bodies, options.seed)), flush=True
-        )
-        print("\n" + life_line(life(generator, commands, options.calls, seed=options.seed)))
+        tell("transitions", transitions(generator, commands, peak, options.bodies, options.seed), transitions_table)
+        tell("life", life(generator, commands, options.calls, seed=options.seed), life_line)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"\n{generator.solver}; base {generator.digest}")
+    tell("solver", f"{generator.solver}; base {generator.digest}", str)
+    if options.json:
+        print(as_json(tell.found))
     return 0
 
 
@@ -611,6 +627,7 @@ def _parser() -> argparse.ArgumentParser:
         "--clips", type=Path, help="folder with clips.csv, whose straight walks the gait is compared with"
     )
     parser.add_argument("--save", type=Path, metavar="FILE", help="write rows and first steps as JSON, for the cards")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--bodies", type=int, default=20, help="for each pair of skills")
     parser.add_argument("--calls", type=int, default=120, help="of a long life")
     return parser

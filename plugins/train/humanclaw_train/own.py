@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, Motion
+from humanclaw.cli import show_markdown
 from humanclaw.measures import MEASURES, Declaration, Measure, Parameter, from_si, outcomes
 from humanclaw.motion import load_base, shipped_base
 from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
@@ -29,11 +30,12 @@ from humanclaw_train import mocap
 from humanclaw_train.build import histograms, table
 from humanclaw_train.chunks import Chunks, Clip, cut, load_pack
 from humanclaw_train.commands import Trained
-from humanclaw_train.curate import WINDOW_STRIDE, sane, travel
+from humanclaw_train.curate import WINDOW_STRIDE, sane, statistics, travel
 from humanclaw_train.mocap import MocapError
 from humanclaw_train.retarget import retarget
 from humanclaw_train.retimed import retimed
 from humanclaw_train.rollouts import Measures
+from humanclaw_train.tables import as_json
 
 CHUNKS: Final = Path(".data/chunks")
 """Where chunks are kept, and looked for."""
@@ -213,7 +215,10 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
+    if options.json:
+        print(as_json(statistics({skill.name: chunks})))
+    else:
+        show_markdown(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
     for line in too_wide(skill, chunks):
         print(f"warning: {line}", file=sys.stderr)
     return 0
@@ -225,6 +230,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of motion")
     parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
     parser.add_argument("--seconds", type=float, default=4000.0, help="of clips at other paces, for a posture")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--base", type=Path, help="base checkpoint, for how it stands (default: the shipped one)")
     return parser

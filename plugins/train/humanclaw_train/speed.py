@@ -28,6 +28,7 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor, nn
 
 from humanclaw import HumanclawError
+from humanclaw.cli import show_markdown
 from humanclaw.motion import SIZES, AdapterConfig, DiTGenerator, Solver, control, dit
 from humanclaw.motion import flow as numpy_flow
 from humanclaw.pose import FUTURE, HISTORY, STATE_SIZE
@@ -37,6 +38,7 @@ from humanclaw_train.dit import DiT, Modulations
 from humanclaw_train.fidelity import milliseconds
 from humanclaw_train.flow import velocity
 from humanclaw_train.rollouts import Command, Installed, adapters
+from humanclaw_train.tables import as_json
 
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
@@ -269,8 +271,11 @@ def main(arguments: Sequence[str] | None = None, skills: Installed | None = None
             timings += _told(measure(size, threads, 1, SOLVERS, runtimes))
         for bodies in options.bodies:
             timings += _told(measure(size, options.threads[0], bodies, SOLVERS[:1], runtimes))
-    print(markdown(timings))
-    print(f"\n{verdict(timings)}")
+    if options.json:
+        print(as_json(timings))
+        return 0
+    show_markdown(markdown(timings))
+    show_markdown(f"\n{verdict(timings)}")
     absent = [name for name in RUNTIMES if name not in runtimes]
     if absent:
         print(f"Not installed, not measured: {', '.join(absent)}.")
@@ -292,6 +297,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--bodies", type=int, nargs="*", default=[8, 64], help="batches, timed with the default solver")
     parser.add_argument("--adapters", type=Path, nargs="*", help="folders of adapters (default: the installed skills)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
 

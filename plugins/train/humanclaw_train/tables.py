@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +27,20 @@ def cell(value: float, digits: int = 1) -> str:
 def save(path: Path, content: Mapping[str, Any]) -> None:
     """Write a report as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, (json.dumps(_plain(content), indent=1) + "\n").encode())
+    write_atomically(path, (as_json(content) + "\n").encode())
+
+
+def as_json(content: Any) -> str:
+    """Return a report as JSON."""
+    return json.dumps(_plain(content), indent=1)
 
 
 def _plain(value: Any) -> Any:
     """JSON has no NaN: null stands for it. Six digits are plenty."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
     if isinstance(value, Mapping):
         return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

@@ -190,7 +190,8 @@ def test_without_motion_nothing_is_simulated(simulator, still):
 
 
 # -- the command line -------------------------------------------------------------------------------------------------
-def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still, capsys, tmp_path):
+def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     folder = still[1].parent.parent
     file = tmp_path / "fidelity.json"
     arguments = ["--adapters", str(folder), "--base", str(folder / "base.safetensors"), "--rollouts", "2"]
@@ -201,6 +202,11 @@ def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still
     report = FidelityReport.load(file)
     assert report.base == still[0].digest
     assert markdown(report.rows) in printed
+    monkeypatch.delenv("COLUMNS")
+    assert main(arguments) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+    assert main([*arguments, "--json"]) == 0
+    assert [row["skill"] for row in json.loads(capsys.readouterr().out)["rows"]] == ["step_back"]
     assert main([*arguments, "--skills", "fly"]) == 2
     assert main([*arguments, "--simulated"]) == 2
     assert "humanclaw fidelity --simulated" in capsys.readouterr().err

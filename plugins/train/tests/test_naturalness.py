@@ -1,6 +1,8 @@
 """Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models whose answers follow by
 hand."""
 
+import json
+
 import numpy as np
 import pytest
 from declared import declaration, declare, folder_of
@@ -186,7 +188,8 @@ def test_who_stands_still_has_no_jerk_in_any_sequence(generator, commands):
     assert max(found.values()) < 0.2
 
 
-def test_the_command_line_prints_every_table(still, capsys, tmp_path):
+def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
     _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
     arguments = ["--adapters", str(still), "--base", str(still / "base.safetensors"), "--rollouts", "2", "--steps", "1"]
@@ -214,4 +217,12 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path):
     digest = file_digest(still / "walk" / "adapter.safetensors")
     assert [row.source for row in report.of("walk", digest)] == ["generated", "real"]
     assert report.of("walk", "of other weights") == ()
+    monkeypatch.delenv("COLUMNS")
+    few = ["--bodies", "1", "--calls", "2", "--chunks", str(tmp_path)]
+    assert main([*arguments, *few]) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+    assert main([*arguments, *few, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) >= {"skills", "sequences", "first steps", "transitions", "life", "solver"}
+    assert {row["source"] for row in found["skills"]} == {"generated", "real"}
     assert main(["--adapters", str(tmp_path)]) == 2

@@ -1,0 +1,60 @@
+"""HumanCLAW plugin: episodes as recordings of the Rerun viewer, live or from records."""
+
+from __future__ import annotations
+
+import functools
+import os
+from typing import TYPE_CHECKING, Final
+
+from humanclaw import hookimpl
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import click
+
+    from humanclaw import Chunk, EpisodeRecord, StepRecord
+    from humanclaw_rerun.live import Live
+
+__version__ = "0.1.0"
+
+TARGET: Final = "HUMANCLAW_RERUN"
+"""The environment variable that says where episodes are logged while they are played: the address of a viewer, or a
+folder for an .rrd file each. Without it nothing is logged."""
+
+
+@hookimpl
+def humanclaw_commands(cli: click.Group) -> None:
+    from humanclaw.cli import LazyCommand
+
+    cli.add_command(
+        LazyCommand("rerun", "humanclaw_rerun.command:rerun", "Write recorded episodes for the Rerun viewer.")
+    )
+
+
+@hookimpl
+def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
+    if live := _live(os.environ.get(TARGET, "")):
+        live.chunk(episode, chunk)
+
+
+@hookimpl
+def humanclaw_step(episode: EpisodeRecord, step: StepRecord) -> None:
+    if live := _live(os.environ.get(TARGET, "")):
+        live.step(episode, step)
+
+
+@hookimpl
+def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
+    if live := _live(os.environ.get(TARGET, "")):
+        live.end(episode, folder)
+
+
+@functools.cache
+def _live(target: str) -> Live | None:
+    """Return what logs to a target, always the same; None without one."""
+    if not target:
+        return None
+    from humanclaw_rerun.live import Live
+
+    return Live(target)

@@ -1,0 +1,35 @@
+"""`humanclaw rerun`: recorded episodes for the Rerun viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from humanclaw.cli import plugin_files
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE|RUN")
+@click.option("--out", type=click.Path(path_type=Path), help="File; the default is episode.rrd in the episode.")
+@plugin_files
+def rerun(folder: Path, out: Path | None, files: tuple[Path, ...]) -> None:
+    """Write recorded episodes for the Rerun viewer: `rerun FILE` shows one.
+
+    EPISODE is its folder. Of a RUN every episode is written into its own folder.
+    """
+    from humanclaw import HumanclawError, Plugins, load_run
+    from humanclaw_rerun.live import house_of
+    from humanclaw_rerun.log import write_recording
+
+    episodes, plugins = load_run(folder), Plugins.discover(files)
+    if out and len(episodes) > 1:
+        raise HumanclawError(
+            f"{folder} holds {len(episodes)} episodes; --out is the file of one.",
+            f"Name one of them, such as {episodes[0].folder}, or leave out --out.",
+        )
+    for episode in episodes:
+        scene, note = house_of(episode.record, plugins)
+        target = out or episode.folder / "episode.rrd"
+        write_recording(episode, scene, target, note)
+        click.echo(target)

@@ -1,0 +1,85 @@
+"""Episodes logged while they are played."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from humanclaw import Chunk, EpisodeRecord, HumanclawError, Plugins, RecordedEpisode, Scene, StepRecord
+from humanclaw.pose import HISTORY
+from humanclaw_rerun.log import EpisodeLog, log_views
+
+
+@dataclass
+class _Open:
+    """An episode under way: its log, the frame that comes next, and that with which the step under way began."""
+
+    log: EpisodeLog
+    frame: int = HISTORY
+    first: int = HISTORY
+
+
+class Live:
+    """Logs every episode that it is told of, from its first chunk on; the views follow when the record is complete.
+
+    Its three methods are what the observers of the same names are told. Safe with several episodes at once, each of
+    which is told of by one thread.
+    """
+
+    def __init__(self, target: str | Path) -> None:
+        """target: the address of a viewer (rerun+http://...), or a folder for a file each, NAME.rrd."""
+        self._target = str(target)
+        self._open: dict[str, _Open] = {}
+
+    def chunk(self, episode: EpisodeRecord, chunk: Chunk) -> None:
+        """Log half a second of motion. Raises RecordError if the file cannot be written."""
+        under_way = self._of(episode)
+        under_way.log.body("simulated", chunk.execution.simulated, under_way.frame)
+        under_way.log.body("generated", chunk.commanded, under_way.frame)
+        under_way.log.objects(chunk.execution.objects, under_way.frame)
+        under_way.frame += len(chunk.commanded)
+
+    def step(self, episode: EpisodeRecord, step: StepRecord) -> None:
+        """Log a step once it is recorded."""
+        under_way = self._of(episode)
+        under_way.log.step(step, under_way.first)
+        under_way.first = under_way.frame
+
+    def end(self, episode: EpisodeRecord, folder: Path | None) -> None:
+        """Log what the eyes saw, which lies in the folder, and close the recording."""
+        with self._of(episode).log as log:
+            del self._open[episode.spec.id]
+            if folder:
+                log_views(log, RecordedEpisode(folder))
+
+    def _of(self, episode: EpisodeRecord) -> _Open:
+        name = episode.spec.id
+        if name not in self._open:
+            self._open[name] = _Open(EpisodeLog(episode, self._place(name)))
+            _log_house(self._open[name].log, episode)
+        return self._open[name]
+
+    def _place(self, name: str) -> str:
+        if "://" in self._target:
+            return self._target
+        Path(self._target).mkdir(parents=True, exist_ok=True)
+        return str(Path(self._target) / f"{name}.rrd")
+
+
+def _log_house(log: EpisodeLog, episode: EpisodeRecord) -> None:
+    scene, note = house_of(episode, Plugins.discover())
+    if scene:
+        log.house(scene)
+    if note:
+        log.note(note)
+
+
+def house_of(episode: EpisodeRecord, plugins: Plugins) -> tuple[Scene | None, str]:
+    """Return the house of an episode if the installed one is the same, else None; and then why."""
+    try:
+        scene = plugins.scene(episode.spec.scene)
+    except HumanclawError as fault:
+        return None, f"The house is not drawn: {fault}"
+    if episode.scene_digest and scene.digest != episode.scene_digest:
+        return None, "The house is not drawn: the installed scene differs from the one of the record."
+    return scene, ""

@@ -1,0 +1,216 @@
+"""One episode in a Rerun recording: house, body, ghost, eyes, calls and distance on one time line.
+
+The time line `time` is in seconds: frame k of motion.npz is at k / 30. Positions are the world's: metres, Y up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, Literal, Self
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw.body import PARENTS
+from humanclaw.interfaces import Camera, ego_camera
+from humanclaw.pose import FPS, HISTORY, Array
+from humanclaw.scene import Mesh, SceneObject
+
+Kind = Literal["simulated", "generated"]
+TIME: Final = "time"
+_LOOK: Final[Mapping[Kind, tuple[tuple[int, int, int, int], float]]] = {
+    "simulated": ((235, 130, 40, 255), 0.035),
+    "generated": ((120, 150, 255, 110), 0.012),
+}
+"""Colour and radius (metres) of the bones: what physics made of the motion, and as a ghost what was generated."""
+_LEFT_OUT: Final = "ceiling"
+"""Of a house: one looks in from above."""
+_BONES: Final = [(parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0]
+
+
+def bones(motion: Motion) -> Array:
+    """(T, 23, 2, 3) ends of every bone, metres, world frame."""
+    return motion.joints()[:, _BONES]
+
+
+class EpisodeLog:
+    """The recording of one episode. Close it, or use it as a context manager."""
+
+    def __init__(self, record: EpisodeRecord, target: str | Path) -> None:
+        """target: an .rrd file to write, or the address of a viewer (rerun+http://...).
+
+        Raises RecordError if the file cannot be written.
+        """
+        spec = record.spec
+        self._names: dict[int, str] = {}
+        self._stream = rr.RecordingStream("humanclaw", recording_id=f"{spec.id} {record.created}".strip())
+        if "://" in str(target):
+            self._stream.connect_grpc(str(target))
+        else:
+            with _writing(target):
+                self._stream.save(target)
+        self._stream.send_blueprint(_blueprint())
+        self._stream.send_recording_name(f"{spec.id}: {record.agent}")
+        self._static("world", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
+        self._static("task", rr.TextDocument(f"{record.agent} in {spec.scene}: {spec.instruction}"))
+        for key, (low, high) in record.targets.items():
+            box = rr.Boxes3D(mins=[low], sizes=[np.subtract(high, low)], labels=[f"target {key}"])
+            self._static(f"world/targets/{key}", box)
+        for kind, (colour, radius) in _LOOK.items():
+            self._static(f"world/body/{kind}", rr.LineStrips3D.from_fields(colors=[colour], radii=[radius]))
+        fov = np.radians(Camera.fov)
+        self._static("world/eyes", rr.Pinhole(fov_y=fov, aspect_ratio=1.0, camera_xyz=rr.ViewCoordinates.RUB))
+
+    # -- what stands there ---------------------------------------------------------------------------------------------
+    def house(self, scene: Scene) -> None:
+        """Log every object but the ceilings, as a mesh with a colour a vertex, where the scene says."""
+        self._names = {obj.id: f"{obj.category}_{obj.id}" for obj in scene.objects}
+        for obj in scene.objects:
+            if obj.category != _LEFT_OUT:
+                self._static(self._path(obj.id), _placed(obj))
+                self._static(self._path(obj.id), _mesh(scene.assets[obj.asset].mesh))
+
+    # -- what moves ----------------------------------------------------------------------------------------------------
+    def body(self, kind: Kind, motion: Motion, first: int) -> None:
+        """Log the skeleton; first: the frame that the motion begins with."""
+        path, ends = f"world/body/{kind}", bones(motion)
+        strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3)).partition(
+            [len(_BONES)] * len(ends)
+        )
+        self._columns(path, first, len(ends), strips)
+
+    def objects(self, paths: Mapping[int, Array], first: int) -> None:
+        """Log (T, 7) positions and quaternions of movable objects."""
+        for key, path in paths.items():
+            placed = rr.Transform3D.columns(translation=path[:, :3], quaternion=path[:, 3:])
+            self._columns(self._path(key), first, len(path), placed)
+
+    # -- what is seen, said and measured -------------------------------------------------------------------------------
+    def view(self, picture: bytes, body: Motion, frame: int) -> None:
+        """Log what the eyes saw (JPEG), and from where: they are the last frame's of a motion."""
+        eyes = ego_camera(body)
+        axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
+        self._stream.set_time(TIME, duration=frame / FPS)
+        self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
+        self._stream.log("world/eyes", rr.EncodedImage(contents=picture, media_type="image/jpeg"))
+
+    def step(self, step: StepRecord, first: int) -> None:
+        """Log a call with the words around it as it begins, and how far the target is when it has ended."""
+        self._stream.set_time(TIME, duration=first / FPS)
+        for level, line in _lines(step):
+            self._stream.log("calls", rr.TextLog(line, level=level))
+        if step.target_distance is not None:
+            self._stream.set_time(TIME, duration=(first + step.motion_frames) / FPS)
+            self._stream.log("distance", rr.Scalars(step.target_distance))
+
+    def note(self, text: str) -> None:
+        """Log a sentence about the whole."""
+        self._static("note", rr.TextDocument(text))
+
+    def close(self) -> None:
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _path(self, key: int) -> str:
+        return f"world/house/{self._names.get(key, f'object_{key}')}"
+
+    def _static(self, path: str, what: rr.AsComponents) -> None:
+        self._stream.log(path, what, static=True)
+
+    def _columns(self, path: str, first: int, frames: int, columns: rr.ComponentColumnList) -> None:
+        times = rr.TimeColumn(TIME, duration=np.arange(first, first + frames) / FPS)
+        self._stream.send_columns(path, indexes=[times], columns=columns)
+
+
+def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, note: str = "") -> None:
+    """Write a recorded episode as an .rrd file.
+
+    scene: None leaves the house out; note: says why. Raises RecordError if the record is damaged or the file cannot be
+    written.
+    """
+    with EpisodeLog(recorded.record, out) as log:
+        if scene:
+            log.house(scene)
+        if note:
+            log.note(note)
+        if recorded.has_motion:
+            log.body("simulated", recorded.motion(), 0)
+            log.body("generated", recorded.motion("generated"), 0)
+            log.objects(recorded.objects(), 0)
+        for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
+            log.step(step, first)
+        log_views(log, recorded)
+
+
+def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
+    """Log the view before each step, as far as it was kept."""
+    if not recorded.has_motion:
+        return
+    motion = recorded.motion()
+    for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
+        picture = recorded.folder / step.frame_file
+        if step.frame_file and picture.is_file():
+            log.view(picture.read_bytes(), motion[first - 1 : first], first)
+
+
+def first_frames(recorded: RecordedEpisode) -> list[int]:
+    """Frame of motion.npz with which each step begins."""
+    ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
+    return [int(end) - step.motion_frames for end, step in zip(ends, recorded.steps, strict=True)]
+
+
+def _lines(step: StepRecord) -> Iterator[tuple[str, str]]:
+    """Yield level and line of all that was said about a step."""
+    yield from (("WARN", f"refused: {attempt.error}") for attempt in step.attempts if attempt.error)
+    if step.decision.reasoning:
+        yield "DEBUG", step.decision.reasoning
+    if step.verdict and not step.verdict.accepted:
+        failed = "; ".join(answer.note or answer.check for answer in step.verdict.failed)
+        yield "WARN", f"not {step.decision.calls[0]}: {failed}" if step.decision.calls else failed
+    yield "INFO", str(step.call or "no usable call")
+
+
+def _blueprint() -> rrb.Blueprint:
+    told = rrb.Vertical(
+        rrb.Spatial2DView(origin="world/eyes", name="eyes"),
+        rrb.TimeSeriesView(origin="distance", name="metres to the target"),
+        rrb.TextLogView(origin="calls", name="calls"),
+        row_shares=[3, 1, 2],
+    )
+    house = rrb.Spatial3DView(origin="world", name="house")
+    return rrb.Blueprint(rrb.Horizontal(house, told, column_shares=[3, 2]), rrb.TimePanel(timeline=TIME))
+
+
+def _placed(obj: SceneObject) -> rr.Transform3D:
+    return rr.Transform3D(translation=obj.position, quaternion=rr.Quaternion(xyzw=obj.rotation))
+
+
+def _mesh(mesh: Mesh) -> rr.Mesh3D:
+    return rr.Mesh3D(vertex_positions=mesh.vertices, triangle_indices=mesh.faces, vertex_colors=_colours(mesh))
+
+
+def _colours(mesh: Mesh) -> NDArray[np.uint8]:
+    """(N, 3) colour of the texture at each vertex."""
+    height, width = mesh.texture.shape[:2]
+    u, v = np.clip(mesh.uv, 0, 1).T
+    return np.asarray(mesh.texture[np.rint((1 - v) * (height - 1)).astype(int), np.rint(u * (width - 1)).astype(int)])
+
+
+@contextmanager
+def _writing(target: str | Path) -> Iterator[None]:
+    """Tell of a file that cannot be written as RecordError: the library says RuntimeError for whatever it is."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise RecordError(f"cannot write {target}: {error}.", "Name another file with --out.") from error

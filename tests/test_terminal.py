@@ -1,0 +1,146 @@
+"""Tables on the terminal: every command that prints one fits 80 columns, has --json, and is plain in a pipe."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import click
+import pytest
+from click.testing import CliRunner
+from made import record_episode
+
+from humanclaw import HumanclawError, Plugins
+from humanclaw.cli import LazyCommand, build, show_markdown
+
+TABLES = {
+    "skills": "",
+    "plugins": "",
+    "check": "--list",
+    "physics": "free-space",
+    "bench-world": "--chunks 1 --resets 2",
+    "bench table": "{a} {b}",
+    "bench compare": "{a} {b} --partial",
+    "bench rescore": "{a}",
+    "bench ablate": None,
+    "bench repair": None,
+    "assets list": None,
+    "assets import": None,
+    "fidelity": "--skills walk --rollouts 2",
+    "naturalness": None,
+    "speed": None,
+    "data build": None,
+    "data chunks": None,
+}
+"""Commands that print a table, and how each is asked for a small one; None: it takes minutes, motion capture or models,
+and tests beside its plugin hold what it prints."""
+NO_TABLE = {
+    "bench run": "its scores are those of `bench table`",
+    "bench make": "the splits that it wrote, and what is in each",
+    "bench verify": "a line",
+    "bench submit": "the file",
+    "bench leaderboard": "the file",
+    "bench export": "the file",
+    "cards": "the files",
+    "film": "the file",
+    "habitat check": "a line a scene",
+    "habitat episodes": "the file, and what is in it",
+    "habitat scenes": "a line a scene",
+    "mcp": "the protocol",
+    "new": "the folder",
+    "report": "the file",
+    "rerun": "the files",
+    "run": "a line a step, as it is played",
+    "show skill": "the files",
+    "tools": "JSON and nothing else",
+    "train": "a line now and then",
+    "watch": "the address",
+}
+ONE = re.compile(
+    r"(?<![-\d.,])\b1 (steps|episodes|records|skills|faults|calls|rooms|objects|assets|scenes|runs|bodies)\b"
+)
+
+
+@pytest.fixture(scope="module")
+def tree():
+    """Every command, by the words that lead to it."""
+    found = {}
+
+    def walk(command, words):
+        command = command.load() if isinstance(command, LazyCommand) else command
+        if isinstance(command, click.Group):
+            context = click.Context(command)
+            for name in command.list_commands(context):
+                walk(command.get_command(context, name), [*words, name])
+        else:
+            found[" ".join(words)] = command
+
+    walk(build(Plugins.discover), [])
+    return found
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory):
+    """Two runs of one episode."""
+    folder = tmp_path_factory.mktemp("runs")
+    for run in ("a", "b"):
+        record_episode(folder / run / "couch-0")
+    return {name: str(folder / name) for name in ("a", "b")}
+
+
+def asked(words, **environment):
+    done = CliRunner(env={"COLUMNS": None, **environment}).invoke(build(Plugins.discover), words)
+    assert done.exit_code == 0, f"{words}: {done.output} {done.exception!r}"
+    return done.stdout
+
+
+def test_every_command_is_known_to_print_a_table_or_not(tree):
+    assert set(tree) <= set(TABLES) | set(NO_TABLE)
+    assert not set(TABLES) & set(NO_TABLE)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_command_that_prints_a_table_offers_json(tree, name):
+    if name not in tree:
+        pytest.skip(f"{name} is not installed")
+    command = tree[name]
+    if command.context_settings.get("ignore_unknown_options"):  # It reads its own options.
+        told = CliRunner().invoke(build(Plugins.discover), [*name.split(), "--help"]).output
+    else:
+        told = " ".join(option for one in command.params for option in one.opts)
+    assert "--json" in told
+
+
+@pytest.mark.parametrize("name", [name for name, words in TABLES.items() if words is not None])
+def test_a_table_fits_80_columns_in_a_pipe_is_plain_and_the_same_is_there_as_json(tree, places, name):
+    if name not in tree:
+        pytest.skip(f"{name} is not installed")
+    words = [*name.split(), *TABLES[name].format(**places).split()]
+    try:
+        shown = asked(words)
+    except HumanclawError as missing:
+        pytest.skip(str(missing))
+    assert max(map(len, shown.splitlines()), default=0) <= 80
+    assert "\x1b" not in shown
+    assert not ONE.findall(shown)
+    json.loads(asked([*words, "--json"]))
+
+
+def test_a_wide_markdown_table_comes_in_parts_with_the_first_column_in_each(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "48")
+    heads = ["skill", *(f"a long head {k}" for k in range(4))]
+    rows = [["walk", *(f"{k}.5 ± 0.1" for k in range(4))], ["turn", *["-"] * 4]]
+    text = "\n".join("| " + " | ".join(line) + " |" for line in (heads, ["---"] * 5, *rows))
+    show_markdown(f"Before.\n\n{text}\n\nAfter.")
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 48
+    assert shown.count("| skill") == shown.count("| walk") == 2
+    assert [f"{k}.5 ± 0.1" in shown for k in range(4)] == [True] * 4
+    assert shown.startswith("Before.\n\n")
+    assert shown.rstrip().endswith("After.")
+
+
+def test_a_markdown_table_that_fits_is_printed_as_it_stands(capsys):
+    text = "| a | b |\n| --- | --- |\n| 1 | [x] \\| y |"
+    show_markdown(text)
+    assert capsys.readouterr().out == text + "\n"
