@@ -56,6 +56,8 @@ def show(
 
     Raises HumanclawError.
     """
+    if out.suffix.lower() != ".gif":
+        raise HumanclawError(f"--out is {out}, and what is written is a GIF.", "Name a file that ends in .gif.")
     skill = plugins.skill(name)
     values = {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
     told = ", ".join(f"{key} {value}" for key, value in params.items())

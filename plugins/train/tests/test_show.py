@@ -66,6 +66,7 @@ def test_a_skill_is_drawn_as_a_moving_picture_and_a_strip(tmp_path: Path):
         (["--z_cmm=3"], "z_cmm"),
         (["40"], "It takes: --x-cm NUMBER, --z-cm NUMBER, --yaw-deg NUMBER"),
         (["--z-cm"], "It takes: --x-cm NUMBER"),
+        (["--z-cm", "40", "--out", "walk.mp4"], "walk.mp4, and what is written is a GIF"),
     ],
 )
 def test_what_the_skill_does_not_take_is_refused_with_what_it_takes(words, told):
