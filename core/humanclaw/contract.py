@@ -12,6 +12,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
@@ -53,6 +54,15 @@ class Control:
     adapter: Path
     values: Mapping[str, float]
     """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.measures.si_name)."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.adapter, Path):
+            raise MotionError("control-adapter", f"an adapter is the Path of its file; got {self.adapter!r}")
+        if not isinstance(self.values, Mapping):
+            raise MotionError("control-values", f"values are numbers by the name of a parameter; got {self.values!r}")
+        for name, value in self.values.items():
+            if not isinstance(value, Real) or not math.isfinite(value):
+                raise MotionError("control-finite", f"a Control commands finite numbers; got {name}={value!r}")
 
 
 class MotionError(ValueError):
@@ -329,6 +339,8 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
     motion."""
 
+    if callable(checks):
+        raise PluginError("@skill stands without parentheses.", "Write @skill(), or @skill(checks=[...]).")
     if isinstance(checks, str):
         raise PluginError(f"checks is the text {checks!r}.", "Give a list of questions: checks=[...].")
 
@@ -350,6 +362,9 @@ def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     hints = inspect.get_annotations(function, eval_str=True)
     properties: dict[str, Any] = {}
     for key, argument in inspect.signature(function).parameters.items():
+        if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
+            told = f"argument {key!r} of skill {function.__name__!r} is {argument.kind.description}."
+            raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
         if key not in hints:
             raise PluginError(
                 f"argument {key!r} of skill {function.__name__!r} has no type.", "Annotate it, as in int."

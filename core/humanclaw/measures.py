@@ -149,7 +149,7 @@ def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
         schema = json.loads((folder / "schema.json").read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
     if not isinstance(schema, dict):
         raise PluginError(f"skill folder {folder.name!r}: schema.json holds no object.", "Write a JSON schema.")

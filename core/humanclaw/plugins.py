@@ -35,7 +35,7 @@ from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Skill
-from humanclaw.errors import PluginError
+from humanclaw.errors import PluginError, in_words
 from humanclaw.hookspecs import noun
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
@@ -43,7 +43,6 @@ from humanclaw.motion.checkpoint import read_header, shipped_base
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_REASON: Final = 500
 PATIENCE: Final = 30.0
 """Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
@@ -613,16 +612,10 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
-    them."""
+    """Return an error in words; one of pluggy's says more with less."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
-    try:
-        return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        return type(error).__name__
+    return in_words(error)
 
 
 def load_file(path: Path) -> ModuleType:
