@@ -4,6 +4,7 @@ import json
 import shutil
 import threading
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -68,13 +69,31 @@ def nested(beat: Beat) -> Keyframes:
     return Keyframes.cycle(beat["joint"], axis="x", degrees=beat["degrees"], seconds=0.5)
 
 
+class Side(Enum):
+    LEFT = "left"
+    RIGHT = "right"
+
+
+@dataclass
+class Bar:
+    beats: Annotated[list[Beat], Field(min_length=1, max_length=2)]
+    side: Side = Side.LEFT
+
+
+@skill()
+def drumming(bar: Bar, sides: Annotated[list[Side], Field(max_length=2)], lead: Side = Side.RIGHT) -> Keyframes:
+    """Nod along; types may be made of types."""
+    assert {type(side) for side in [lead, bar["side"], *sides]} == {str}
+    return Keyframes.cycle(bar["beats"][0]["joint"], axis="x", degrees=5, seconds=0.5)
+
+
 @skill(role="locomotion")
 def amble(pace: Literal["slow", "brisk"], strides: Annotated[int, Field(ge=1, le=6)] = 2) -> list[Control]:
     """Walk a few strides straight ahead, with the adapter of another skill."""
     return [Control(WALK, {"x": 0.0, "z": 0.3 if pace == "slow" else 0.5, "yaw": 0.0})] * strides
 
 
-@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, amble], ids=lambda made: made.name)
+@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, drumming, amble], ids=lambda made: made.name)
 def test_a_legal_skill_passes_every_check(made):
     report = examine(made, engines=())
     assert (report.faults, report.notes) == ((), ())

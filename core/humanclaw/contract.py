@@ -360,17 +360,35 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
 def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     """Return the JSON schema of a function's arguments, read off its annotations."""
     hints = inspect.get_annotations(function, eval_str=True)
-    properties: dict[str, Any] = {}
-    for key, argument in inspect.signature(function).parameters.items():
-        if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
-            told = f"argument {key!r} of skill {function.__name__!r} is {argument.kind.description}."
-            raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
-        if key not in hints:
-            raise PluginError(
-                f"argument {key!r} of skill {function.__name__!r} has no type.", "Annotate it, as in int."
-            )
-        properties[key] = TypeAdapter(hints[key]).json_schema()
-        if argument.default is not inspect.Parameter.empty:
-            properties[key]["default"] = argument.default
+    arguments = inspect.signature(function).parameters
+    properties = {key: _argument_schema(function, argument, hints) for key, argument in arguments.items()}
+    types = _hoisted(function, properties)
     required = [key for key, part in properties.items() if "default" not in part]
-    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {**schema, "$defs": types} if types else schema
+
+
+def _argument_schema(
+    function: Callable[..., Plan], argument: inspect.Parameter, hints: Mapping[str, Any]
+) -> dict[str, Any]:
+    where = f"argument {argument.name!r} of skill {function.__name__!r}"
+    if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
+        told = f"{where} is {argument.kind.description}."
+        raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
+    if argument.name not in hints:
+        raise PluginError(f"{where} has no type.", "Annotate it, as in int.")
+    adapter: TypeAdapter[Any] = TypeAdapter(hints[argument.name])
+    if argument.default is inspect.Parameter.empty:
+        return adapter.json_schema()
+    return adapter.json_schema() | {"default": adapter.dump_python(argument.default, mode="json", warnings=False)}
+
+
+def _hoisted(function: Callable[..., Plan], properties: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Take the types that arguments are made of out of their schemas: what refers to one looks for it in the whole."""
+    types: dict[str, Any] = {}
+    for part in properties.values():
+        for name, one in part.pop("$defs", {}).items():
+            if types.setdefault(name, one) != one:
+                told = f"skill {function.__name__!r} has two types of the name {name!r}."
+                raise PluginError(told, "Rename one of them.")
+    return types
