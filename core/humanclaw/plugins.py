@@ -254,7 +254,8 @@ class Plugins:
         """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers and its hooks,
         if it cannot be used.
 
-        What another plugin has registered under the same name goes first, unless the choice prefers this one. A plugin
+        What another plugin has registered under the same name goes first, unless this one is HumanCLAW's own or the
+        choice prefers it. A plugin
         with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
@@ -289,11 +290,15 @@ class Plugins:
             self._manager.register(plugin, name)
 
     def _take(self, kind: str, found: Sequence[Registration]) -> None:
-        """Offer what a plugin registers. Of equal names that goes first which is preferred, or else was there first."""
+        """Offer what a plugin registers. Of equal names that goes first which is preferred, else HumanCLAW's own, else
+        what was there first."""
         self._offered[kind] += found
         for one in found:
             same = [other for other in self._offered[kind] if other.name == one.name]
-            self._found[kind][one.name] = min(same, key=self.choice.rank)
+            self._found[kind][one.name] = min(same, key=self._place)
+
+    def _place(self, one: Registration) -> tuple[int, bool]:
+        return self.choice.rank(one), one.owner.partition("/")[0] not in distributions.own()
 
     def _check_choice(self) -> None:
         """Raise PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
