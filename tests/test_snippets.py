@@ -54,13 +54,21 @@ def test_every_block_says_how_it_is_run_and_why_not_always():
     assert fences == 2 * len(ALL)
 
 
-@pytest.mark.parametrize("snippet", [one for one in CODE if one.language == "python"], ids=str)
-def test_python_runs(snippet, folders, monkeypatch):
+@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("", "bash", "python")], ids=str)
+def test_it_runs(snippet, folders, command_line, plugins, monkeypatch):
+    """In the order of the page: a block reads what the one above it has written."""
+    monkeypatch.chdir(folders[snippet.page])
+    if snippet.language == "python":
+        _python_runs(snippet)
+    else:
+        _commands_exist_and_run(snippet, command_line, plugins, monkeypatch)
+
+
+def _python_runs(snippet):
     code = compile(snippet.code, str(snippet), "exec")
     if snippet.way in ("elsewhere", "never"):
         return
     _skip_slow(snippet)
-    monkeypatch.chdir(folders[snippet.page])
     names = {"__name__": f"snippet_{snippet.line}"}
     exec(code, names)
     if hooks := {name: value for name, value in names.items() if name.startswith("humanclaw_")}:
@@ -92,15 +100,13 @@ def _registers(names, hooks):
     assert info.provides or set(vars(plugin)) & watching
 
 
-@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("", "bash")], ids=str)
-def test_commands_exist_and_run(snippet, folders, command_line, plugins, monkeypatch):
+def _commands_exist_and_run(snippet, command_line, plugins, monkeypatch):
     commands = _words(snippet)
     for words in commands:
         _check(words, command_line)
     if snippet.way in ("elsewhere", "never"):
         return
     _skip_slow(snippet)
-    monkeypatch.chdir(folders[snippet.page])
     if snippet.way == "always":  # What is installed has been looked for already.
         monkeypatch.setattr(Plugins, "discover", lambda *_, **__: plugins)
     for words in commands:
