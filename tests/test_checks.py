@@ -2,7 +2,9 @@
 
 import json
 import shutil
+import threading
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -67,13 +69,31 @@ def nested(beat: Beat) -> Keyframes:
     return Keyframes.cycle(beat["joint"], axis="x", degrees=beat["degrees"], seconds=0.5)
 
 
+class Side(Enum):
+    LEFT = "left"
+    RIGHT = "right"
+
+
+@dataclass
+class Bar:
+    beats: Annotated[list[Beat], Field(min_length=1, max_length=2)]
+    side: Side = Side.LEFT
+
+
+@skill()
+def drumming(bar: Bar, sides: Annotated[list[Side], Field(max_length=2)], lead: Side = Side.RIGHT) -> Keyframes:
+    """Nod along; types may be made of types."""
+    assert {type(side) for side in [lead, bar["side"], *sides]} == {str}
+    return Keyframes.cycle(bar["beats"][0]["joint"], axis="x", degrees=5, seconds=0.5)
+
+
 @skill(role="locomotion")
 def amble(pace: Literal["slow", "brisk"], strides: Annotated[int, Field(ge=1, le=6)] = 2) -> list[Control]:
     """Walk a few strides straight ahead, with the adapter of another skill."""
     return [Control(WALK, {"x": 0.0, "z": 0.3 if pace == "slow" else 0.5, "yaw": 0.0})] * strides
 
 
-@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, amble], ids=lambda made: made.name)
+@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, drumming, amble], ids=lambda made: made.name)
 def test_a_legal_skill_passes_every_check(made):
     report = examine(made, engines=())
     assert (report.faults, report.notes) == ((), ())
@@ -242,6 +262,65 @@ def test_a_plan_that_fails_a_check_is_told_its_name_and_a_remedy(check):
     assert all(fault.remedy for fault in faults)
 
 
+class UnspeakableError(Exception):
+    """An error that cannot even be told."""
+
+    def __str__(self):
+        raise RuntimeError("no words")
+
+
+def raising(error):
+    def plan(params):
+        raise error
+
+    return planned(plan)
+
+
+@pytest.mark.parametrize(
+    "error", [SystemExit(0), UnspeakableError(), RecursionError("deep")], ids=lambda e: type(e).__name__
+)
+def test_a_plan_that_exits_or_raises_what_cannot_be_told_is_a_fault_all_the_same(error):
+    (fault,) = examine(raising(error), engines=()).faults
+    assert fault.check == "plan-runs"
+    assert type(error).__name__ in fault.message
+
+
+def test_a_plan_that_never_returns_is_a_fault_after_a_while():
+    free = threading.Event()
+    (fault,) = examine(planned(lambda params: free.wait()), engines=(), patience=0.2).faults
+    assert (fault.check, "did not return within 0.2 s" in fault.message) == ("plan-runs", True)
+    free.set()
+
+
+VALUES = {"x": 0.0, "z": 0.4, "yaw": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("adapter", "values", "check"),
+    [
+        (None, VALUES, "control-adapter"),
+        ("walk", VALUES, "control-adapter"),
+        (WALK, [0.0, 0.4, 0.0], "control-values"),
+        (WALK, VALUES | {"z": "far"}, "control-finite"),
+        (WALK, VALUES | {"z": None}, "control-finite"),
+        (WALK, VALUES | {"z": 1j}, "control-finite"),
+    ],
+)
+def test_a_control_of_anything_but_a_path_and_numbers_is_a_fault(adapter, values, check):
+    report = examine(planned(lambda params: Control(adapter, values)), engines=())
+    assert [(fault.check, bool(fault.remedy)) for fault in report.faults] == [(check, True)]
+
+
+def test_a_control_takes_the_numbers_of_numpy():
+    assert names(planned(lambda params: Control(WALK, {k: np.float32(v) for k, v in VALUES.items()}))) == set()
+
+
+def test_a_schema_that_is_too_deep_to_be_read_is_a_fault_of_its_file(tmp_path):
+    folder = shutil.copytree(folder_of("stop"), tmp_path / "stop")
+    (folder / "schema.json").write_text('{"a":' * 100_000 + "1" + "}" * 100_000)
+    assert names(folder) == {"schema-file"}
+
+
 def test_a_knee_does_not_bend_forward():
     assert names(planned(lambda params: Keyframes((0.0, 1.0), BENT))) == {"joint-limits"}
 
@@ -310,16 +389,22 @@ class Engine:
         fault = self.fault
 
         class Loses(FakeWorld):
+            played = 0
+
             def execute(self, motion):
-                if fault == "breaks":
+                self.played += 1
+                if fault == "breaks" or (fault == "tires" and self.played > 3):
                     raise RuntimeError("out of memory")
-                motion.root[:] = 1e3
+                if fault == "loses":
+                    motion.root[:] = 1e3
                 return super().execute(motion)
 
         register("odd", lambda profile="default": Loses())
 
 
-@pytest.mark.parametrize(("fault", "check"), [("breaks", "engine-plays"), ("loses", "engine-finite")])
+@pytest.mark.parametrize(
+    ("fault", "check"), [("breaks", "engine-plays"), ("tires", "engine-plays"), ("loses", "engine-finite")]
+)
 def test_what_only_an_engine_finds(fault, check):
     plugins = Plugins()
     plugins.add(Engine(fault), "odd")
@@ -390,12 +475,33 @@ def test_the_command_line_checks_a_file_a_folder_and_a_name(tmp_path, plugins):
         ("1 / 0", "loads"),
         ("import humanclaw", "loads"),
         (FILE.format(arguments="", times=1).replace("nod", "look"), "name-reserved"),
+        ("raise SystemExit(0)", "loads"),
+        (FILE.format(arguments="", times=1) + "    raise SystemExit(0)", "loads"),
+        ('HUMANCLAW_API = "9.0"' + FILE.format(arguments="", times=1), "loads"),
+        (FILE.format(arguments="", times=1).replace("@skill()", "@skill"), "loads"),
+        (FILE.format(arguments="*times: int", times=1), "loads"),
+        (FILE.format(arguments="**times: int", times=1), "loads"),
+        (
+            FILE.format(arguments="times: Literal[1, 2], /", times=1).replace(
+                "\n", "\nfrom typing import Literal\n", 1
+            ),
+            "loads",
+        ),
     ],
 )
 def test_a_file_that_raises_is_a_fault_of_the_file(tmp_path, plugins, code, check):
     (tmp_path / "odd.py").write_text(code)
     (report,) = check_target(str(tmp_path / "odd.py"), plugins, engines=())
-    assert [fault.check for fault in report.faults] == [check]
+    assert [(fault.check, bool(fault.remedy)) for fault in report.faults] == [(check, True)]
+
+
+def test_a_file_that_exits_does_not_pass_on_the_command_line(tmp_path, plugins):
+    (tmp_path / "odd.py").write_text(
+        FILE.format(arguments="", times=1).replace("    return", "    raise SystemExit(0)\n    return")
+    )
+    done = CliRunner().invoke(build(lambda: plugins), ["check", "--engine", "none", str(tmp_path / "odd.py")])
+    assert done.exit_code == 1
+    assert "plan-runs: nod() raises SystemExit: 0." in done.output
 
 
 def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):

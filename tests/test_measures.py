@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from declared import INFOS, declaration
 
 from humanclaw import Plugins, hookimpl
 from humanclaw.errors import PluginError
-from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, parameters_of
+from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, parameters_of, suited
 from humanclaw.pose import rest_pose
 
 
@@ -98,3 +99,11 @@ def test_a_plugin_adds_a_measure_and_no_two_share_a_name():
     plugins.add(Reaching(), "another")
     (told,) = plugins.infos[-1].duplicates
     assert told.startswith("measure 'root.up' of plugin 'another' is already registered by 'reaching'.")
+
+
+def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
+    shipped = [declaration(name) for name in INFOS]
+    assert suited(shipped, "hips.forward").skill == "walk"
+    assert suited(shipped, "hips.rise", "hips.forward").skill == "climb_upstairs"
+    assert suited(shipped, "hips.forward", "hips.drop").skill == "walk_downstairs"
+    assert suited([one for one in shipped if one.climbs], "hips.forward") is None

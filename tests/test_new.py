@@ -1,16 +1,19 @@
 """`humanclaw new`: what it writes works as it stands, and our own packages are what it writes."""
 
+import importlib
 import os
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from environments import like_this
 from wheels import distributions
 
+from humanclaw import EpisodeContext, EpisodeSpec, Observation
 from humanclaw.cli.new import KINDS, TRAINED, Distribution, new
 
 ROOT = Path(__file__).parents[1]
@@ -47,6 +50,15 @@ def test_the_tests_of_every_kind_pass_once_it_is_installed(made):
         command, cwd=made["skill"].parent, env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_agent_that_it_writes_makes_legal_calls_of_the_shipped_skills(made, plugins, monkeypatch):
+    monkeypatch.syspath_prepend(made["agent"])
+    agent = importlib.import_module("humanclaw_my_agent.agent").MyAgentAgent()
+    spec = EpisodeSpec(id="one", instruction="find a couch", scene="house:0")
+    agent.begin(EpisodeContext(spec, plugins.skills, seed=0))
+    (call,) = agent.decide(Observation(0, spec.instruction, np.zeros((512, 512, 3), np.uint8)), ()).calls
+    assert plugins.skill(call.skill).check(call.params) == {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
 
 
 def test_what_it_writes_is_tidy(made):

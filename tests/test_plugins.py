@@ -277,6 +277,30 @@ def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
     )
 
 
+def test_no_name_of_a_distribution_puts_it_before_our_own_skills(site):
+    """By the alphabet a walk of aa-stroll went first, wherever it was installed, and the oracle walked no more."""
+    code = """
+        from humanclaw import Keyframes, hookimpl, skill
+
+        @skill(name="walk")
+        def amble() -> Keyframes:
+            'Nod.'
+            return Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
+
+        @hookimpl
+        def humanclaw_skills(register):
+            register(amble)
+
+        @hookimpl
+        def humanclaw_measures(register): ...
+    """
+    write_distribution(site, "aa-stroll", "hc_aa_stroll", code)
+    plugins = Plugins.discover()
+    assert plugins.owner("walk") == "humanclaw-skill-walk"
+    assert plugins.offered("skills", "aa-stroll:walk").description == "Nod."
+    assert Plugins.discover(choice=Choice(prefer=("aa-stroll",))).owner("walk") == "aa-stroll"
+
+
 def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
     class Twice:
         @hookimpl

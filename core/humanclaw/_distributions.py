@@ -18,6 +18,12 @@ def table() -> Mapping[str, Mapping[str, str]]:
     return tomllib.loads(Path(__file__).with_name("distributions.toml").read_text("utf-8"))
 
 
+@cache
+def own() -> frozenset[str]:
+    """Return the first-party distributions."""
+    return frozenset({"humanclaw"}.union(*(names.values() for names in table().values())))
+
+
 def bringing(kind: str, name: str) -> str:
     """Return the first-party distribution that brings something; empty if none does."""
     return table().get(kind, {}).get(name, "")

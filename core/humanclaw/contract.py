@@ -12,6 +12,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
@@ -53,6 +54,15 @@ class Control:
     adapter: Path
     values: Mapping[str, float]
     """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.measures.si_name)."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.adapter, Path):
+            raise MotionError("control-adapter", f"an adapter is the Path of its file; got {self.adapter!r}")
+        if not isinstance(self.values, Mapping):
+            raise MotionError("control-values", f"values are numbers by the name of a parameter; got {self.values!r}")
+        for name, value in self.values.items():
+            if not isinstance(value, Real) or not math.isfinite(value):
+                raise MotionError("control-finite", f"a Control commands finite numbers; got {name}={value!r}")
 
 
 class MotionError(ValueError):
@@ -329,6 +339,8 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
     motion."""
 
+    if callable(checks):
+        raise PluginError("@skill stands without parentheses.", "Write @skill(), or @skill(checks=[...]).")
     if isinstance(checks, str):
         raise PluginError(f"checks is the text {checks!r}.", "Give a list of questions: checks=[...].")
 
@@ -348,14 +360,35 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
 def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     """Return the JSON schema of a function's arguments, read off its annotations."""
     hints = inspect.get_annotations(function, eval_str=True)
-    properties: dict[str, Any] = {}
-    for key, argument in inspect.signature(function).parameters.items():
-        if key not in hints:
-            raise PluginError(
-                f"argument {key!r} of skill {function.__name__!r} has no type.", "Annotate it, as in int."
-            )
-        properties[key] = TypeAdapter(hints[key]).json_schema()
-        if argument.default is not inspect.Parameter.empty:
-            properties[key]["default"] = argument.default
+    arguments = inspect.signature(function).parameters
+    properties = {key: _argument_schema(function, argument, hints) for key, argument in arguments.items()}
+    types = _hoisted(function, properties)
     required = [key for key, part in properties.items() if "default" not in part]
-    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {**schema, "$defs": types} if types else schema
+
+
+def _argument_schema(
+    function: Callable[..., Plan], argument: inspect.Parameter, hints: Mapping[str, Any]
+) -> dict[str, Any]:
+    where = f"argument {argument.name!r} of skill {function.__name__!r}"
+    if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
+        told = f"{where} is {argument.kind.description}."
+        raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
+    if argument.name not in hints:
+        raise PluginError(f"{where} has no type.", "Annotate it, as in int.")
+    adapter: TypeAdapter[Any] = TypeAdapter(hints[argument.name])
+    if argument.default is inspect.Parameter.empty:
+        return adapter.json_schema()
+    return adapter.json_schema() | {"default": adapter.dump_python(argument.default, mode="json", warnings=False)}
+
+
+def _hoisted(function: Callable[..., Plan], properties: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Take the types that arguments are made of out of their schemas: what refers to one looks for it in the whole."""
+    types: dict[str, Any] = {}
+    for part in properties.values():
+        for name, one in part.pop("$defs", {}).items():
+            if types.setdefault(name, one) != one:
+                told = f"skill {function.__name__!r} has two types of the name {name!r}."
+                raise PluginError(told, "Rename one of them.")
+    return types

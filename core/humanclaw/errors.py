@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
+
+_LONGEST_REASON: Final = 500
 
 
 class HumanclawError(Exception):
@@ -78,5 +81,16 @@ def blaming(plugin: str) -> Iterator[None]:
         yield
     except (HumanclawError, CallError, LimitError, ProviderError, PluginRunError):
         raise
-    except Exception as fault:
-        raise PluginRunError(f"{plugin} raised {type(fault).__name__}: {fault}") from fault
+    except (Exception, SystemExit) as fault:  # Code of somebody else does not end the program.
+        raise PluginRunError(f"{plugin} raised {in_words(fault)}") from fault
+
+
+def in_words(error: BaseException) -> str:
+    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
+    them."""
+    try:
+        return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        return type(error).__name__

@@ -58,6 +58,7 @@ def _rise(root: Array, rotations: Array) -> Array:
     return np.asarray(root[:, -1, 1] - root[:, HISTORY - 1, 1])
 
 
+_STEPS: Final = frozenset({"hips.rise", "hips.drop"})
 _BUILTIN: Final = (
     Measure("hips.left", "m", "Displacement of the hips to the left of where they faced.", -1, lambda p, r: p[:, -1,
     0]),
@@ -124,7 +125,7 @@ class Declaration:
     @property
     def climbs(self) -> bool:
         """Whether it takes the body up or down a step."""
-        return any(one.measure in ("hips.rise", "hips.drop") for one in self.parameters)
+        return any(one.measure in _STEPS for one in self.parameters)
 
     def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
@@ -140,8 +141,10 @@ class Declaration:
 
 def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
     """Of the skills of a role that command all these measures the one that commands least besides; the first of
-    equals."""
+    equals. One that goes up or down a step is suited to nothing else: where no step is asked for, there is none."""
+    step = not _STEPS.isdisjoint(measures)
     fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
+    fitting = [one for one in fitting if step or not one.climbs]
     return min(fitting, key=lambda one: len(one.parameters), default=None)
 
 
@@ -149,7 +152,7 @@ def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
         schema = json.loads((folder / "schema.json").read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
     if not isinstance(schema, dict):
         raise PluginError(f"skill folder {folder.name!r}: schema.json holds no object.", "Write a JSON schema.")

@@ -35,7 +35,7 @@ from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
 from humanclaw.contract import Skill
-from humanclaw.errors import PluginError
+from humanclaw.errors import PluginError, in_words
 from humanclaw.hookspecs import noun
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
@@ -43,7 +43,6 @@ from humanclaw.motion.checkpoint import read_header, shipped_base
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_REASON: Final = 500
 PATIENCE: Final = 30.0
 """Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
@@ -255,7 +254,8 @@ class Plugins:
         """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers and its hooks,
         if it cannot be used.
 
-        What another plugin has registered under the same name goes first, unless the choice prefers this one. A plugin
+        What another plugin has registered under the same name goes first, unless this one is HumanCLAW's own or the
+        choice prefers it. A plugin
         with the hook humanclaw_hookspecs comes before those that implement what it specifies.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
@@ -290,11 +290,15 @@ class Plugins:
             self._manager.register(plugin, name)
 
     def _take(self, kind: str, found: Sequence[Registration]) -> None:
-        """Offer what a plugin registers. Of equal names that goes first which is preferred, or else was there first."""
+        """Offer what a plugin registers. Of equal names that goes first which is preferred, else HumanCLAW's own, else
+        what was there first."""
         self._offered[kind] += found
         for one in found:
             same = [other for other in self._offered[kind] if other.name == one.name]
-            self._found[kind][one.name] = min(same, key=self.choice.rank)
+            self._found[kind][one.name] = min(same, key=self._place)
+
+    def _place(self, one: Registration) -> tuple[int, bool]:
+        return self.choice.rank(one), one.owner.partition("/")[0] not in distributions.own()
 
     def _check_choice(self) -> None:
         """Raise PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
@@ -609,16 +613,10 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
-    them."""
+    """Return an error in words; one of pluggy's says more with less."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
-    try:
-        return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        return type(error).__name__
+    return in_words(error)
 
 
 def load_file(path: Path) -> ModuleType:

@@ -25,6 +25,8 @@ STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "win
 """Categories that belong to the building and not to the furniture."""
 GROUND: Final = ("floor", "stairs")
 """Categories of what feet are meant to stand on."""
+_CUSHION: Final = 0.03
+"""Metres by which a seat may be above the collision pieces that carry it: a cover, or what their making took off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,16 @@ class Asset:
     """Height of the sitting surface over the bottom, metres; None for what is not sat on."""
     source: str = "generated"
     licence: str = "Apache-2.0"
+
+    def __post_init__(self) -> None:
+        if self.seat_height is None:
+            return
+        if not self.hulls:
+            raise SceneError(f"asset {self.name!r} has a seat and no collision pieces.", "Give it hulls to sit on.")
+        top = max(float(hull[:, 1].max()) for hull in self.hulls)
+        if not 0 < self.seat_height <= top + _CUSHION:
+            told = f"the seat of asset {self.name!r} is at {self.seat_height:g} m, and the asset is {top:g} m high."
+            raise SceneError(told, "Give the height of its sitting surface over its bottom, in metres.")
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,16 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw._backends import Backends
+from humanclaw._bounded import Bounded
 from humanclaw._skill_check import CHECKS, adapter_header, ranges, read_draft, skill_faults, within
 from humanclaw.body import JOINTS
 from humanclaw.contract import Control, Keyframes, MotionError, Part, Skill, parts
 from humanclaw.embodiment import Body, SkillExecution, untrained
-from humanclaw.errors import CallError, ContractError, HumanclawError, PluginError
-from humanclaw.hookspecs import hookimpl
+from humanclaw.errors import CallError, ContractError, HumanclawError, PluginError, in_words
+from humanclaw.hookspecs import API_VERSION, hookimpl
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
-from humanclaw.plugins import Plugins, load_file
+from humanclaw.plugins import Plugins, check_api, load_file
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw.records import Call
 from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
@@ -44,6 +45,8 @@ _UNCALLABLE: Final = frozenset(
 """What leaves nobody a legal call."""
 _FAR: Final = 20.0
 """Metres that no call of 10 s takes a body."""
+PATIENCE: Final = 10.0
+"""Seconds that planning one call may take: as long as a call lasts at most."""
 Faults = Iterator[ContractError]
 
 
@@ -74,6 +77,8 @@ class _Bench:
     engines: Sequence[str] | None
     samples: int
     seed: int
+    ask: Bounded
+    """Waits for the plan of a call, so long and no longer."""
     base: str = field(default_factory=lambda: str(read_header(shipped_base())["digest"]))
 
 
@@ -110,11 +115,12 @@ def examine(
     samples: int = 3,
     seed: int = 0,
     plugins: Plugins | None = None,
+    patience: float = PATIENCE,
 ) -> Report:
-    """Report on a skill as check_skill does, and raise nothing."""
+    """Report on a skill as check_skill does, and raise nothing. patience: seconds that planning a call may take."""
     if plugins is None:
         plugins = Plugins() if engines == () else Plugins.discover()
-    bench = _Bench(plugins, measures, engines, samples, seed)
+    bench = _Bench(plugins, measures, engines, samples, seed, Bounded(patience))
     if isinstance(skill, Skill):
         return _examined(skill, bench, ())
     draft, unreadable = read_draft(skill)
@@ -195,12 +201,12 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: _Bench) -> Faul
         yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
         return
     try:
-        plan, again = parts(skill.plan(checked)), parts(skill.plan(checked))
+        plan, again = (bench.ask(lambda: parts(skill.plan(checked))) for _ in range(2))
     except MotionError as error:
         yield ContractError(error.check, f"{call}: {error}.", _REMEDIES.get(error.check, "Mend the keyframes."))
         return
-    except Exception as error:
-        message = f"{call} raises {type(error).__name__}: {error}."
+    except (Exception, SystemExit) as error:
+        message = f"{call} raises {in_words(error)}."
         yield ContractError("plan-runs", message, "Bound its parameters so that every legal call can be planned.")
         return
     if repr(plan) != repr(again):  # Keys may be arrays, which are not simply equal.
@@ -217,6 +223,9 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: _Bench) -> Faul
 _REMEDIES: Final = {
     "duration": "Bound the parameters that set how long it lasts.",
     "plan-kind": "Return a Control, Keyframes, or a list of them.",
+    "control-adapter": "Name the adapter of a skill that is trained.",
+    "control-values": "Give one value for each parameter that the adapter's header names.",
+    "control-finite": "Command finite numbers: metres and radians.",
     "keyframes-joints": "Name a joint of the body.",
     "keyframes-times": "Begin at 0 and increase, with one key a time.",
     "keyframes-finite": "Give three finite numbers a key, radians.",
@@ -236,9 +245,7 @@ def _control_faults(part: Control, call: str, bench: _Bench) -> Faults:
         yield ContractError("control-values", f"{message}{', '.join(trained) or 'nothing'}.", remedy)
         return
     for name, value in part.values.items():
-        if not np.isfinite(value):
-            yield ContractError("control-finite", f"{call} commands {name}={value}.", "Command a finite number.")
-        elif not within(value, *trained[name]):
+        if not within(value, *trained[name]):
             centre, scale = trained[name]
             message = f"{call} commands {name}={value:.3g}; its adapter was trained on "
             remedy = "Command what lies in it: metres and radians."
@@ -294,8 +301,8 @@ def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: _Bench) -> Fa
             call = Call(skill.name, skill.check(params))
             try:
                 once, again = (_afresh(body, call, bench.seed) for _ in range(2))
-            except Exception as error:
-                message = f"{call} raises {type(error).__name__}: {error}."
+            except (Exception, SystemExit) as error:
+                message = f"{call} raises {in_words(error)}."
                 yield ContractError("body-plays", message, "Mend its motion.")
                 continue
             if any(len(chunk.commanded) != FUTURE for chunk in once.chunks) or not _is_finite(once):
@@ -331,19 +338,32 @@ def _on_engine(name: str, skill: Skill, calls: Sequence[dict[str, Any]], bench: 
     """Play every call from standing on a floor. Raises HumanclawError if the engine cannot be had."""
     host = _host(name, skill, bench)
     moves = any(isinstance(part, Control) for params in calls for part in _parts(skill, params))
-    with Body(fake_scene(), plugins=host, backends=Backends(name, FAKE, "dit" if moves else FAKE)) as body:
-        for params in calls:
-            call = Call(skill.name, skill.check(params))
-            try:
-                done = _afresh(body, call, bench.seed)
-            except Exception as error:
-                message = f"{call} on {name} raises {type(error).__name__}: {error}."
-                yield ContractError("engine-plays", message, "Mend its motion.")
-                return
-            end = done.chunks[-1].execution.simulated.root[-1]
-            if not _is_finite(done) or np.abs(end).max() > _FAR:
-                message = f"{call} on {name} ends at {np.round(end, 2).tolist()}."
-                yield ContractError("engine-finite", message, "Mend its motion.")
+    backends = Backends(name, FAKE, "dit" if moves else FAKE)
+    try:
+        body = Body(fake_scene(), plugins=host, backends=backends)  # It takes up its stance: the engine has moved it.
+    except HumanclawError:
+        raise
+    except Exception as error:
+        message = f"standing on {name} raises {in_words(error)}."
+        yield ContractError("engine-plays", message, "Mend the engine, or name others with --engine.")
+        return
+    with body:
+        yield from _engine_faults(body, skill, calls, bench)
+
+
+def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], bench: _Bench) -> Faults:
+    name = body.backends.simulator
+    for params in calls:
+        call = Call(skill.name, skill.check(params))
+        try:
+            done = _afresh(body, call, bench.seed)
+        except (Exception, SystemExit) as error:
+            yield ContractError("engine-plays", f"{call} on {name} raises {in_words(error)}.", "Mend its motion.")
+            return
+        end = done.chunks[-1].execution.simulated.root[-1]
+        if not _is_finite(done) or np.abs(end).max() > _FAR:
+            message = f"{call} on {name} ends at {np.round(end, 2).tolist()}."
+            yield ContractError("engine-finite", message, "Mend its motion.")
 
 
 def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
@@ -404,12 +424,17 @@ def _in_file(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[C
         return [*folders], {}, []
     try:
         module = load_file(path)
+        check_api(getattr(module, "HUMANCLAW_API", API_VERSION), path.stem)
         return _registered(module)
     except ContractError as error:
         return [], {}, [error]
     except PluginError as error:
         cause = error.__cause__
-        fault = cause if isinstance(cause, ContractError) else ContractError("loads", error.message, error.remedy)
+        fault = (
+            cause
+            if isinstance(cause, ContractError)
+            else ContractError("loads", error.message, error.remedy or "Mend the file.")
+        )
         return [], {}, [fault]
 
 
@@ -420,8 +445,10 @@ def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measu
     for hook, found in (("humanclaw_skills", skills), ("humanclaw_measures", measures)):
         try:
             getattr(module, hook, lambda register: None)(register=found.append)
-        except Exception as error:
-            message = f"{module.__name__} raises {type(error).__name__} in {hook}: {error}."
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # As the plugin host does: not even SystemExit ends the program.
+            message = f"{module.__name__} raises {in_words(error)} in {hook}."
             return [], {}, [ContractError("loads", message, "Mend the hook.")]
     odd = [one for one in skills if not isinstance(one, Skill | Path)]
     if odd or not skills:

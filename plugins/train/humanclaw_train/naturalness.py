@@ -411,9 +411,9 @@ def sequence_jerks(
 
 def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
     """For each measure that a sequence asks for the skill that is asked, as far as there is one."""
-    level = {one.skill: one for one in commands if not one.declaration.climbs}
-    found = {measure: suited((one.declaration for one in level.values()), measure) for measure in _AIMLESS}
-    return {measure: level[one.skill] for measure, one in found.items() if one is not None}
+    named = {one.skill: one for one in commands}
+    found = {measure: suited((one.declaration for one in commands), measure) for measure in _AIMLESS}
+    return {measure: named[one.skill] for measure, one in found.items() if one is not None}
 
 
 def _sequence(
