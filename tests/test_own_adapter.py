@@ -60,7 +60,7 @@ def test_a_clip_becomes_an_adapter_and_the_adapter_a_call(copied, house, monkeyp
     _squats(copied / "clips" / "motion.npz")
     monkeypatch.chdir(copied)
     command = build(Plugins.discover)
-    for line in ("data chunks --skill squat --clips clips --seconds 60", "train adapter --skill squat --steps 40"):
+    for line in ("data chunks --skill squat --clips clips --seconds 60", "train adapter --skill squat --steps 80"):
         done = CliRunner().invoke(command, line.split())
         assert done.exit_code == 0, f"{done.output} {done.exception!r}"
     plugins = Plugins.discover([copied / "squat.py"])
