@@ -218,10 +218,10 @@ def test_a_text_without_a_whole_call_holds_none(text):
     "opening", ["{", '{"a":', '{"a":[', "{ ", '{"skill": "step", "parameters": ', "<think>", "```{"]
 )
 def test_a_text_that_never_closes_what_it_opens_is_read_in_no_time(opening):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(CallError, match="no complete JSON object"):
         read_text(opening * (100_000 // len(opening)))
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
 
 
 @pytest.mark.parametrize(
