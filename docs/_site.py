@@ -18,6 +18,7 @@ from humanclaw.cli import LazyCommand, build
 ROOT = Path(__file__).parents[1]
 INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
 """READMEs that have a page of another name."""
+_PICTURE = re.compile(r"!\[([^\]]*)\]\((?!https?://)([^)\s]+)\)")
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -30,10 +31,13 @@ def pages() -> dict[str, str]:
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add a page for every README of a package, and a list of them."""
+    """Add a page for every README of a package with the pictures that it shows, and a list of them."""
     for path, page in pages().items():
-        text = relinked((ROOT / path).read_text("utf-8"), path, page)
-        files.append(File.generated(config, page, content=text))
+        text = (ROOT / path).read_text("utf-8")
+        files.append(File.generated(config, page, content=relinked(text, path, page)))
+        for picture in _pictures(text, path):
+            if files.get_file_from_path(picture) is None:
+                files.append(File(picture, str(ROOT), config.site_dir, config.use_directory_urls))
     files.append(File.generated(config, "packages.md", content="\n".join(_listed())))
     return files
 
@@ -46,19 +50,33 @@ def _listed() -> Iterator[str]:
         yield f"* [`{Path(path).parent.as_posix()}`]({page}): {first}"
 
 
+def _pictures(text: str, path: str) -> list[str]:
+    """Return the pictures of a README, by their paths in the repository, where they have them on the site too."""
+    return [_target(path, found[2]) for found in _PICTURE.finditer(text)]
+
+
+def _target(path: str, link: str) -> str:
+    return posixpath.normpath(posixpath.join(posixpath.dirname(path), link))
+
+
 def relinked(text: str, path: str, page: str) -> str:
-    """Point the links of a README at pages; what has none is named and not linked."""
+    """Point the links of a README at pages, and its pictures at what they show; what has no page is named and not
+    linked."""
     known = pages() | {f"docs/{one.relative_to(ROOT / 'docs')}": one.relative_to(ROOT / "docs").as_posix()
                        for one in (ROOT / "docs").rglob("*.md")}  # fmt: skip
 
     def link(match: re.Match[str]) -> str:
-        target = posixpath.normpath(posixpath.join(posixpath.dirname(path), match[2]))
+        target = _target(path, match[2])
         goal = known.get(target) or known.get(f"{target}/README.md")
         if goal is None:
             return f"{match[1]} (`{target}`)" if target not in match[1] else match[1]
         return f"[{match[1]}]({posixpath.relpath(goal, posixpath.dirname(page) or '.')}{match[3] or ''})"
 
-    return _LINK.sub(link, text)
+    def picture(match: re.Match[str]) -> str:
+        shown = posixpath.relpath(_target(path, match[2]), posixpath.dirname(page) or ".")
+        return f"![{match[1]}]({shown})"
+
+    return _PICTURE.sub(picture, _LINK.sub(link, text))
 
 
 # -- commands ----------------------------------------------------------------------------------------------------------
