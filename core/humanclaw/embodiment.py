@@ -30,6 +30,7 @@ from humanclaw.interfaces import (
     View,
     WorldState,
     ego_camera,
+    stand,
 )
 from humanclaw.measures import Declaration
 from humanclaw.motion import Course
@@ -115,8 +116,8 @@ class Body:
         self.step = 0
         self.resets += 1
         self.last: SkillExecution | None = None
-        self._state = self._simulator.reset(self.scene, self.start)
-        self._take_up_stance()
+        self._history = stand(self._simulator, self._generator, self.scene, self.start)
+        self._state = self._simulator.state()
         self._course = Course()
         return self.observe()
 
@@ -187,11 +188,6 @@ class Body:
         told = _played(plan, played) if len(plan) > 1 else ()
         self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
         return self.last
-
-    def _take_up_stance(self) -> None:
-        """Stand as the motion model's first history does: a simulator stands everybody in the rest pose."""
-        self._history = re_rooted(self._generator.start(), self._state.body)
-        self._simulate(self._history)
 
     def _simulate(self, commanded: Motion) -> Chunk:
         execution = self._simulator.execute(commanded)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from humanclaw._feedback import Feedback
 from humanclaw.body import EYE, JOINT_INDEX
 from humanclaw.contract import Skill
-from humanclaw.pose import Array, Motion, Pose2D, forward_kinematics, yaw_matrix
+from humanclaw.pose import Array, Motion, Pose2D, forward_kinematics, re_rooted, yaw_matrix
 from humanclaw.records import Call, Contact, Decision, EpisodeSpec, Verdict
 from humanclaw.scene import Scene
 
@@ -148,6 +148,13 @@ class MotionGenerator(Protocol):
     @property
     def digest(self) -> str:
         """Names the weights of the prior."""
+
+
+def stand(simulator: Simulator, generator: MotionGenerator, scene: Scene, start: Pose2D) -> Motion:
+    """Put a body into a scene, in the stance that motion goes on from: a simulator stands it there in a pose of its
+    own. Returns the five frames of it, the history of the first motion, world frame."""
+    stance = re_rooted(generator.start(), simulator.reset(scene, start).body)
+    return re_rooted(stance, simulator.execute(stance).simulated)
 
 
 # -- deciding ----------------------------------------------------------------------------------------------------------

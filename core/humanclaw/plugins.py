@@ -255,8 +255,8 @@ class Plugins:
         if it cannot be used.
 
         What another plugin has registered under the same name goes first, unless this one is HumanCLAW's own or the
-        choice prefers it. A plugin
-        with the hook humanclaw_hookspecs comes before those that implement what it specifies.
+        choice prefers it. A plugin with the hook humanclaw_hookspecs comes before those that implement what it
+        specifies.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
             raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")

@@ -18,7 +18,7 @@ from humanclaw.contract import Control, Skill
 from humanclaw.errors import HumanclawError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.half_physics.exertion import GROUND_FRICTION
-from humanclaw.interfaces import Execution, MotionGenerator, Simulator
+from humanclaw.interfaces import Execution, MotionGenerator, Simulator, stand
 from humanclaw.measures import from_si
 from humanclaw.plugins import Plugins
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, re_rooted, rest_pose
@@ -135,9 +135,9 @@ class Fixture:
         """Return a simulator of the fixture's profile."""
         return self.make(self.profile)
 
-    def start(self) -> Motion:
-        """Five frames of standing at the origin."""
-        return self._generator.start()
+    def stand(self, simulator: Simulator, scene: Scene) -> Motion:
+        """Put the body on a scene's start; returns the history of its first motion, (5,) frames."""
+        return stand(simulator, self._generator, scene, scene.start)
 
     def generate(self, history: Motion, command: Command, number: int) -> Motion:
         """15 frames of the skill that commands these measures."""
@@ -150,8 +150,8 @@ class Fixture:
     def perform(self, scene: Scene, commands: Sequence[Command], profile: Profile | None = None) -> Played:
         """Let a body that stands on the scene's start carry out some commands."""
         simulator = self.make(profile or self.profile)
-        body = simulator.reset(scene, scene.start).body
-        history, commanded, executions = re_rooted(self.start(), body), [], []
+        history = self.stand(simulator, scene)
+        start, commanded, executions = history.root[-1], [], []
         for number, command in enumerate(commands):
             motion = self.generate(history, command, number)
             execution = simulator.execute(motion)
@@ -160,11 +160,11 @@ class Fixture:
             executions.append(execution)
         objects = dict(simulator.state().objects)
         simulator.close()
-        return Played(body.root[-1], tuple(commanded), tuple(executions), objects)
+        return Played(start, tuple(commanded), tuple(executions), objects)
 
     def imagine(self, commands: Sequence[Command]) -> Motion:
         """Return the same commands as pure kinematics: generated motion played back, and no world."""
-        motion = self.start()
+        motion = self._generator.start()
         for number, command in enumerate(commands):
             motion = motion.then(self.generate(motion[-HISTORY:], command, number))
         return motion

@@ -58,8 +58,7 @@ def _copy(obj: SceneObject, number: int, shift: float) -> SceneObject:
 def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[float]:
     """CPU milliseconds of half a second of walking about, contacts included."""
     simulator, times = fixture.simulator(), []
-    body = simulator.reset(scene, scene.start).body
-    history = re_rooted(fixture.start(), body)
+    history = fixture.stand(simulator, scene)
     for number in range(count):
         command = {FORWARD: 0.4, TURN: np.radians(20 if number % 8 < 4 else -20)}
         motion = fixture.generate(history, command, number)

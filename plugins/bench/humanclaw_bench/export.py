@@ -9,7 +9,7 @@ import csv
 import importlib
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -39,10 +39,15 @@ def metrics_of(plugins: Plugins) -> Extra:
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Every episode with its scores and, if it failed, its root cause. Many of them show progress."""
     found: list[Scored] = []
-    for recorded in tqdm(episodes, desc=f"scoring {name}", disable=None if len(episodes) >= 50 else True, leave=False):
+    for recorded in _with_progress(episodes, f"scoring {name}"):
         scores = score(recorded, extra)
         found.append((scores, attribute(recorded, scores)))
     return found
+
+
+def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:
+    """Fifty episodes take seconds: then a terminal shows how far it is."""
+    return tqdm(episodes, desc=doing, disable=None if len(episodes) >= 50 else True, leave=False)
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
@@ -112,7 +117,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
         features=_features(episodes, actions), use_videos=False,
     )  # fmt: skip
-    for recorded in tqdm(episodes, desc="exporting", disable=None if len(episodes) >= 50 else True, leave=False):
+    for recorded in _with_progress(episodes, "exporting"):
         for frame in _frames(recorded, actions):
             dataset.add_frame(frame)
         dataset.save_episode()

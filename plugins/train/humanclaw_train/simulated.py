@@ -15,6 +15,7 @@ import numpy as np
 
 from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
+from humanclaw.interfaces import stand
 from humanclaw.measures import Declaration
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, re_rooted
@@ -134,10 +135,7 @@ class Actor:
 
     def stand(self, scene: Scene) -> None:
         """Stand at the origin as an episode begins, in the stance that motion goes on from."""
-        self._put(scene)
-        self._history = re_rooted(self._generator.start(), self.simulated)
-        self.simulated = self._simulator.execute(self._history).simulated
-        self._history = re_rooted(self._history, self.simulated)
+        self.simulated = self._history = stand(self._simulator, self._generator, scene, scene.start)
 
     def move_to(self, scene: Scene) -> None:
         """Go on at the origin of another scene, in the pose of the history."""
