@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 
 from humanclaw._decisions import Call, Decision
+from humanclaw._words import did_you_mean
 from humanclaw.contract import Skill
 from humanclaw.errors import CallError
 
@@ -21,11 +21,9 @@ def check(decision: Decision, skills: Mapping[str, Skill]) -> Call:
 def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
     """Fill the defaults of a call in. Raises CallError, written for the model."""
     if call.skill not in skills:
-        near = difflib.get_close_matches(call.skill[:64], skills, n=1)
-        hint = f" Did you mean {near[0]}?" if near else ""
-        raise CallError(
-            f"Nothing was executed: there is no skill {call.skill[:64]!r}.{hint} The skills are {', '.join(skills)}."
-        )
+        told = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
+        known = f"The skills are {', '.join(skills)}."
+        raise CallError(" ".join(filter(None, (told, did_you_mean(call.skill, skills), known))))
     skill = skills[call.skill]
     if not skill.trained:
         raise CallError(

@@ -9,7 +9,6 @@ humanclaw_hookspecs).
 
 from __future__ import annotations
 
-import difflib
 import importlib.metadata
 import importlib.util
 import inspect
@@ -34,6 +33,7 @@ from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
+from humanclaw._words import did_you_mean
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError, in_words
 from humanclaw.hookspecs import noun
@@ -312,10 +312,9 @@ class Plugins:
                     continue
                 if option == "without" and any(text == name for _, name in told):
                     continue
-                near = difflib.get_close_matches(text, {owner for owner, _ in told}, n=1, cutoff=0.4)
-                hint = f" Did you mean {near[0]}?" if near else ""
                 raise PluginError(
-                    f"--{option} {text} names nothing that is installed.", f"See `humanclaw plugins`.{hint}"
+                    f"--{option} {text} names nothing that is installed.",
+                    f"See `humanclaw plugins`. {did_you_mean(text, {owner for owner, _ in told})}".rstrip(),
                 )
         for name in self.choice.skills:
             self.skill(name)
@@ -542,8 +541,7 @@ class Plugins:
         specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
         words = [word.strip("'\":,.") for word in _reason(error).split()]
         wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
-        near = difflib.get_close_matches(wrong[0], specified, n=1, cutoff=0.5) if wrong else []
-        return f"Did you mean {near[0]}?" if near else ""
+        return did_you_mean(wrong[0], specified) if wrong else ""
 
 
 def _kinds(specs: ModuleType) -> Iterator[str]:

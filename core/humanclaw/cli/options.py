@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import click
 
 from humanclaw._backends import SENSORS, Backends, check_sensors
+from humanclaw._words import did_you_mean
 from humanclaw.errors import HumanclawError
 from humanclaw.limits import Meter, check_limits
 
@@ -167,8 +167,7 @@ def _nearest(key: str, known: Collection[str]) -> str:
     flag = f"--{key.replace('_', '-')}"
     if flag in flags:
         return f"Write {flag} without --option."
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    return f"Did you mean {near[0]}?" if near else f"The options are {', '.join(sorted(known))}."
+    return did_you_mean(key, known) or f"The options are {', '.join(sorted(known))}."
 
 
 def parse_limits(texts: Sequence[str]) -> dict[str, float]:
