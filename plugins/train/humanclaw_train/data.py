@@ -7,7 +7,7 @@ A chunk folder holds one `NAME.npz` a skill, and `base.npz` for the prior, each 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -24,6 +24,8 @@ from humanclaw_train.checkpoint import Normaliser
 
 # The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
+_EACH: Final = ("root", "rotations", "params", "real", "source")
+"""What a file holds of every chunk."""
 _SETTLED: Final = 10
 """Frames after which a noisy history is forgotten."""
 
@@ -52,7 +54,8 @@ class ChunkTensors:
 
 
 def load(folders: Sequence[Path], name: str) -> ChunkTensors:
-    """All chunks of one skill, or of `base`, from every folder that has some.
+    """All chunks of one skill, or of `base`, from every folder that has some; what is real once, since folders that
+    were drawn by other seeds hold the same clips.
 
     Raises HumanclawError when no folder has any.
     """
@@ -60,30 +63,36 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     if not files:
         listed = ", ".join(map(str, folders))
         raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data build DIR")
-    arrays = [_read(file) for file in files]
-    root, rotations, params = (
-        torch.from_numpy(np.concatenate([part[key] for part in arrays]).astype(np.float32))
-        for key in ("root", "rotations", "params")
-    )
-    names, measures = (tuple(arrays[0][key].tolist()) for key in ("names", "measures"))
-    return ChunkTensors(name, root, rotations, params, _statistics(arrays), names, measures)
+    parts = [_read(file) for file in files]
+    kept = np.concatenate(list(_new(parts)))
+    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in _EACH}
+    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in _EACH[:3])
+    names, measures = (tuple(parts[0][key].tolist()) for key in ("names", "measures"))
+    return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures)
+
+
+def _new(parts: Sequence[Mapping[str, np.ndarray[Any, Any]]]) -> Iterator[np.ndarray[Any, Any]]:
+    """Yield for each part which of its chunks (N,) are no real ones of a part before."""
+    before = set[bytes]()
+    for part in parts:
+        told = [root.tobytes() + turns.tobytes() for root, turns in zip(part["root"], part["rotations"], strict=True)]
+        yield np.array([not real or one not in before for real, one in zip(part["real"], told, strict=True)])
+        before |= set(told)
 
 
 def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
     with np.load(file, allow_pickle=False) as content:
-        found = {key: content[key] for key in ("root", "rotations", "params", "real", "source", "names", "measures")}
+        found = {key: content[key] for key in (*_EACH, "names", "measures")}
     if found["root"].shape[1:] != (CHUNK, 3):
         raise HumanclawError(f"{file} holds root {found['root'].shape}, not (N, {CHUNK}, 3).", "Make the chunks again.")
     return found
 
 
-def _statistics(arrays: Sequence[dict[str, np.ndarray[Any, Any]]]) -> dict[str, Any]:
-    real = np.concatenate([part["real"] for part in arrays])
-    params = np.concatenate([part["params"] for part in arrays])
-    sources = Counter(str(source).split(":")[0] for part in arrays for source in part["source"])
+def _statistics(whole: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+    params, sources = whole["params"], Counter(str(source).split(":")[0] for source in whole["source"])
     return {
-        "chunks": len(real),
-        "real": int(real.sum()),
+        "chunks": len(whole["real"]),
+        "real": int(whole["real"].sum()),
         "sources": dict(sorted(sources.items())),
         "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
         "params_high": [round(float(value), 4) for value in params.max(0)] if params.size else [],

@@ -257,6 +257,17 @@ def test_unknown_data_is_refused_before_anything_is_trained(tmp_path):
         data.load_all([tmp_path])
 
 
+def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
+    for seed, metres in enumerate((0.1, 0.2)):
+        (tmp_path / str(seed)).mkdir()
+        distance = np.linspace(0.05, 0.45, COUNT)
+        distance[np.arange(COUNT) % 4 != 0] += metres  # Real is every fourth; the rest is drawn by another seed.
+        _save(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
+    loaded = data.load([tmp_path / "0", tmp_path / "1"], "step_back")
+    assert loaded.statistics["real"] == 16
+    assert len(loaded) == loaded.statistics["chunks"] == 16 + 48 + 48
+
+
 def test_a_sliding_foot_costs_more_than_a_sliding_hand():
     def turn(joint):
         def shift(future):

@@ -1,0 +1,105 @@
+"""What width, training and real data buy: `python plugins/train/scaling.py CHUNKS` prints the table.
+
+Priors of some widths, and priors that see a share of the real clips, learn for as many steps each with the recipe of
+the shipped one. All are judged on chunks of clips that nothing was trained on: how far, in the mean over the chunk's
+15 frames and 24 joints, the motion that they foretell is from the real one, by how much of it they are shown.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from humanclaw.motion import SIZES, ModelConfig, shipped_base
+from humanclaw.pose import FUTURE, HISTORY
+from humanclaw_train import data, flow, kinematics
+from humanclaw_train.checkpoint import Normaliser, load_base
+from humanclaw_train.dit import DiT
+from humanclaw_train.train import Loss, Recipe, Trainer, Weights, objective
+
+WIDTHS: Final = (96, 192, 288)
+SHARES: Final = (0.25, 0.5)
+TAUS: Final = (0.0, 0.25, 0.5)
+"""How much of the true motion is in what the model is shown; at 0 nothing, its history apart."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("chunks", type=Path, help="folder of `humanclaw data build`")
+    parser.add_argument("--steps", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    chunks, held_out = data.load([options.chunks], "base"), data.load([options.chunks / "held_out"], "base")
+    normaliser, recipe = data.normaliser(chunks), Recipe(steps=options.steps, seed=options.seed)
+    print("| prior | weights | real clips | steps |", " | ".join(f"tau {tau:g}, cm" for tau in TAUS), "|")
+    print("| --- |", " --- |" * (3 + len(TAUS)))
+
+    def tell(name: str, model: DiT, share: float, steps: int, normaliser: Normaliser = normaliser) -> None:
+        weights = sum(parameter.numel() for parameter in model.parameters())
+        found = " | ".join(f"{error(model, normaliser, held_out, tau):.2f}" for tau in TAUS)
+        print(f"| {name} | {weights / 1e6:.1f} M | {share:.0%} | {steps} | {found} |", flush=True)
+
+    for width, share in [*((width, 1.0) for width in WIDTHS), *((192, share) for share in SHARES)]:
+        shape = replace(SIZES["lite"], hidden=width)
+        for steps, model in learned(shape, clips(chunks, options.chunks, share), normaliser, recipe):
+            tell(f"hidden {width}", model, share, steps)
+    base = load_base(shipped_base())
+    tell("shipped", base.model, 1.0, 16000, base.normaliser)
+
+
+def clips(chunks: data.ChunkTensors, folder: Path, share: float) -> data.ChunkTensors:
+    """Keep a share of the real clips, spread evenly over their names, and all that is synthetic."""
+    with np.load(folder / "base.npz") as content:
+        real, source = content["real"], content["source"]
+    names = np.unique(source[real])
+    kept = names[np.unique((np.arange(len(names)) * share).astype(int), return_index=True)[1]]
+    chosen = torch.from_numpy(np.flatnonzero(~real | np.isin(source, kept)))
+    return replace(chunks, root=chunks.root[chosen], rotations=chunks.rotations[chosen], params=chunks.params[chosen])
+
+
+def learned(
+    shape: ModelConfig, chunks: data.ChunkTensors, normaliser: Normaliser, recipe: Recipe
+) -> list[tuple[int, DiT]]:
+    """Train a prior; returns its running mean halfway and at the end, by steps."""
+    torch.manual_seed(recipe.seed)
+    model, found = DiT(shape), []
+    trainer = Trainer(model, chunks, recipe)
+
+    def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
+        output: Tensor = model(history, noisy, model.modulations(tau))
+        return output
+
+    problem = objective(forward, Loss(normaliser, Weights()), shape.prediction)
+    for until in (recipe.steps // 2, recipe.steps):
+        while trainer.step < until:
+            trainer.advance(problem, lambda values: values)
+        mean = DiT(shape)
+        mean.load_state_dict(trainer.mean.state_dict())
+        found.append((until, mean))
+    return found
+
+
+@torch.inference_mode()
+def error(model: DiT, normaliser: Normaliser, chunks: data.ChunkTensors, tau: float, seed: int = 0) -> float:
+    """Measure the mean distance of the foretold joints from the real ones, centimetres."""
+    states = normaliser.forward(kinematics.encode(chunks.root, chunks.rotations))
+    future, moment = states[:, HISTORY:], torch.full((len(states),), tau)
+    noise = torch.randn(future.shape, generator=torch.Generator().manual_seed(seed))
+    noisy = flow.noised(future, noise, moment)
+    output = model(states[:, :HISTORY], noisy, model.modulations(moment))
+    implied = normaliser.inverse(flow.clean(model.config.prediction, output, noisy, moment))
+    rotations = implied[..., kinematics.ROTATIONS].reshape(len(states), FUTURE, -1, 3)
+    foretold = kinematics.joints(implied[..., kinematics.ROOT], rotations)
+    true = kinematics.joints(chunks.root[:, HISTORY:], chunks.rotations[:, HISTORY:])
+    return 100 * float((foretold - true).norm(dim=-1).mean())
+
+
+if __name__ == "__main__":
+    main()
