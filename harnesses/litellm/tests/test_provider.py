@@ -33,6 +33,7 @@ from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
 
 KEY = "planted-0123456789-key"
+PRICES = {"input_cost_per_token": 1e-6, "output_cost_per_token": 0.0}
 
 
 def test_a_request_over_the_rate_limit_is_made_again(begin, view):
@@ -244,6 +245,25 @@ def test_a_cost_that_the_provider_tells_is_believed(begin, view):
     with OpenAIServer([priced]) as server:
         usage = begin(server).decide(view(), ()).usage
     assert (usage.cost, usage.cost_estimated) == (0.25, False)
+
+
+@pytest.mark.parametrize("cost", [float("nan"), float("inf"), -0.25, True])
+def test_a_cost_that_nothing_can_have_is_not_believed(begin, view, cost):
+    reply = call("stop")
+    priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": cost}})
+    with OpenAIServer([priced]) as server:
+        usage = begin(server, params=PRICES).decide(view(), ()).usage
+    assert (usage.cost, usage.cost_estimated) == (pytest.approx(1000 * 1e-6), True)
+
+
+@pytest.mark.parametrize("count", [-1000, 10**15])
+def test_a_count_that_no_answer_has_is_not_believed(begin, view, count):
+    reply = call("stop")
+    counted = Reply({**reply.body, "usage": {"prompt_tokens": count, "completion_tokens": count, "total_tokens": 0}})
+    with OpenAIServer([counted]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.estimated
+    assert 0 < usage.tokens_in < 10_000
 
 
 # -- options -----------------------------------------------------------------------------------------------------------
