@@ -113,6 +113,14 @@ def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
     assert 0.9 < time.monotonic() - began < 5
 
 
+@pytest.mark.parametrize("zone", ["", " -0000", " GMT"])
+def test_a_date_without_a_zone_is_one_too(begin, view, zone):
+    moment = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)
+    when = f"{moment:%a, %d %b %Y %H:%M:%S}{zone}"
+    with OpenAIServer([status(429, headers={"Retry-After": when}), call("stop")]) as server:
+        assert begin(server).decide(view(), ()).calls[0].skill == "stop"
+
+
 def test_a_used_up_quota_is_not_asked_again(begin, view):
     with OpenAIServer([status(429, "insufficient_quota: you exceeded your quota")] * 2) as server:
         with pytest.raises(ModelError, match="quota"):
@@ -264,6 +272,17 @@ def test_a_count_that_no_answer_has_is_not_believed(begin, view, count):
         usage = begin(server).decide(view(), ()).usage
     assert usage.estimated
     assert 0 < usage.tokens_in < 10_000
+
+
+def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, view, monkeypatch):
+    monkeypatch.setenv("SOME_API_KEY", KEY)
+    named = [Reply({**call("stop").body, "model": name}) for name in (f"model of {KEY}", "m" * 5000)]
+    with OpenAIServer(named) as server:
+        agent = begin(server)
+        first, second = (agent.decide(view(), ()).raw for _ in named)
+    assert "model of [redacted]" in first
+    assert "m" * 200 in second
+    assert "m" * 201 not in second
 
 
 # -- options -----------------------------------------------------------------------------------------------------------
