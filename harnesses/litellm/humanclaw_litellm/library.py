@@ -49,9 +49,9 @@ def _restrain_clients() -> None:
 
 
 def _leave_arguments() -> None:
-    """What a model wrote as arguments is refused in words where it cannot be read. litellm reads it too, in search of a
-    mistake of older models, and takes a number or a nesting that Python's reader does not hold for the provider's
-    failure."""
+    """Keep litellm from reading what a model wrote as arguments: where it cannot be read, that is refused in words.
+    litellm looks there for a mistake of older models, and takes a number or a nesting that Python's reader does not
+    hold for the failure of the provider."""
     from litellm.litellm_core_utils.llm_response_utils import convert_dict_to_response as reading
 
     reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
