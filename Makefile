@@ -120,9 +120,8 @@ soak: install  ## 2,000 decisions in one process: memory, handles, threads and t
 	$(BIN)/python tests/evidence/soak.py
 
 audit: install  ## Licences of every package and weight, and what is publicly known to be wrong with them (needs the network)
-	$(BIN)/python tests/evidence/audit.py
 	$(BIN)/pip install --quiet pip-audit
-	$(BIN)/pip-audit --skip-editable
+	$(BIN)/python tests/evidence/audit.py
 
 clean:  ## Remove .venv and caches, keep runs
 	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache

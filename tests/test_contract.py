@@ -65,6 +65,18 @@ def test_what_the_schema_refuses_is_explained_to_the_model(plugins, params, hint
     assert "z_cm: integer 0..80" in str(fault.value)
 
 
+@pytest.mark.parametrize(("written", "meant"), [(2, 2), (2.0, 2), (-0.0, 0)])
+def test_an_integer_is_one_however_a_model_writes_it(written, meant):
+    @skill()
+    def nod(times: int, sides: list[int]) -> Keyframes:
+        """Nod."""
+        return Keyframes.cycle("head", "x", 20, 0.5, times)
+
+    checked = nod.check({"times": written, "sides": [written]})
+    assert checked == {"times": meant, "sides": [meant]}
+    assert [type(value) for value in (checked["times"], *checked["sides"])] == [int, int]
+
+
 def test_a_function_becomes_a_skill_by_its_signature():
     made = skill(checks=["Is anybody in view?"])(nod)
     assert isinstance(made, Skill)

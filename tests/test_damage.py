@@ -8,7 +8,7 @@ import pytest
 from made import record_episode
 
 from humanclaw.errors import RecordError
-from humanclaw.records import EpisodeRecord, RecordedEpisode, write_record
+from humanclaw.records import Contact, EpisodeRecord, RecordedEpisode, StepRecord, Usage, write_record
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +131,17 @@ def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):
     path.write_text(path.read_text().replace('"steps": ', '"steps": 1'))
     with pytest.raises(RecordError, match="changed since it was written"):
         RecordedEpisode(folder)
+
+
+def test_a_number_that_is_none_is_read_back_and_makes_no_line_unreadable():
+    touch = Contact((0,), "head", "head", 7, False, float("nan"), float("-inf"))
+    step = StepRecord(step=0, status="invalid", attempts=(), contacts=(touch,), target_distance=float("nan"))
+    assert StepRecord.model_validate_json(step.model_dump_json()).model_dump_json() == step.model_dump_json()
+
+
+@pytest.mark.parametrize("cost", [float("nan"), float("inf"), -0.01])
+def test_nothing_costs_less_than_nothing_or_what_is_no_number(cost):
+    with pytest.raises(ValueError, match="not below 0"):
+        Usage(10, 5, cost)
+    with pytest.raises(ValueError, match="not below 0"):
+        Usage(-10, 5)

@@ -90,6 +90,74 @@ def test_an_array_that_says_it_is_larger_than_it_is_takes_no_memory(tmp_path, co
         RecordedEpisode(tmp_path / "couch-0").motion()
 
 
+def zipped(members, how=zipfile.ZIP_DEFLATED):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", how) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+WHOLE = {
+    f"{kind}_{name}.npy": array((5, *row), b"\0" * 8 * 5 * width)
+    for kind in ("generated", "simulated")
+    for name, row, width in (("root", (3,), 3), ("rotations", (24, 3), 72))
+}
+"""Five frames, which are read."""
+
+
+def marked(data, place, value):
+    """The same archive with another byte in both of the places where it tells of its first member."""
+    changed = bytearray(data)
+    changed[data.find(b"PK\x01\x02") + place + 2] = changed[data.find(b"PK\x03\x04") + place] = value
+    return bytes(changed)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        array((10**13,)),
+        zipped({**WHOLE, "object_x.npy": array((5, 7), b"\0" * 280)}),
+        zipped({**WHOLE, "object_1.npy": array((4, 7), b"\0" * 224)}),
+        zipped({**WHOLE, "object_1.npy": array((5, 2), b"\0" * 80)}),
+        zipped({**WHOLE, "object_1.npy": array((5, 7), b"\0" * 140, "<U1")}),
+        zipped({**WHOLE, "simulated_root.npy": array((5, 4), b"\0" * 160)}),
+        zipped({**WHOLE, "simulated_root.npy": b"\x93NUMPY\x01\x00\x04\x00(((("}),
+        marked(zipped(WHOLE), 6, 1),
+        marked(zipped(WHOLE), 8, 99),
+        marked(zipped(WHOLE, zipfile.ZIP_LZMA), 60, 255),
+    ],
+    ids=["bare", "id", "length", "row", "text", "root", "header", "encrypted", "unknown", "lzma"],
+)
+def test_motion_that_is_none_is_refused_whatever_reads_it(tmp_path, content):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(WHOLE))
+    assert RecordedEpisode(tmp_path / "couch-0").motion().root.shape == (5, 3)
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(content)
+    with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
+        RecordedEpisode(tmp_path / "couch-0").objects()
+
+
+def test_many_arrays_may_not_be_large_together(tmp_path, monkeypatch):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    monkeypatch.setattr("humanclaw.records._LARGEST", 4 * 5 * 7 * 8)
+    many = {f"object_{number}.npy": array((5, 7), b"\0" * 280) for number in range(4)}
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(many))
+    with pytest.raises(RecordError, match="larger than"):
+        RecordedEpisode(tmp_path / "couch-0").objects()
+
+
+@pytest.mark.parametrize("name", ["a\0b", "../couch-1/steps.jsonl", "/etc/passwd"])
+def test_a_file_that_a_record_names_lies_in_its_folder(tmp_path, name):
+    record_episode(tmp_path / "couch-0")
+    path = tmp_path / "couch-0" / "episode.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "seal": "", "files": {name: "aa"}}))
+    with pytest.raises(RecordError, match="which lies elsewhere"):
+        RecordedEpisode(tmp_path / "couch-0")
+
+
 def test_what_a_zip_says_of_its_size_is_not_believed(tmp_path):
     record_episode(tmp_path / "couch-0")
     before = RecordedEpisode(tmp_path / "couch-0").motion().root

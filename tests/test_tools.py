@@ -229,6 +229,7 @@ def test_a_text_that_never_closes_what_it_opens_is_read_in_no_time(opening):
     [
         ('{"skill": "step", "skill": "turn", "parameters": {"skill": "step", "z_cm": 40}}', "'skill' is there twice"),
         ('{"skill": "step", "parameters": {"z_cm": 4, "z_cm": 40}}', "'z_cm' is there twice"),
+        ('{"skill": "step", "z_cm": 4, "parameters": {"z_cm": 40}}', "'z_cm' is given twice"),
         ('{"skill": "step", "parameters": {"z_cm": 40}}' + " " * 100_000, "longer than 100000 letters"),
     ],
 )

@@ -3,12 +3,14 @@ record alike."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Final, TypeVar
 
-STRICT = {"extra": "forbid"}
-"""For pydantic, which reads these classes from records: an unknown field is an error."""
+STRICT = {"extra": "forbid", "ser_json_inf_nan": "strings"}
+"""For pydantic, which reads these classes from records: an unknown field is an error, and what is no number is written
+as a word that can be read back."""
 DEEPEST: Final = 16
 """Levels of nesting in a parameter; what lies deeper no schema asks for."""
 LONGEST: Final = 100_000
@@ -46,6 +48,12 @@ class Usage:
     """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
     tokens_reasoning: int = 0
     """Of tokens_out those that the model thought with, as far as the provider tells."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for what nothing can cost: it would lift every limit."""
+        counts = (self.tokens_in, self.tokens_out, self.tokens_reasoning, self.cost)
+        if not all(0 <= count < math.inf for count in counts):
+            raise ValueError(f"tokens and cost are finite and not below 0; got {counts}")
 
     def __add__(self, other: Usage) -> Usage:
         return Usage(

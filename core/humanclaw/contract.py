@@ -198,7 +198,7 @@ class Skill:
         return parameters_of(self.schema)
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters with defaults filled in.
+        """Return the parameters with defaults filled in, integers as such: JSON knows no difference between 2 and 2.0.
 
         Raises CallError, written for the model, if the schema refuses them.
         """
@@ -211,7 +211,7 @@ class Skill:
             raise CallError(f"{self.name} was not executed: {lines}. {self.usage()}")
         if odd := [key for key, value in filled.items() if not _is_finite(value)]:
             raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
-        return {key: filled[key] for key in properties if key in filled}
+        return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
 
     def usage(self) -> str:
         """Write one line that says how to call the skill."""
@@ -304,6 +304,13 @@ def _is_finite(value: Any) -> bool:
         return math.isfinite(value)
     inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
     return all(map(_is_finite, inner))
+
+
+def _whole(value: Any, part: Mapping[str, Any]) -> Any:
+    """Return what JSON Schema takes for an integer as one, also in a list."""
+    if isinstance(value, list) and isinstance(part.get("items"), Mapping):
+        return [_whole(inner, part["items"]) for inner in value]
+    return int(value) if part.get("type") == "integer" and isinstance(value, float) else value
 
 
 def _foreign(schema: Any) -> Iterator[str]:

@@ -374,6 +374,8 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     given = _parse(inner, name) if isinstance(inner, str) else inner
     if not isinstance(given, Mapping):
         raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
+    if twice := [key for key in given if key in rest and key not in REASONING_FIELDS and given[key] != rest[key]]:
+        raise CallError(f"{name} was not executed: {twice[0][:64]!r} is given twice; give it once.")
     return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
 
 

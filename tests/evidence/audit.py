@@ -1,18 +1,21 @@
-"""The licence of every package that this environment holds for us, and of every weight; pip-audit tells of known holes.
+"""The licence of every package that this environment holds for us, and of every weight, and what pip-audit
+knows to be wrong with them. A package that nobody could look up is no pass.
 
 python tests/evidence/audit.py     # `make audit`
 """
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 
 from packaging.requirements import Requirement
 
-from humanclaw import Plugins
+from humanclaw import Plugins, Skill
 from humanclaw.motion.checkpoint import read_header
 
 FREE = re.compile(
@@ -54,6 +57,34 @@ def licence(one: Distribution) -> str:
     return head["License-Expression"] or ", ".join(told) or text or CHECKED.get(head["Name"].lower(), "not stated")
 
 
+def of_weights(skill: Skill) -> str:
+    """The terms of the data that a skill's weights were trained on, as their header names them; empty if none does."""
+    terms = read_header(skill.adapter).get("card", {}).get("licences", []) if skill.adapter and skill.trained else ["-"]
+    return "; ".join(terms) if terms and all(terms) else ""
+
+
+def unaudited() -> int:
+    """Run pip-audit, and tell of what is known to be wrong. Returns how many packages it could say nothing of."""
+    command = [sys.executable, "-m", "pip_audit", "--skip-editable", "--progress-spinner", "off", "--format", "json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    try:
+        found = json.loads(done.stdout)["dependencies"]
+    except (ValueError, KeyError):
+        print(done.stderr.strip() or "pip-audit said nothing", file=sys.stderr)
+        return 1
+    for one in found:
+        for hole in one.get("vulns", ()):
+            print(
+                f"! {one['name']} {one['version']}: {hole['id']}, mended in {', '.join(hole['fix_versions']) or 'none'}"
+            )
+    asked = [one for one in found if "editable" not in one.get("skip_reason", "")]
+    skipped = [one for one in asked if "skip_reason" in one]
+    print(
+        f"{len(asked) - len(skipped)} of {len(asked)} packages were looked up for what is known to be wrong with them"
+    )
+    return len(skipped) + sum(bool(one.get("vulns")) for one in found)
+
+
 def main() -> int:
     bad = 0
     for name, one in needed().items():
@@ -62,10 +93,11 @@ def main() -> int:
         bad += not free
         print(f"{'' if free else '! '}{name} {one.version}: {terms}")
     for name, skill in sorted(Plugins.discover().skills.items()):
-        if skill.adapter and skill.trained:
-            terms = read_header(skill.adapter).get("card", {}).get("licences", ["not stated"])
-            print(f"weights of {name}: {'; '.join(terms)}")
-    print(f"{bad} packages whose terms are not known to be free")
+        told = of_weights(skill)
+        bad += not told
+        print(f"{'' if told else '! '}weights of {name}: {told or 'not stated'}")
+    print(f"{bad} packages and weights whose terms are not known to be free")
+    bad += unaudited()
     return int(bad > 0)
 
 

@@ -10,6 +10,8 @@ import os
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +42,14 @@ class Sample:
         return cls(decisions, resident(), handles, threading.active_count(), len(os.listdir(tempfile.gettempdir())))
 
 
+@contextmanager
+def own_temporaries() -> Iterator[None]:
+    """Put the temporary files of this process into a folder of their own: in the shared one others come and go."""
+    with tempfile.TemporaryDirectory() as folder:
+        tempfile.tempdir = os.environ["TMPDIR"] = folder
+        yield
+
+
 def grows(samples: list[Sample]) -> str:
     """What still grows in the second half; empty if nothing does. Memory may sway by a twentieth."""
     half = len(samples) // 2
@@ -58,11 +68,19 @@ def main() -> int:
     parser.add_argument("--decisions", type=int, default=2000)
     parser.add_argument("--simulator", default="")
     asked = parser.parse_args()
+    with own_temporaries():
+        worse = grows(played(asked.decisions, asked.simulator))
+    print(f"still growing: {worse}" if worse else "flat")
+    return int(bool(worse))
+
+
+def played(decisions: int, simulator: str) -> list[Sample]:
+    """Play so many decisions, and sample before the first episode and after each."""
     plugins = Plugins.discover()
     samples = [Sample.now(0)]
-    backends = Backends(asked.simulator or default_simulator(plugins))
+    backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:
-        for number in range(max(4, asked.decisions // EPISODE)):
+        for number in range(max(4, decisions // EPISODE)):
             spec = free_episode("Walk about.", body.scene, seed=number, max_steps=EPISODE, name=f"soak-{number}")
             agent = plugins.make("agents", "random", {})
             with Episode(body, spec, agent, folder=Path(out) / spec.id) as episode:
@@ -70,9 +88,7 @@ def main() -> int:
                     episode.ask()
             samples.append(Sample.now((number + 1) * EPISODE))
             print(samples[-1], flush=True)
-    worse = grows(samples)
-    print(f"still growing: {worse}" if worse else "flat")
-    return int(bool(worse))
+    return samples
 
 
 if __name__ == "__main__":

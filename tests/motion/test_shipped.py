@@ -65,6 +65,7 @@ def test_every_adapter_fits_the_shipped_base_and_says_where_it_comes_from(genera
     assert load_adapter(path, generator.base, skill).config.skill == skill
     card = read_header(path)["card"]
     assert card["licences"]
+    assert all(": " in licence for licence in card["licences"]), "source: licence"
     assert 0 <= card["data"]["real"] < card["data"]["chunks"]
 
 

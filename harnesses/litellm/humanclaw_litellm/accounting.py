@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from humanclaw.records import Usage
 from humanclaw_litellm.library import load
@@ -14,26 +15,38 @@ Json = dict[str, Any]
 _LETTERS_A_TOKEN: Final = 4
 _TOKENS_A_PICTURE: Final = 350
 """What the large providers charge for 512 x 512 pixels lies between 250 and 420."""
+_MOST: Final = 1 << 40
+"""Tokens that no answer takes."""
 _PRICES: Final = ("input_cost_per_token", "output_cost_per_token")
 
 
 def usage_of(response: Any, settings: Settings, messages: list[Json], request: Mapping[str, Any], said: str) -> Usage:
     """response: litellm's. said: all text that the model wrote, for an estimate."""
     counted = getattr(response, "usage", None)
-    tokens = (getattr(counted, "prompt_tokens", 0) or 0, getattr(counted, "completion_tokens", 0) or 0)
+    tokens = (_count(counted, "prompt_tokens"), _count(counted, "completion_tokens"))
     estimated = not any(tokens) or _counted_by_litellm(response, settings.model, messages, tokens[0])
     if estimated:
         tokens = (tokens_sent(messages, request), len(said) // _LETTERS_A_TOKEN)
     details = getattr(counted, "completion_tokens_details", None)
-    thought = 0 if estimated else int(getattr(details, "reasoning_tokens", 0) or 0)
+    thought = 0 if estimated else _count(details, "reasoning_tokens")
     told = getattr(counted, "cost", None)
-    if isinstance(told, int | float) and not estimated:
+    if _is_amount(told) and not estimated:
         return Usage(*tokens, float(told), tokens_reasoning=thought)
     prices = price_of(settings)
     cost = sum(count * price for count, price in zip(tokens, prices, strict=True)) if prices else 0.0
     if prices and not estimated:
         cost = _cost_by_list(response, settings, cost)
     return Usage(*tokens, cost, estimated, cost_estimated=True, tokens_reasoning=thought)
+
+
+def _count(told: object, name: str) -> int:
+    """Tokens as a provider counts them; 0 for what is no count, as if it had told none."""
+    found = getattr(told, name, 0)
+    return int(found) if _is_amount(found) and found < _MOST else 0
+
+
+def _is_amount(found: object) -> TypeGuard[int | float]:
+    return isinstance(found, int | float) and not isinstance(found, bool) and 0 <= found < math.inf
 
 
 def price_of(settings: Settings) -> tuple[float, float] | None:

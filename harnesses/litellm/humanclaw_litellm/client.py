@@ -41,7 +41,15 @@ _HINTS: Final = frozenset({"parallel_tool_calls"})
 _NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _RETRY_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
+_UNREADABLE: Final = re.compile(
+    "Error converting to valid response|Empty or invalid response from LLM endpoint|Invalid response object"
+)
+"""litellm's words for a reply that it could not read."""
+_IN_PIECES: Final = re.compile(r"Received: ['\"]data:")
+"""The same for one that came as server-sent events, unasked."""
+_TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
 _WANTS_STREAM: Final = re.compile(r"stream", re.IGNORECASE)
+_LONGEST_NAME: Final = 200
 _ANSWER: Final = 300
 """Tokens that an answer is thought to have before there was one."""
 _REDIRECTS: Final = frozenset({301, 302, 303, 307, 308})
@@ -249,7 +257,8 @@ class Client:
         thoughts = self._redact(getattr(message, "reasoning_content", None) or "")
         said = text + "".join(arguments for _, arguments in calls)
         usage = usage_of(response, self._settings, messages, request, said + thoughts)
-        return Completion(text, calls, str(choice.finish_reason or ""), thoughts, str(response.model or ""), usage)
+        model = self._redact(str(response.model or ""))[:_LONGEST_NAME]
+        return Completion(text, calls, str(choice.finish_reason or ""), thoughts, model, usage)
 
     # -- what went wrong -------------------------------------------------------------------------------------------
     def _sorted(self, error: Exception) -> Exception:
@@ -269,7 +278,7 @@ class Client:
     def _tell(self, error: BaseException) -> str:
         """Return what the provider said, or the first line of the error, without class names, tracebacks and
         secrets."""
-        text = re.sub(_PREFIXES, "", str(error).strip()) or type(error).__name__
+        text = _TRACE.sub("", re.sub(_PREFIXES, "", str(error).strip())) or type(error).__name__
         plain = next(map(_message_in, json_objects(text)), "") or text.splitlines()[0]
         return self._redact(plain)[:300].rstrip(". ")
 
@@ -321,7 +330,10 @@ def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
 
 def _streamed(**request: Any) -> Any:
     """Put an answer together that comes in pieces. litellm fills a missing count in by itself, which is none."""
-    pieces = list(load().completion(**request, stream=True, stream_options={"include_usage": True}))
+    stream = load().completion(**request, stream=True, stream_options={"include_usage": True})
+    pieces = list(stream)
+    if getattr(stream, "received_finish_reason", "") is None:  # litellm would make an end of its own.
+        raise _NoAnswerError("the reply broke off before its end")
     whole = load().stream_chunk_builder(pieces, messages=request["messages"])
     if whole is None:
         raise _NoAnswerError("the reply held no pieces")
@@ -348,11 +360,13 @@ def _until(date: str) -> float:
         then = email.utils.parsedate_to_datetime(date)
     except ValueError:
         return 0.0
+    if then.tzinfo is None:  # A date without a zone, or of the zone -0000, which says as little.
+        then = then.replace(tzinfo=datetime.UTC)
     return max(0.0, (then - datetime.datetime.now(datetime.UTC)).total_seconds())
 
 
 def _transient(error: BaseException) -> bool:
-    if _redirect(error) or _too_long(error):
+    if _redirect(error) or _too_long(error) or _IN_PIECES.search(str(error)):
         return False
     status = getattr(error, "status_code", None)
     if not isinstance(status, int) or "insufficient_quota" in str(error):
@@ -362,7 +376,7 @@ def _transient(error: BaseException) -> bool:
 
 def _unreadable(error: BaseException) -> bool:
     """litellm could not read the provider's reply and reports that as if the request had been wrong."""
-    return "Error converting to valid response" in str(error)
+    return bool(_UNREADABLE.search(str(error)))
 
 
 def _redirect(error: BaseException | None) -> str:

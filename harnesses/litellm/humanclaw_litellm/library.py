@@ -25,6 +25,7 @@ def load() -> Any:
     import litellm
 
     _restrain_clients()
+    _leave_arguments()
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
@@ -45,6 +46,15 @@ def _restrain_clients() -> None:
     BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]
         _restrained(BaseOpenAILLM._get_sync_http_client)
     )
+
+
+def _leave_arguments() -> None:
+    """Keep litellm from reading what a model wrote as arguments: where it cannot be read, that is refused in words.
+    litellm looks there for a mistake of older models, and takes a number or a nesting that Python's reader does not
+    hold for the failure of the provider."""
+    from litellm.litellm_core_utils.llm_response_utils import convert_dict_to_response as reading
+
+    reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
 
 
 def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:

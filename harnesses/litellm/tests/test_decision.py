@@ -301,3 +301,14 @@ def test_the_prompt_digest_names_what_was_sent(begin, view):
         one, same, other = (agent.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
     assert one == same != other
     assert len(one) == 64
+
+
+@pytest.mark.parametrize("value", ["[" * 50_000 + "]" * 50_000, "9" * 5000])
+def test_arguments_that_no_reader_of_json_holds_are_the_models_to_mend(begin, view, skills, value):
+    with OpenAIServer([calls(("walk", f'{{"z_cm": {value}}}')), call("stop")]) as server:
+        agent = begin(server)
+        decision = agent.decide(view(), ())
+        with pytest.raises(CallError):
+            check(decision, skills)
+        assert agent.decide(view(), ()).calls[0].skill == "stop"
+    assert len(server.requests) == 2

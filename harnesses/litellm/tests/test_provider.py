@@ -33,6 +33,7 @@ from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
 
 KEY = "planted-0123456789-key"
+PRICES = {"input_cost_per_token": 1e-6, "output_cost_per_token": 0.0}
 
 
 def test_a_request_over_the_rate_limit_is_made_again(begin, view):
@@ -110,6 +111,14 @@ def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
         began = time.monotonic()
         agent.decide(view(), ())
     assert 0.9 < time.monotonic() - began < 5
+
+
+@pytest.mark.parametrize("zone", ["", " -0000", " GMT"])
+def test_a_date_without_a_zone_is_one_too(begin, view, zone):
+    moment = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)
+    when = f"{moment:%a, %d %b %Y %H:%M:%S}{zone}"
+    with OpenAIServer([status(429, headers={"Retry-After": when}), call("stop")]) as server:
+        assert begin(server).decide(view(), ()).calls[0].skill == "stop"
 
 
 def test_a_used_up_quota_is_not_asked_again(begin, view):
@@ -244,6 +253,36 @@ def test_a_cost_that_the_provider_tells_is_believed(begin, view):
     with OpenAIServer([priced]) as server:
         usage = begin(server).decide(view(), ()).usage
     assert (usage.cost, usage.cost_estimated) == (0.25, False)
+
+
+@pytest.mark.parametrize("cost", [float("nan"), float("inf"), -0.25, True])
+def test_a_cost_that_nothing_can_have_is_not_believed(begin, view, cost):
+    reply = call("stop")
+    priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": cost}})
+    with OpenAIServer([priced]) as server:
+        usage = begin(server, params=PRICES).decide(view(), ()).usage
+    assert (usage.cost, usage.cost_estimated) == (pytest.approx(1000 * 1e-6), True)
+
+
+@pytest.mark.parametrize("count", [-1000, 10**15])
+def test_a_count_that_no_answer_has_is_not_believed(begin, view, count):
+    reply = call("stop")
+    counted = Reply({**reply.body, "usage": {"prompt_tokens": count, "completion_tokens": count, "total_tokens": 0}})
+    with OpenAIServer([counted]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.estimated
+    assert 0 < usage.tokens_in < 10_000
+
+
+def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, view, monkeypatch):
+    monkeypatch.setenv("SOME_API_KEY", KEY)
+    named = [Reply({**call("stop").body, "model": name}) for name in (f"model of {KEY}", "m" * 5000)]
+    with OpenAIServer(named) as server:
+        agent = begin(server)
+        first, second = (agent.decide(view(), ()).raw for _ in named)
+    assert "model of [redacted]" in first
+    assert "m" * 200 in second
+    assert "m" * 201 not in second
 
 
 # -- options -----------------------------------------------------------------------------------------------------------

@@ -165,6 +165,38 @@ def test_a_server_that_only_streams_is_found_out_once(begin, view):
     assert ["stream" in request.body for request in server.requests] == [False, True, True]
 
 
+class PiecesServer(OpenAIServer):
+    """Sends pieces whether or not they were asked for."""
+
+    def respond(self, request):
+        asked = "stream" in request.body
+        request.body["stream"] = True
+        self.asked = [*getattr(self, "asked", []), asked]
+        return super().respond(request)
+
+
+def test_a_server_that_sends_pieces_unasked_is_found_out_at_once(begin, view):
+    with PiecesServer([call("walk", z_cm=30)] * 2) as server:
+        began = time.monotonic()
+        assert begin(server, num_retries=5, backoff=5).decide(view(), ()).calls[0].params == {"z_cm": 30}
+    assert server.asked == [False, True]
+    assert time.monotonic() - began < 5
+
+
+class EndlessServer(OpenAIServer):
+    """The first reply in pieces ends in good order, and before the model was done."""
+
+    def stream(self, reply, request):
+        data = super().stream(reply, request)
+        return data if len(self.requests) > 1 else b"\n\n".join(data.split(b"\n\n")[:-4]) + b"\n\n"
+
+
+def test_a_stream_that_ends_before_the_answer_does_is_no_answer(begin, view):
+    with EndlessServer([call("walk", z_cm=30), call("stop")]) as server:
+        assert begin(server, stream=True).decide(view(), ()).calls[0].skill == "stop"
+    assert len(server.requests) == 2
+
+
 def test_streaming_can_be_asked_for_and_a_count_that_nobody_told_is_an_estimate(begin, view):
     with OpenAIServer([without_usage(text('{"skill": "stop", "parameters": {}}'))]) as server:
         decision = begin(server, stream=True, mode="prompt").decide(view(), ())

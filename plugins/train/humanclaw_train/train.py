@@ -472,6 +472,12 @@ def _copy(path: Path, to: Path) -> None:
     write_atomically(to, path.read_bytes())
 
 
+def _licence(text: str) -> str:
+    if not text.strip():  # As of a variable of the shell that is not set.
+        raise argparse.ArgumentTypeError("the licence is empty; write SOURCE: LICENCE")
+    return text
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="humanclaw_train.train", description=__doc__.splitlines()[0] if __doc__ else ""
@@ -504,7 +510,10 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--seed", type=int, default=0)
         one.add_argument("--history-noise", type=float, default=1.0, help="strength of the offsets on histories")
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their deviation")
-        one.add_argument("--licence", action="append", default=[], help="of the data; written into the checkpoint")
+        one.add_argument(
+            "--licence", action="append", default=[], type=_licence, metavar="SOURCE: LICENCE",
+            help="of the data; written into the checkpoint",
+        )  # fmt: skip
         one.add_argument("--threads", type=int, default=1)
         one.add_argument("--device", default="auto")
         one.add_argument(

@@ -277,3 +277,9 @@ def test_a_sliding_foot_costs_more_than_a_sliding_hand():
 
     ankle, wrist = 7, 20
     assert _loss_of(turn(ankle)) > _loss_of(turn(wrist))
+
+
+def test_a_licence_that_says_nothing_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        main(["base", "--out", "nowhere", "--licence", " "])
+    assert "the licence is empty" in capsys.readouterr().err
