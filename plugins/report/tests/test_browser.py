@@ -8,17 +8,21 @@ from __future__ import annotations
 import copy
 import os
 import shutil
+import threading
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from made import record_episode
+from made import broken_off, picture, record_episode
+from rooms import two_rooms
 
-from humanclaw import RecordedEpisode
+from humanclaw import RecordedEpisode, Scene
 from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
+from humanclaw_report.watch import Watcher, server
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
 SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -50,6 +54,39 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
+@dataclass
+class Watched:
+    """A run under way that is watched. drawing: cleared, a house takes until it is set."""
+
+    folder: Path
+    address: str
+    drawing: threading.Event
+
+
+@pytest.fixture
+def watched(tmp_path: Path) -> Iterator[Watched]:
+    """Two episodes under way in two houses, and one that has ended."""
+    drawing = threading.Event()
+    drawing.set()
+    scenes = {name: replace(two_rooms(), name=name) for name in ("test:rooms", "test:others")}
+    for number, name in enumerate(("test:rooms", "test:others", "test:rooms")):
+        record_episode(tmp_path / "run" / f"couch-{number}", scenes[name], name=f"couch-{number}")
+    for number in (0, 1):
+        broken_off(tmp_path / "run" / f"couch-{number}")
+        (tmp_path / "run" / f"couch-{number}" / "motion.npz").unlink()
+
+    def load(name: str) -> Scene:
+        drawing.wait(60)
+        return scenes[name]
+
+    serving = server(Watcher(tmp_path / "run", load))
+    threading.Thread(target=serving.serve_forever, daemon=True).start()
+    yield Watched(tmp_path / "run", f"http://127.0.0.1:{serving.server_address[1]}/", drawing)
+    drawing.set()
+    serving.shutdown()
+    serving.server_close()
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     sync = pytest.importorskip("playwright.sync_api")
@@ -59,13 +96,13 @@ def browser() -> Iterator[Any]:
         started.close()
 
 
-def opened(browser: Any, page: Path, size: dict[str, int] = DESK, scheme: str = "light") -> tuple[Any, list[str]]:
+def opened(browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light") -> tuple[Any, list[str]]:
     """A page that is ready, and the list into which its errors go."""
     tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     tab.set_default_timeout(120_000)
-    tab.goto(page.as_uri())
+    tab.goto(page if isinstance(page, str) else page.as_uri())
     tab.wait_for_function("document.documentElement.dataset.ready")
     return tab, errors
 
@@ -120,13 +157,15 @@ def test_an_episode_is_opened_from_the_list(browser: Any, pages: dict[str, Path]
     assert not errors
 
 
-@pytest.mark.parametrize("name", ["episode", "runs"])
+@pytest.mark.parametrize("name", ["episode", "runs", "watched"])
 @pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
 def test_a_page_fits_and_has_no_serious_barrier(
-    browser: Any, pages: dict[str, Path], name: str, size: dict[str, int], scheme: str
+    browser: Any, pages: dict[str, Path], watched: Watched, name: str, size: dict[str, int], scheme: str
 ) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    tab, errors = opened(browser, pages[name], size, scheme)
+    tab, errors = opened(browser, watched.address if name == "watched" else pages[name], size, scheme)
+    if name == "watched":
+        tab.locator(".map .path").first.wait_for()
     assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
     found = axe.run(tab).response["violations"]
     serious = [(one["id"], [node["html"][:90] for node in one["nodes"][:3]]) for one in found
@@ -152,6 +191,42 @@ def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp
     tab.fill("#text", "couch-1217")
     assert [row.locator("th").inner_text() for row in listed.all()] == ["house-40-couch-1217"]
     assert not errors
+
+
+def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watched: Watched) -> None:
+    tabs = [opened(browser, watched.address) for _ in range(2)]
+    (watched.folder / "couch-0" / "frames" / "0099.jpg").write_bytes(picture(7))
+    steps = watched.folder / "couch-0" / "steps.jsonl"
+    *_, before, _ = steps.read_bytes().split(b"\n")[:-1]
+    count = len(steps.read_bytes().splitlines())
+    with steps.open("ab") as file:
+        file.write(before.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
+    for tab, errors in tabs:
+        tab.locator("tbody tr", has_text=str(count + 1)).wait_for()
+        card = tab.locator("[data-episode=couch-0]")
+        tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('{count} ')")
+        assert card.locator("img").evaluate("image => image.naturalWidth") == 256
+        card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
+        assert tab.locator("#lede").inner_text() == "1 ended, 2 under way."
+        assert not errors
+
+
+def test_views_are_seen_while_a_house_is_still_being_drawn(browser: Any, watched: Watched) -> None:
+    watched.drawing.clear()
+    tab, errors = opened(browser, watched.address)
+    for name in ("couch-0", "couch-1"):
+        tab.wait_for_function(f"document.querySelector('[data-episode={name}] img')?.naturalWidth == 256")
+    assert tab.locator(".map .path").count() == 0
+    watched.drawing.set()
+    tab.locator("[data-episode=couch-1] .path").first.wait_for()
+    assert not errors
+
+
+def test_a_run_that_is_deleted_while_it_is_watched_leaves_an_empty_page(browser: Any, watched: Watched) -> None:
+    tab, _ = opened(browser, watched.address)
+    shutil.rmtree(watched.folder)
+    tab.wait_for_function("document.getElementById('lede').textContent === 'No episode has begun.'")
+    assert tab.locator("tbody tr").count() == 0
 
 
 def _renamed(episode: RecordedEpisode, name: str) -> RecordedEpisode:
