@@ -9,7 +9,6 @@ import copy
 import os
 import shutil
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,12 +95,17 @@ def browser() -> Iterator[Any]:
         started.close()
 
 
-def opened(browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light") -> tuple[Any, list[str]]:
-    """A page that is ready, and the list into which its errors go."""
+def opened(
+    browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light", measured: bool = False
+) -> tuple[Any, list[str]]:
+    """A page that is ready, and the list into which its errors go. measured: the time of its main thread is counted."""
     tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     tab.set_default_timeout(120_000)
+    if measured:
+        tab.measuring = tab.context.new_cdp_session(tab)
+        tab.measuring.send("Performance.enable", {"timeDomain": "threadTicks"})
     tab.goto(page if isinstance(page, str) else page.as_uri())
     tab.wait_for_function("document.documentElement.dataset.ready")
     return tab, errors
@@ -116,7 +120,7 @@ def test_the_replay_moves_and_view_words_and_map_go_with_it(browser: Any, pages:
     assert tab.locator("#step-now").inner_text().startswith("Step 2 of")
     assert tab.locator("#stage").screenshot() != before
     assert tab.locator(".now").first.get_attribute("transform") != marker
-    assert tab.url.endswith("#step=2")
+    tab.wait_for_url("**#step=2")
     assert not errors
 
 
@@ -130,6 +134,50 @@ def test_playing_advances_and_a_link_leads_to_a_moment(browser: Any, pages: dict
     assert tab.locator("#calls li[aria-current]").count() == 1
     tab.select_option("#view", "ego")
     tab.check("#ghost")
+    assert not errors
+
+
+def test_the_keys_of_time_work_whatever_was_clicked_before(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["episode"])
+    for clicked in ("#play", "#play", "#ghost", "#calls a >> nth=2"):
+        tab.click(clicked)
+    tab.wait_for_function("document.getElementById('step-now').textContent.startsWith('Step 2')")
+    before = float(tab.input_value("#time"))
+    tab.keyboard.press("ArrowRight")
+    assert float(tab.input_value("#time")) == pytest.approx(before + 3)
+    tab.select_option("#view", "free")
+    tab.focus("#view")
+    tab.keyboard.press("ArrowRight")
+    assert float(tab.input_value("#time")) == pytest.approx(before + 3), "a list keeps its own keys"
+    assert not errors
+
+
+def test_the_address_leads_to_the_moment_at_which_it_was_paused(browser: Any, pages: dict[str, Path]) -> None:
+    tab, _ = opened(browser, pages["episode"])
+    tab.click("#play")
+    tab.wait_for_function("Number(document.getElementById('time').value) > 10")
+    tab.click("#play")
+    tab.wait_for_url("**#t=*")
+    clock = tab.inner_text("#clock")
+    again, _ = opened(browser, tab.url)
+    assert again.inner_text("#clock") == clock
+
+
+def test_words_without_an_end_keep_to_their_place(browser: Any, tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "one")
+    broken_off(tmp_path / "one", outcome="stopped")
+    steps = tmp_path / "one" / "steps.jsonl"
+    said = [f'"reasoning":"{text}' for text in ("x" * 100_000, "word " * 20_000)]
+    lines = [
+        line.replace('"reasoning":"', text) for line, text in zip(steps.read_text().splitlines(), said, strict=False)
+    ]
+    steps.write_text("\n".join([*lines, ""]))
+    tab, errors = opened(browser, write_report(tmp_path, None, lambda name: scene), PHONE)
+    for number in range(len(said)):
+        tab.evaluate(f"location.hash = '#step={number}'")
+        tab.wait_for_function(f"document.getElementById('step-now').textContent.startsWith('Step {number}')")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        assert tab.locator("#words-now").bounding_box()["height"] < 400
     assert not errors
 
 
@@ -180,9 +228,9 @@ def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp
     episodes = [_renamed(one, f"house-{k // 30}-couch-{k}") for k in range(1218)]
     html = run_page({tmp_path: episodes}, Collected(), tmp_path / "report.html", lambda e: e.folder / "page.html", {})
     (tmp_path / "report.html").write_text(html, "utf-8")
-    began = time.monotonic()
-    tab, errors = opened(browser, tmp_path / "report.html")
-    assert time.monotonic() - began < 2
+    tab, errors = opened(browser, tmp_path / "report.html", measured=True)
+    spent = {one["name"]: one["value"] for one in tab.measuring.send("Performance.getMetrics")["metrics"]}
+    assert 0 < spent["TaskDuration"] < 2, "seconds of processor time: a machine that others keep busy has no wall clock"
     listed = tab.locator("#list tbody tr")
     assert tab.locator("#count").inner_text() == "1218 of 1218 episodes"
     assert listed.count() == 50, "the others are laid out when they are scrolled to"
