@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -28,6 +30,14 @@ class ContactRow:
     steps: str
     kind: str
     depth: float
+
+
+def episodes_asked(run: Path) -> int:
+    """Return how many episodes a run is of; 0 if its folder does not tell."""
+    try:
+        return int(json.loads((run / "run.json").read_bytes())["episodes"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return 0
 
 
 def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, load_run
 from humanclaw_report.episode_page import Drawn, Shared, episode_page, house_script, link
+from humanclaw_report.facts import episodes_asked
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.three import three
 
@@ -80,14 +80,8 @@ def _write(found: Runs, target: Path, houses: Houses, contribute: Contribute | N
     if contribute:
         contribute(found, collected)
     _write_episodes(found, target, houses)
-    asked = {run: _asked(run) for run in found}
+    asked = {run: episodes_asked(run) for run in found}
     target.write_text(run_page(found, collected, target, lambda e: e.folder / PAGE, asked), "utf-8")
-
-
-def _asked(run: Path) -> int:
-    """How many episodes a run is of; 0 if its folder does not tell."""
-    path = run / "run.json"
-    return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
 
 
 def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:

@@ -6,16 +6,18 @@ import json
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
-from humanclaw import RecordedEpisode, RecordError, Scene
+from pydantic import ValidationError
+
+from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw_report.episode_page import environment
-from humanclaw_report.facts import in_words, milestones
+from humanclaw_report.facts import episodes_asked
 from humanclaw_report.maps import path_maps
 from humanclaw_report.report import Houses
 
@@ -35,68 +37,75 @@ class Watcher:
 
     folder: Path
     scenes: Callable[[str], Scene]
-    read: dict[Path, tuple[int, RecordedEpisode]] = field(default_factory=dict)
+    read: dict[Path, tuple[int, dict[str, Any] | None]] = field(default_factory=dict)
+    """When an episode last changed, and its row of the table; None for one that cannot be read."""
 
     def __post_init__(self) -> None:
         self.houses = Houses(self.scenes)
 
-    def episodes(self) -> list[tuple[float, RecordedEpisode]]:
-        """Every episode with when it last changed, the latest first. One that is just being written is left out."""
+    def rows(self) -> list[dict[str, Any]]:
+        """Return every episode, the one that changed last first. One that is just being written is left out."""
         found = []
-        for path in self.folder.rglob("episode.json"):
+        for path in (*self.folder.glob("episode.json"), *self.folder.glob("*/episode.json")):
             try:
                 changed = max(path.stat().st_mtime_ns, (path.parent / "steps.jsonl").stat().st_mtime_ns)
-                if self.read.get(path, (0, None))[0] != changed:
-                    self.read[path] = changed, RecordedEpisode(path.parent)
-            except (OSError, RecordError):
+            except OSError:
                 continue
-            found.append((changed / 1e9, self.read[path][1]))
-        return sorted(found, key=lambda pair: -pair[0])
+            if self.read.get(path, (0, None))[0] != changed:
+                self.read[path] = changed, _row(path.parent)
+            found.append(self.read[path])
+        return [row for _, row in sorted(found, key=lambda pair: -pair[0]) if row]
 
     def state(self) -> dict[str, Any]:
         """Return what the page shows, as JSON."""
-        rows = [self._row(episode) for _, episode in self.episodes()]
+        rows = self.rows()
         ended = sum(row["outcome"] != "running" for row in rows)
-        return {"ended": ended, "episodes": len(rows), "asked": self._asked(), "rows": rows, "live": LIVE}
+        return {"ended": ended, "episodes": len(rows), "asked": episodes_asked(self.folder), "rows": rows, "live": LIVE}
 
-    def _asked(self) -> int:
-        path = self.folder / "run.json"
-        return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
-
-    def _row(self, episode: RecordedEpisode) -> dict[str, Any]:
-        last = episode.steps[-1] if episode.steps else None
-        frames = [step.frame_file for step in episode.steps if step.frame_file]
-        return {
-            "id": episode.folder.name,
-            "instruction": episode.record.spec.instruction,
-            "outcome": episode.record.outcome,
-            "words": in_words(episode, milestones(episode)),
-            "steps": len(episode.steps),
-            "call": str(last.call or "no usable call") if last else "",
-            "reasoning": last.decision.reasoning if last else "",
-            "distance": last.target_distance if last else None,
-            "frame": f"/frame/{episode.folder.name}/{Path(frames[-1]).name}" if frames else "",
-            "map": f"/map/{episode.folder.name}?{len(episode.steps)}",
-        }
-
-    def named(self, name: str) -> RecordedEpisode | None:
-        return next((episode for _, episode in self.episodes() if episode.folder.name == name), None)
+    def place(self, name: str) -> Path:
+        """Return the folder of an episode: in that of the run, or the same."""
+        return self.folder if name == self.folder.resolve().name else self.folder / name
 
     def drawn(self, name: str) -> str:
         """Return the maps of an episode so far, as HTML; empty if there is no such episode."""
-        episode = self.named(name)
-        if episode is None:
+        try:
+            episode = RecordedEpisode(self.place(name))
+        except RecordError:
             return ""
         house = self.houses.of(episode)
-        maps = path_maps(episode, house.maps, house.note)
+        # Houses of several episodes are on one page: each has names of its own.
+        storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
+        maps = path_maps(episode, storeys, house.note)
         template = environment().get_template("live_map.html")
-        return template.render(maps=maps, house=house.maps if house.scene else (), words=name, parts=())
+        return template.render(maps=maps, house=storeys if house.scene else (), words=name, parts=())
 
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode; empty if there is none of that name."""
-        episode = self.named(name)
-        path = episode.folder / "frames" / file if episode else None
-        return path.read_bytes() if path and path.is_file() else b""
+        path = self.place(name) / "frames" / file
+        return path.read_bytes() if path.is_file() else b""
+
+
+def _row(folder: Path) -> dict[str, Any] | None:
+    """Tell of an episode by its record and its last whole step alone: thousands are read while a run goes on."""
+    try:
+        record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+        lines = (folder / "steps.jsonl").read_bytes().split(b"\n")[:-1]
+        last = StepRecord.model_validate_json(lines[-1]) if lines else None
+    except (OSError, ValidationError):
+        return None
+    name, now = folder.resolve().name, f"{len(lines):04d}.jpg"
+    frame = now if (folder / "frames" / now).exists() else Path(last.frame_file).name if last else ""
+    return {
+        "id": name,
+        "instruction": record.spec.instruction,
+        "outcome": record.outcome,
+        "steps": len(lines),
+        "call": str(last.call or "no usable call") if last else "",
+        "reasoning": last.decision.reasoning if last else "",
+        "distance": last.target_distance if last else None,
+        "frame": f"/frame/{name}/{frame}" if frame else "",
+        "map": f"/map/{name}?{len(lines)}",
+    }
 
 
 def server(watcher: Watcher, port: int = 0) -> ThreadingHTTPServer:
@@ -111,6 +120,13 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
         protocol_version = "HTTP/1.1"
 
         def do_GET(self) -> None:
+            try:
+                self._answer()
+            except OSError:
+                # The page was closed, or what it asked for went while it was sent.
+                self.close_connection = True
+
+        def _answer(self) -> None:
             if not _OWN.fullmatch(self.headers.get("Host", "")):
                 # A page from elsewhere that has its own name lead here reads nothing.
                 self._send(b"", "text/plain", HTTPStatus.FORBIDDEN)
@@ -145,16 +161,13 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
             self.end_headers()
             self.close_connection = True
             told = ""
-            try:
-                while True:
-                    state = json.dumps(watcher.state())
-                    # A line that says nothing: it is how a closed page is noticed.
-                    self.wfile.write(f"data: {state}\n\n".encode() if state != told else b": still here\n\n")
-                    self.wfile.flush()
-                    told = state
-                    time.sleep(SECONDS)
-            except OSError:
-                return
+            while True:
+                state = json.dumps(watcher.state())
+                # A line that says nothing: it is how a closed page is noticed.
+                self.wfile.write(f"data: {state}\n\n".encode() if state != told else b": still here\n\n")
+                self.wfile.flush()
+                told = state
+                time.sleep(SECONDS)
 
         def log_message(self, *args: Any) -> None: ...
 

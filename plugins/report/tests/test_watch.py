@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -64,3 +66,59 @@ def test_nothing_but_views_of_the_run_can_be_read(served: tuple[int, Path], path
 def test_nothing_can_be_written_and_no_other_host_is_answered(served: tuple[int, Path]) -> None:
     assert get(served[0], "/", "POST")[0] == 501
     assert get(served[0], "/events", host="evil.example")[0] == 403
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> tuple[Path, Watcher]:
+    """A run of one episode, and who watches it."""
+    scene = record_episode(tmp_path / "run" / "couch-0")
+    return tmp_path / "run", Watcher(tmp_path / "run", lambda name: scene)
+
+
+@pytest.mark.parametrize("text", ["", '{"epi', "[]", '{"episodes": null}', '{"episodes": "many"}'])
+def test_what_the_run_is_of_may_be_damaged_or_half_written(run: tuple[Path, Watcher], text: str) -> None:
+    (run[0] / "run.json").write_text(text)
+    state = run[1].state()
+    assert (state["asked"], state["episodes"]) == (0, 1)
+
+
+def test_an_episode_that_is_damaged_is_left_out_until_it_can_be_read(run: tuple[Path, Watcher]) -> None:
+    record_episode(run[0] / "couch-1", name="couch-1")
+    whole = (run[0] / "couch-1" / "episode.json").read_bytes()
+    for text in (whole[:50], whole):
+        (run[0] / "couch-1" / "episode.json").write_bytes(text)
+        names = {row["id"] for row in run[1].state()["rows"]}
+        assert ("couch-1" in names) == (text == whole)
+
+
+def test_a_run_that_is_deleted_is_watched_as_an_empty_one(run: tuple[Path, Watcher]) -> None:
+    assert run[1].state()["episodes"] == 1
+    shutil.rmtree(run[0])
+    assert run[1].state()["rows"] == []
+    assert run[1].drawn("couch-0") == ""
+    assert run[1].frame("couch-0", "0000.jpg") == b""
+
+
+def test_the_view_is_the_one_that_is_decided_on_now(run: tuple[Path, Watcher]) -> None:
+    (row,) = run[1].state()["rows"]
+    assert row["frame"] == f"/frame/couch-0/{row['steps'] - 1:04d}.jpg", "of an episode that has ended the last"
+    broken_off(run[0] / "couch-0")
+    (run[0] / "couch-0" / "frames" / f"{row['steps']:04d}.jpg").write_bytes(picture(0))
+    (row,) = run[1].state()["rows"]
+    assert row["frame"] == f"/frame/couch-0/{row['steps']:04d}.jpg"
+
+
+def test_the_maps_of_two_houses_on_one_page_are_told_apart(run: tuple[Path, Watcher]) -> None:
+    record_episode(run[0] / "couch-1", name="couch-1")
+    drawn = [run[1].drawn(name) for name in ("couch-0", "couch-1")]
+    ids = [set(re.findall(r'<symbol id="([^"]+)"', html)) for html in drawn]
+    assert ids == [set(re.findall(r'<use href="#([^"]+)"', html)) for html in drawn]
+    assert all(ids)
+    assert not ids[0] & ids[1]
+
+
+def test_of_a_run_that_is_one_episode_view_and_map_are_found_too(run: tuple[Path, Watcher]) -> None:
+    one = Watcher(run[0] / "couch-0", run[1].scenes)
+    (row,) = one.state()["rows"]
+    assert one.frame(*row["frame"].split("/")[2:]) == picture(row["steps"] - 1)
+    assert 'class="path"' in one.drawn(row["id"])

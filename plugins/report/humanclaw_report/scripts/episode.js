@@ -20,6 +20,7 @@ class Player {
     this.speed = 1;
     this.shown = -1;
     this.before = 0;
+    this.addressing = 0;
     this.slider = /** @type {HTMLInputElement} */ (find("time"));
     this.rows = [...document.querySelectorAll("#calls > li")];
     this.markers = [.../** @type {NodeListOf<SVGGElement>} */ (document.querySelectorAll(".now"))];
@@ -38,6 +39,17 @@ class Player {
     this.time = Math.max(0, Math.min(time, this.frames - 1));
     this.slider.value = String(this.time);
     this.draw();
+    this.address();
+  }
+
+  /** Let the address lead to this moment once it is rested on: browsers refuse many changes a second. */
+  address() {
+    clearTimeout(this.addressing);
+    if (this.playing) return;
+    const moment = this.moments[this.current];
+    const exact = moment && Math.abs(this.time - moment.first) < 1e-6;
+    const hash = exact ? `#step=${moment.step}` : `#t=${(this.time / this.fps).toFixed(2)}`;
+    this.addressing = setTimeout(() => history.replaceState(null, "", hash), 250);
   }
 
   /** @param {number} index */
@@ -54,6 +66,7 @@ class Player {
     find("play").setAttribute("aria-pressed", String(on));
     this.before = performance.now();
     if (on) requestAnimationFrame((now) => this.tick(now));
+    this.address();
   }
 
   /** @param {number} now */
@@ -98,7 +111,6 @@ class Player {
     find("tokens-now").textContent = moment.tokens ? moment.tokens.toLocaleString("en") : "";
     this.rows.forEach((other, k) => (k === index ? other.setAttribute("aria-current", "step") : other.removeAttribute("aria-current")));
     this.follow(row);
-    if (!this.playing) history.replaceState(null, "", `#step=${moment.step}`);
   }
 
   /** Keep the row in sight within its list, without moving the page. @param {Element | undefined} row */
@@ -127,7 +139,7 @@ class Player {
 
   /** Follow a link to a moment: #step=12 or #t=6.5 (seconds). */
   visit() {
-    const [, kind, value] = /^#(step|t)=([\d.]+)$/.exec(location.hash) ?? [];
+    const [, kind, value] = /^#(step|t)=(\d+(?:\.\d+)?)$/.exec(location.hash) ?? [];
     if (kind === "t") this.seek(Number(value) * this.fps);
     if (kind === "step") this.jump(this.moments.findIndex((moment) => moment.step === Number(value)));
   }
@@ -149,8 +161,10 @@ function connect(player) {
 
 /** @param {KeyboardEvent} event @param {Player} player */
 function key(event, player) {
-  const inside = event.target instanceof Element && event.target.closest("input, select, textarea, button, a, summary, video");
-  if (event.ctrlKey || event.metaKey || event.altKey || (inside && !["[", "]"].includes(event.key))) return;
+  // What has the focus keeps the keys that it knows itself: a slider all but the brackets, a button the space.
+  const inside = (/** @type {string} */ kinds) => event.target instanceof Element && event.target.closest(kinds);
+  const taken = inside("input[type=range], select, video") ? !["[", "]"].includes(event.key) : event.key === " " && inside("input, button, a, summary");
+  if (event.ctrlKey || event.metaKey || event.altKey || taken) return;
   /** @type {Record<string, () => void>} */
   const acts = {
     " ": () => player.play(!player.playing),
@@ -260,12 +274,8 @@ async function main() {
   player.slider.max = String(frames - 1);
   connect(player);
   if (stage) steer(player, stage);
-  const asked = location.hash;
   player.draw();
-  if (asked) {
-    history.replaceState(null, "", asked);
-    player.visit();
-  }
+  player.visit();
   document.documentElement.dataset.ready = stage ? "3d" : "flat";
 }
 

@@ -3,7 +3,7 @@
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, words: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string}} Row */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -37,31 +37,41 @@
     return element;
   };
 
+  /** Draw the path as far as it goes, one question at a time: a house takes seconds when it is drawn first. @param {HTMLElement} element */
+  const draw = async (element) => {
+    const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
+    element.dataset.drawing = "yes";
+    for (let wanted = element.dataset.map; map.dataset.shown !== wanted; wanted = element.dataset.map) {
+      const answer = await fetch(wanted ?? "").catch(() => null);
+      if (!answer?.ok) break;
+      map.innerHTML = await answer.text();
+      map.dataset.shown = wanted;
+    }
+    delete element.dataset.drawing;
+  };
+
   /** @param {Row} row */
-  const show = async (row) => {
+  const show = (row) => {
     const element = card(row);
     const picture = /** @type {HTMLImageElement} */ (element.querySelector("img"));
-    picture.alt = `What the body sees before step ${row.steps}`;
+    picture.alt = `What the body sees after ${row.steps} step${row.steps === 1 ? "" : "s"}`;
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
-    said.textContent = `${row.steps}  ${row.call}  ${row.reasoning}`;
-    if (element.dataset.map !== row.map) {
-      element.dataset.map = row.map;
-      const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
-      map.innerHTML = await (await fetch(row.map)).text();
-    }
+    said.textContent = row.steps ? `${row.steps - 1}  ${row.call}  ${row.reasoning}` : "";
+    element.dataset.map = row.map;
+    if (!element.dataset.drawing) draw(element);
     return element;
   };
 
   const events = new EventSource("/events");
-  events.onmessage = async (event) => {
+  events.onmessage = (event) => {
     const state = /** @type {State} */ (JSON.parse(event.data));
     const of = state.asked ? ` of ${state.asked}` : "";
-    at("lede").textContent = `${state.ended}${of} ended, ${state.episodes - state.ended} under way.`;
+    at("lede").textContent = !state.episodes ? "No episode has begun." : `${state.ended}${of} ended, ${state.episodes - state.ended} under way.`;
     at("rows").replaceChildren(...state.rows.map(line));
     const running = state.rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
-    at("live").replaceChildren(...(await Promise.all(live.map(show))));
+    at("live").replaceChildren(...live.map(show));
     document.documentElement.dataset.ready = "yes";
   };
   events.onerror = () => (at("lede").textContent = "The watch has ended; the records are in the run's folder.");
