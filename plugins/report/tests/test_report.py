@@ -255,6 +255,18 @@ def test_links_lead_through_folders_of_any_name(tmp_path: Path) -> None:
         assert all(Path(unquote(urlsplit(file).path)).is_file() for file in files)
 
 
+def test_from_an_episode_one_comes_back_to_the_page_of_its_own_run(tmp_path: Path) -> None:
+    for run in ("a", "b"):
+        for name in ("couch-0", "couch-1"):
+            scene = record_episode(tmp_path / run / name, name=name)
+    write_report(tmp_path / "a", None, lambda name: scene)
+    write_report([tmp_path / "a", tmp_path / "b"], tmp_path / "pair.html", lambda name: scene)
+    back = [
+        Page((tmp_path / run / "couch-0" / "page.html").read_text("utf-8")).all("a")[1]["href"] for run in ("a", "b")
+    ]
+    assert back == ["../report.html", "../../pair.html"], "the pair's, where the run has none"
+
+
 def test_nothing_that_a_scene_is_called_ends_its_script(made: tuple[Path, Scene]) -> None:
     strange = asset("strange", "</SCRIPT><script>alert(2)", block(1, 1, 1))
     scene = replace(made[1], assets={**made[1].assets, "strange": strange},
