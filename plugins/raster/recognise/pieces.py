@@ -25,6 +25,8 @@ SIDES = (-60, -30, 0, 30, 60)
 """Degrees aside of its front from which a piece is looked at."""
 HALF = 0.5
 """Share of the pictures in which the detector must know it."""
+SMALL = 0.005
+"""Share of a picture that a piece fills at least: nothing else is looked for."""
 STAND = 0.5
 """Height of what a television stands on, metres."""
 
@@ -47,12 +49,12 @@ def looked_at(asset: Asset, renderer: Renderer) -> list[tuple[np.ndarray, Target
     """Return pictures of a piece and where it is in each."""
     scene, key = room(asset)
     renderer.load(scene)
-    far, seen = 1.2 + 0.8 * float(np.ptp(asset.mesh.vertices, axis=0)[[0, 2]].max()), []
+    far, seen = 1.0 + 0.7 * float(np.ptp(asset.mesh.vertices, axis=0)[[0, 2]].max()), []
     for angle in np.radians(SIDES):
         place = far * np.array([np.sin(angle), 0.0, np.cos(angle)])
         state = standing(place, -place)
         view = renderer.render(state, ego_camera(state.body))
-        found = targets(scene, np.where(view.ids == key, view.ids, 0))
+        found = targets(scene, np.where(view.ids == key, view.ids, 0), SMALL)
         seen += [(view.rgb, target) for target in found]
     return seen
 
