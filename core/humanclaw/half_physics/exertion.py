@@ -51,8 +51,9 @@ class Exertion:
         """Take back what the step since brace gave to objects beyond what a person can exert."""
         pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
-        if not any(self._gain(key, after[key]) > 0 for key in pushed):
+        if not any(self._gain(key, after[key]) > 0 for key in after):
             return
+        # A light thing between the body and a heavy one hands its push on and gets no faster itself.
         chain = self._handed_on(pushed)
         gain = sum(self._gain(key, after[key]) for key in chain)
         share = max(0.0, self._profile.exertion - sum(self._held[key] for key in chain)) * seconds / max(gain, 1e-12)
@@ -88,7 +89,8 @@ class Exertion:
             if self._gain(key, after[key]) > 0:
                 kept = _shared(self._before[key], after[key], share, seconds)
                 self._world.set_motion(key, kept)
-                back = _longer(back, _lost(after[key], kept, [t for t in touches if t.object_id == key], seconds))
+                met = [touch for touch in touches if touch.object_id == key]
+                back = _longer(back, _lost(after[key], kept, met or _at_middle(touches, after[key]), seconds))
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
@@ -111,6 +113,12 @@ def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: fl
     turned = multiply(from_vector((spin - after.spin) * seconds), after.quaternion)
     moved = after.position + (velocity - after.velocity) * seconds
     return replace(after, position=moved, quaternion=turned, velocity=velocity, spin=spin)
+
+
+def _at_middle(touches: Sequence[Touch], after: ObjectMotion) -> Sequence[Touch]:
+    """Return touches as what they were handed on to feels them: in the same directions, at its middle."""
+    x, y, z = after.position
+    return [touch._replace(point=(float(x), float(y), float(z))) for touch in touches]
 
 
 def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], seconds: float) -> Array:
