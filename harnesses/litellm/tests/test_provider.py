@@ -297,6 +297,12 @@ def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, vie
         ({"model": "m", "params": {"tool_choice": "auto"}}, "tool_choice cannot be set here"),
         ({"model": "m", "api_key": KEY}, "options are recorded"),
         ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
+        ({"model": "m", "api_base": "host:8000/v1"}, "such as http://localhost:8000/v1"),
+        ({"model": "m", "api_base": "http://host/v1 http://elsewhere"}, "such as http://localhost:8000/v1"),
+        ({"model": "m", "api_base": "http://host/v1;aB3dE5gH7jK9mN1pQ3sT"}, "options are recorded"),
+        ({"model": "m", "api_base": "http://host/v1@aB3dE5gH7jK9mN1pQ3sT"}, "options are recorded"),
+        ({"model": "m", "verifier_params": {"a": [{"password": "hunter22"}]}}, "options are recorded"),
+        ({"model": "m", "verifier_params": '{"a": [{"password": "hunter22"}]}'}, "options are recorded"),
         ({"model": "m", "params": {"api_key": KEY}}, "api_key cannot be set here"),
         (
             {"model": "m", "params": {"extra_body": [{"Authorization": KEY}]}},
