@@ -582,3 +582,19 @@ def test_all_packages_of_the_repository_share_one_version():
     versions = {name: importlib.metadata.version(name) for name in names if name not in ("humanclaw-broken",)}
     assert len(versions) >= 9
     assert len(set(versions.values())) == 1, versions
+
+
+def test_a_distribution_without_metadata_takes_no_other_down(site):
+    write_distribution(site, "humanclaw-half", "hc_half", "from humanclaw import hookimpl")
+    (site / "humanclaw_half-1.0.dist-info" / "METADATA").unlink()
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert "hc_half" in [info.name for info in plugins.infos]
+
+
+def test_a_module_that_raises_for_names_that_it_lacks_is_disabled_by_name(site):
+    lazy = "def __getattr__(name):\n    raise RuntimeError(f'lazy {name}')\n"
+    write_distribution(site, "humanclaw-lazy", "hc_lazy", lazy)
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert "RuntimeError: lazy" in next(info.error for info in plugins.infos if info.name == "humanclaw-lazy")
