@@ -75,8 +75,8 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         ([*AT_SEAT, step("sit_in_place", contacts=(touch(COUCH, joint="left_hip"),)), step("stop", away=0.1)], 4.0,
          "interact: sit wrong"),
         # A thigh that brushed a table on the way there is no sit on anything.
-        ([*AT_SEAT, step(contacts=(touch(TABLE, joint="left_hip"),)), step("sit_in_place"), step("stop", away=0.1)], 4.0,
-         "interact: sit on air"),
+        ([*AT_SEAT, step(contacts=(touch(TABLE, joint="left_hip"),)), step("sit_in_place"), step("stop", away=0.1)],
+         4.0, "interact: sit on air"),
         # The seat was brushed on the way: the pelvis did touch something.
         ([*AT_SEAT, step(contacts=(touch(TABLE, joint="pelvis"),)), step("sit_in_place"), step("stop", away=0.1)], 4.0,
          "interact: sit wrong"),
