@@ -106,9 +106,10 @@ def _speed(motion: ObjectMotion, radius: float) -> float:
 
 
 def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
-    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole."""
+    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole, and
+    so does its end on a floor: what is kept falling there is thrown out of it once it is let go."""
     velocity = before.velocity + share * (after.velocity - before.velocity)
-    velocity[1] = min(velocity[1], after.velocity[1])
+    velocity[1] = np.clip(velocity[1], min(after.velocity[1], 0.0), after.velocity[1])
     spin = before.spin + share * (after.spin - before.spin)
     turned = multiply(from_vector((spin - after.spin) * seconds), after.quaternion)
     moved = after.position + (velocity - after.velocity) * seconds
