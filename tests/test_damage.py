@@ -153,6 +153,15 @@ def test_a_record_names_no_file_outside_its_folder(folder, name):
         _ = RecordedEpisode(folder).digest
 
 
+@pytest.mark.parametrize("key", ["agent", "verifier"])
+def test_a_record_of_somebody_else_names_nobody_whom_a_terminal_would_obey(folder, key):
+    """Tables print who played: such a name wrote to the clipboard of whoever looked at them."""
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={key: "oracle\x1b]52;c;aGk=\x07"}))
+    with pytest.raises(RecordError, match=r"episode\.json.*no record"):
+        RecordedEpisode(folder)
+
+
 def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):
     path = folder / "episode.json"
     content = json.loads(path.read_bytes())

@@ -61,6 +61,10 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
 
+_Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+"""What a terminal prints and does not obey."""
+
+
 # -- what is asked -----------------------------------------------------------------------------------------------------
 class Difficulty(Record):
     """How hard the shortest way to the nearest target is (paper, section 4.1)."""
@@ -256,8 +260,8 @@ class EpisodeRecord(Record):
     format: Literal[2] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
-    agent: str
-    verifier: str = ""
+    agent: _Name
+    verifier: _Name = ""
     options: dict[str, Any] = {}
     """As they were given."""
     settings: dict[str, dict[str, Any]] = {}
