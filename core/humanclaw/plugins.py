@@ -33,7 +33,7 @@ from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
-from humanclaw._words import did_you_mean
+from humanclaw._words import did_you_mean, nearest
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError, in_words
 from humanclaw.hookspecs import noun
@@ -479,7 +479,7 @@ class Plugins:
         listed = f"Known: {', '.join([*known, *more]) or 'none'}."
         if distribution:
             return f"{distribution} brings it where what it needs is installed; here it is not. {listed}"
-        return distributions.nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
+        return nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
         """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or

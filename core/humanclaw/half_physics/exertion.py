@@ -8,7 +8,7 @@ waits at a heavy object as it does at a wall.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -51,14 +51,15 @@ class Exertion:
         """Take back what the step since brace gave to objects beyond what a person can exert."""
         pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
-        if not any(self._gain(key, after[key]) > 0 for key in after):
+        gains = {key: self._gain(key, motion) for key, motion in after.items()}
+        if not any(gain > 0 for gain in gains.values()):
             return
         # A light thing between the body and a heavy one hands its push on and gets no faster itself.
         chain = self._handed_on(pushed)
-        gain = sum(self._gain(key, after[key]) for key in chain)
+        gain = sum(gains[key] for key in chain)
         share = max(0.0, self._profile.exertion - sum(self._held[key] for key in chain)) * seconds / max(gain, 1e-12)
         if share < 1:
-            self._hold(chain, after, share, touches, seconds)
+            self._hold({key: after[key] for key in chain if gains[key] > 0}, share, touches, seconds)
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
         """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
@@ -76,21 +77,14 @@ class Exertion:
             chain |= more
         return sorted(chain)
 
-    def _hold(
-        self,
-        chain: Iterable[int],
-        after: Mapping[int, ObjectMotion],
-        share: float,
-        touches: Sequence[Touch],
-        seconds: float,
-    ) -> None:
+    def _hold(self, faster: Mapping[int, ObjectMotion], share: float, touches: Sequence[Touch], seconds: float) -> None:
+        """Leave what got faster that share of it, and take the body back by as much as what it pushes."""
         back = np.zeros(3)
-        for key in chain:
-            if self._gain(key, after[key]) > 0:
-                kept = _shared(self._before[key], after[key], share, seconds)
-                self._world.set_motion(key, kept)
-                met = [touch for touch in touches if touch.object_id == key]
-                back = _longer(back, _lost(after[key], kept, met or _at_middle(touches, after[key]), seconds))
+        for key, after in faster.items():
+            kept = _shared(self._before[key], after, share, seconds)
+            self._world.set_motion(key, kept)
+            met = [touch for touch in touches if touch.object_id == key]
+            back = _longer(back, _lost(after, kept, met or _at_middle(touches, after), seconds))
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
