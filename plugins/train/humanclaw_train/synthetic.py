@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +17,12 @@ from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
 from humanclaw_train.synthesis import SECONDS, play
+
+
+LENGTHS: Final = (16, 4)
+"""Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are
+seen to do most."""
+CHUNKS_A_BATCH: Final = 2048
 
 
 @dataclass(frozen=True)
@@ -106,9 +114,9 @@ def synthetic_chunks(
     skills = [one for one in skills if one.synthetic]
     wanted = dict.fromkeys((one.name for one in skills), half) | {"base": max(1, round(base_share * half))}
     found: dict[str, list[Chunks]] = {name: [] for name in wanted}
-    done = 0.0
+    done, lengths = 0.0, cycle(LENGTHS)
     while done < 1.0:
-        for name, chunks in _batch(profiles, skills, rng).items():
+        for name, chunks in _batch(profiles, skills, rng, next(lengths)).items():
             found[name].append(chunks[: wanted[name] - sum(map(len, found[name]))])
         done = min(sum(map(len, found[name])) / count for name, count in wanted.items())
         if progress is not None:
@@ -117,9 +125,8 @@ def synthetic_chunks(
     return {name: Chunks.join([chunks, chunks.mirrored()]) for name, chunks in whole.items()}
 
 
-def _batch(
-    profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generator, bodies: int = 128, length: int = 16
-) -> dict[str, Chunks]:
+def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generator, length: int) -> dict[str, Chunks]:
+    bodies = CHUNKS_A_BATCH // length
     series = sample_calls(skills, bodies, length, rng)
     roots, turns, lacking = play(profiles, [commands(skills, call) for call in series], rng, rested=0.3)
     motions = [Motion(*pair) for pair in zip(roots, turns, strict=True)]
