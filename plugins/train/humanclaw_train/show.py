@@ -7,6 +7,7 @@ person of a clip stood on is not known.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,8 +36,12 @@ MOMENTS: Final = 8
 """In a strip."""
 _EVERY: Final = 2
 """Frames of motion a frame of the moving picture."""
-_EYE: Final = np.array([-3.4, 0.35, 1.1])
-"""From the body to the camera: to its right and a little ahead, metres."""
+_BESIDE: Final = np.array([-3.4, 0.35, 1.1])
+"""From the body to the camera: to its right and a little ahead, metres;"""
+_BEFORE: Final = np.array([1.1, 0.35, 3.4])
+"""and before it and a little to its left, for who goes sideways."""
+_MARGIN: Final = 8
+"""Of a title, pixels."""
 _TILE: Final = 0.5
 """Side of a tile of the floor, metres; feet that slide show against it."""
 
@@ -135,20 +140,26 @@ def _difference(
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
-    """Yield the body at each frame from the side, on a floor of tiles of half a metre."""
+    """Yield the body at each frame, seen across the way that it goes, on a floor of tiles of half a metre."""
     renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
-    last = len(motion) - 1
+    last, eye = len(motion) - 1, _eye(motion)
     for frame in frames:
         at = min(frame, last)
         centre = motion.root[max(0, at - 10) : at + 11].mean(0)
-        yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre)).rgb
+        yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
 
 
-def _camera(centre: Array) -> Camera:
-    forward = -_EYE / np.linalg.norm(_EYE)
+def _eye(motion: Motion) -> Array:
+    """(3,) from the body, which faces +Z at first, to the camera."""
+    across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
+    return _BEFORE if across > ahead else _BESIDE
+
+
+def _camera(centre: Array, eye: Array) -> Camera:
+    forward = -eye / np.linalg.norm(eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     up = np.cross(right / np.linalg.norm(right), forward)
-    return Camera(centre + _EYE - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
+    return Camera(centre + eye - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
 
 
 def _tiled(asset: Asset) -> Asset:
@@ -169,7 +180,9 @@ def strip(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Picture:
 
 def _titled(picture: Picture, title: str) -> Picture:
     image = Image.fromarray(picture)
-    ImageDraw.Draw(image).text((8, 8), title, fill="black", font_size=16)
+    draw, room = ImageDraw.Draw(image), image.width - 2 * _MARGIN
+    columns = int(len(title) * room / max(room, draw.textlength(title, font_size=16)))
+    draw.text((_MARGIN, _MARGIN), textwrap.fill(title, columns), fill="black", font_size=16)
     return np.asarray(image)
 
 

@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 from humanclaw import HumanclawError, Motion, Plugins
 from humanclaw_train.chunks import Clip
 from humanclaw_train.cli import show
-from humanclaw_train.show import nearest, on_floor
+from humanclaw_train.show import nearest, on_floor, strip
 
 STANDING = Motion(np.tile([0.0, 0.9, 0.0], (60, 1)), np.zeros((60, 24, 3)))
 
@@ -57,6 +57,14 @@ def test_a_skill_is_drawn_as_a_moving_picture_and_a_strip(tmp_path: Path):
     with Image.open(out) as film, Image.open(out.with_suffix(".png")) as still:
         assert film.n_frames == 10  # 5 frames of standing and 15 of walking, every other one
         assert still.size == (8 * 240, 320)
+
+
+def test_a_long_title_is_read_whole_on_a_narrow_picture():
+    blank = np.full((120, 240, 3), 255, np.uint8)
+    titled = strip([("side_step x_cm 30, distance_ahead_cm 0, heading_deg 0", [blank])])
+    dark = titled.min(axis=2) < 128
+    assert not dark[:, -8:].any()
+    assert dark.any(axis=1)[28:].any()  # a second line
 
 
 @pytest.mark.parametrize(
