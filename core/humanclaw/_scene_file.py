@@ -61,4 +61,3 @@ def _asset(number: int, rest: dict[str, Any], arrays: dict[str, NDArray[Any]]) -
     hulls = np.split(arrays[f"{number}.hulls"], ends)[:-1]
     mesh = Mesh(*(arrays[f"{number}.{name}"] for name in _MESH))
     return Asset(mesh=mesh, hulls=tuple(hulls), **rest)
-

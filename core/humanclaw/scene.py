@@ -84,8 +84,8 @@ class Hinge:
     """Any point of the axis, in the frame of the object's asset, metres."""
     low: float
     high: float
-    """The range of the angle. It alone stops the object: what is fixed does not, so that a door does not jam in its
-    frame."""
+    """The range of the angle. It stops the object; what is fixed or hangs on another hinge does not, so that a door
+    does not jam in its frame."""
     friction: float = 2.0
     """Torque that holds the object and brakes it, whatever its speed, newton metres."""
     damping: float = 5.0
@@ -137,7 +137,8 @@ class SceneObject:
             told = f"is at {self.state:g} rad, and its hinge goes from {self.joint.low:g} to {self.joint.high:g}"
             raise self._wrong(told, "Start within the range; both are radians.")
         if abs(self.rotation[0]) > 1e-6 or abs(self.rotation[2]) > 1e-6:
-            raise self._wrong(f"hangs on a hinge and leans: {self.rotation}", "A hinge is vertical: turn about y alone.")
+            told = f"hangs on a hinge and leans: {self.rotation}"
+            raise self._wrong(told, "A hinge is vertical: turn about y alone.")
 
     def _wrong(self, told: str, remedy: str) -> SceneError:
         return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
