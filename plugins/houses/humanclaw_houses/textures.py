@@ -65,6 +65,14 @@ def darker(tile: Tile, share: float) -> Tile:
     return replace(tile, pixels=np.asarray(np.round(tile.pixels * share), np.uint8))
 
 
+def pastel(tile: Tile) -> Tile:
+    """Return a tile nearly white, with a tenth of its colour and a third of its contrast: bed linen of a cloth."""
+    pixels = np.maximum(tile.pixels.astype(float), 1.0)
+    mean = pixels.mean(axis=(0, 1))
+    picture = (240 - 0.1 * (240 - mean)) * (pixels / mean) ** 0.35
+    return replace(tile, pixels=np.asarray(np.clip(np.round(picture), 0, 255), np.uint8))
+
+
 def wood(colour: Colour, rng: np.random.Generator, contrast: float = 0.09) -> Tile:
     """Grain along the tile: long streaks, a little fine fibre, and slow changes of tone."""
     field = 0.6 * _noise(rng, (24, 2)) + 0.25 * _noise(rng, (8, 1)) + 0.5 * _noise(rng, (32, 8))
@@ -282,10 +290,10 @@ ACCENTS: Final[tuple[Colour, ...]] = (
 )  # fmt: skip
 WOODS: Final[tuple[Colour, ...]] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
 FABRICS: Final[tuple[Colour, ...]] = (
-    (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116),
+    (92, 104, 120), (150, 66, 58), (74, 108, 96), (138, 150, 158), (58, 74, 110), (64, 118, 122), (112, 112, 116),
     (128, 92, 118),
 )  # fmt: skip
-LEATHERS: Final[tuple[Colour, ...]] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
+LEATHERS: Final[tuple[Colour, ...]] = ((58, 88, 80), (62, 80, 108), (150, 74, 58))
 PAINTS: Final[tuple[Colour, ...]] = (
     (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216,
     214),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import Chart, Shape, box, pillow, post, sheet, soft_box
 from humanclaw_houses.style import Style
@@ -24,10 +25,10 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
                 post(0.03, gap + 0.02, (side * (width / 2 - 0.08), 0, 0.03 + z * (length / 2 - 0.1))), style.second_wood
             )
     m.add(soft_box((width - 0.05, 0.2, length - 0.05), (0, seat - 0.23, 0.025), 0.06), style.linen)
-    cover = style.fabric()
+    cover = t.pastel(style.fabric())
     foot = length / 2 + 0.03
     m.add(_drape(width + 0.012, foot - 1.36, foot, seat, 0.19), cover)
-    m.add(_drape(width + 0.02, z0 + 0.5, z0 + 0.84, seat + 0.012, 0.19, hem=False), style.linen)
+    m.add(_drape(width + 0.016, z0 + 0.5, z0 + 0.84, seat + 0.012, 0.19, hem=False), style.linen)
     count = 2 if double else 1
     for k in range(count):
         x = (k - (count - 1) / 2) * width * 0.47
@@ -57,7 +58,9 @@ def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.
     """How far out and how far down a cloth lies that goes over a rounded edge at `reach`."""
     gone = share * (reach + drop * 0.9) - (reach - 0.07)
     bent = np.clip(gone / 0.11, 0.0, 1.0) * np.pi / 2
-    return reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent)), 0.07 * (1 - np.cos(bent)) + np.clip(gone - 0.11, 0, None)
+    return reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent)), 0.07 * (1 - np.cos(bent)) + np.clip(
+        gone - 0.11, 0, None
+    )
 
 
 def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:

@@ -104,9 +104,7 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
     _back(m, cut, cover, kind)
     radius = 0.025 if kind == "boxy" else 0.045
     for x in cut.seat_x():
-        m.add(
-            soft_box((cut.per_seat - 0.016, 0.11, cut.reach), (x, cut.seat - 0.13, cut.middle), radius, 0.02), cover
-        )
+        m.add(soft_box((cut.per_seat - 0.016, 0.11, cut.reach), (x, cut.seat - 0.13, cut.middle), radius, 0.02), cover)
         if kind == "buttoned":
             _buttons(m, cut, cover, x)
         else:
@@ -124,7 +122,14 @@ def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
         return
     m.add(soft_box((width, high - 0.07, depth - 0.04), (0, cut.leg, z - 0.01), 0.06), cover)
     for x in cut.seat_x():
-        m.add(soft_box((width / cut.seats - 0.016, high - 0.19, 0.06), (x * width / cut.inner, cut.leg + 0.1, -cut.depth / 2 + 0.03), 0.028), cover)
+        m.add(
+            soft_box(
+                (width / cut.seats - 0.016, high - 0.19, 0.06),
+                (x * width / cut.inner, cut.leg + 0.1, -cut.depth / 2 + 0.03),
+                0.028,
+            ),
+            cover,
+        )
 
 
 def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
@@ -174,10 +179,13 @@ def dining_chair(style: Style, name: str) -> Piece:
         style.between(0.84, 0.94),
     )
     kind = int(style.rng.integers(3))
-    _legs(m, frame, w, d, seat - 0.04, 0.036)
-    m.box((w, 0.04, d), (0, seat - 0.04, 0), frame, solid=False)
+    _legs(m, frame, w, d, seat - 0.03, 0.04)
+    m.add(box((w - 0.05, 0.06, d - 0.05), (0, seat - 0.09, 0), "t"), frame)
+    for x in (-1, 1):
+        m.add(box((0.02, 0.03, d - 0.06), (x * (w / 2 - 0.02), 0.2, 0)), frame)
+    m.box((w, 0.03, d), (0, seat - 0.03, 0), frame, solid=False)
     if kind != 1:
-        m.add(soft_box((w - 0.02, 0.035, d - 0.03), (0, seat - 0.022, 0.01), 0.016), style.second_cloth)
+        m.add(soft_box((w - 0.01, 0.05, d - 0.05), (0, seat - 0.025, 0.02), 0.022), style.second_cloth)
     m.solid((w, 0.045, d), (0, seat - 0.04, 0))
     _chair_back(m, style, frame, kind, w, d, seat, back)
     m.solid((w, back - seat - 0.01, 0.045), (0, seat + 0.01, -d / 2 + 0.02))
@@ -193,14 +201,14 @@ def _legs(m: Model, tile: Tile, width: float, depth: float, height: float, thick
 def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: float, seat: float, back: float) -> None:
     z, rise = -d / 2 + 0.02, back - seat
     for x in (-1, 1):
-        m.add(box((0.034, rise, 0.034), (x * (w - 0.034) / 2, seat, z)), frame)
-    m.add(soft_box((w, 0.09, 0.03), (0, back - 0.09, z), 0.012), frame)
+        m.add(box((0.04, rise, 0.036), (x * (w - 0.04) / 2, seat, z)), frame)
+    m.add(soft_box((w, 0.09, 0.034), (0, back - 0.09, z), 0.014), frame)
     if kind == 0:
         for k in range(5):
-            m.add(box((0.025, rise - 0.08, 0.015), ((k - 2) * (w - 0.1) / 4.6, seat, z)), frame)
+            m.add(box((0.03, rise - 0.08, 0.018), ((k - 2) * (w - 0.1) / 4.6, seat, z)), frame)
     elif kind == 1:
         for k in range(3):
-            m.add(box((w - 0.05, 0.045, 0.016), (0, seat + 0.08 + k * (rise - 0.16) / 3, z)), frame)
+            m.add(box((w - 0.05, 0.06, 0.02), (0, seat + 0.07 + k * (rise - 0.16) / 3, z)), frame)
     else:
         m.add(soft_box((w - 0.06, rise - 0.14, 0.045), (0, seat + 0.06, z + 0.01), 0.02), style.second_cloth)
 
