@@ -44,13 +44,13 @@ def _drape(width: float, z0: float, z1: float, top: float, drop: float, hem: boo
     """Return a blanket over a mattress from z0 to z1, in folds where it hangs; hem: it hangs over the foot too."""
     grid = sheet((-1, 0, 0), (2, 0, 0), (0, 0, -1), (16, 12))
     across, along = grid.vertices[:, 0], 1 + grid.vertices[:, 2]
-    side, z, end = _over(np.abs(across), width / 2, drop), z0 + (z1 - z0) * along, np.zeros_like(along)
+    (out, down), z = _over(np.abs(across), width / 2, drop), z0 + (z1 - z0) * along
     if hem:
-        end, z = _over(along, z1 - z0, drop)[1], z0 + _over(along, z1 - z0, drop)[0]
-    hang = np.maximum(side[1], end)
-    x = np.sign(across) * (side[0] + 0.006 * hang / drop * (1 + np.sin(17 * z + 5 * np.sign(across))))
+        ahead, fallen = _over(along, z1 - z0, drop)
+        z, down = z0 + ahead, np.maximum(down, fallen)
+    x = np.sign(across) * (out + 0.006 * down / drop * (1 + np.sin(17 * z + 5 * np.sign(across))))
     crease = 0.005 * (np.sin(9 * x + 7 * z) + np.sin(13 * x - 11 * z) - 2)
-    points = np.stack([x, top + crease - hang * (1 + 0.04 * np.sin(8 * z + 3 * x)), z], -1)
+    points = np.stack([x, top + crease - down * (1 + 0.04 * np.sin(8 * z + 3 * x)), z], -1)
     return Shape((Chart(points, grid.faces, grid.uv * [width / 2 + drop, z1 - z0 + drop]),))
 
 
@@ -58,9 +58,9 @@ def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.
     """How far out and how far down a cloth lies that goes over a rounded edge at `reach`."""
     gone = share * (reach + drop * 0.9) - (reach - 0.07)
     bent = np.clip(gone / 0.11, 0.0, 1.0) * np.pi / 2
-    return reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent)), 0.07 * (1 - np.cos(bent)) + np.clip(
-        gone - 0.11, 0, None
-    )
+    out = reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent))
+    down = 0.07 * (1 - np.cos(bent)) + np.clip(gone - 0.11, 0, None)
+    return out, down
 
 
 def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:
