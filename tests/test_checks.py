@@ -22,7 +22,7 @@ from humanclaw.contract import Check, Skill
 from humanclaw.errors import CallError
 from humanclaw.loop import run_episode
 from humanclaw.tasks import free_episode
-from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
+from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, contract, examine, fake_body
 from humanclaw.testing.fakes import Fakes
 from humanclaw.tools import publish
 
@@ -290,6 +290,52 @@ def test_a_plan_that_never_returns_is_a_fault_after_a_while():
     (fault,) = examine(planned(lambda params: free.wait()), engines=(), patience=0.2).faults
     assert (fault.check, "did not return within 0.2 s" in fault.message) == ("plan-runs", True)
     free.set()
+
+
+class Slow(Keyframes):
+    """Keyframes that take for ever to be played."""
+
+    def over(self, pose):
+        if threading.current_thread() is not threading.main_thread():
+            threading.Event().wait()
+        return super().over(pose)
+
+
+def test_a_motion_that_never_ends_is_a_fault_after_a_while():
+    slow = Slow.cycle("head", "x", 5, 0.5)
+    (fault, *_) = examine(planned(lambda params: slow), engines=(), playing=0.3).faults
+    assert (fault.check, "did not return within 0.3 s" in fault.message) == ("body-plays", True)
+
+
+def test_a_file_that_never_ends_its_import_is_a_fault_after_a_while(tmp_path):
+    (tmp_path / "slow.py").write_text("import threading\nthreading.Event().wait()\n")
+    _, _, (fault,) = contract.found_at(str(tmp_path / "slow.py"), Plugins(), patience=0.2)
+    assert (fault.check, "did not return within 0.2 s" in fault.message) == ("loads", True)
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.uint8, np.bool_])
+def test_weights_that_are_no_floats_are_a_fault(tmp_path, kind):
+    def whole(tensors):
+        tensors["model.blocks.0.up.weight"] = tensors["model.blocks.0.up.weight"].astype(kind)
+
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    weights(whole)(folder)
+    assert names(folder) == {"adapter-finite"}
+
+
+@pytest.mark.parametrize(("place", "twice"), [('"z_cm"', "z_cm"), ('"type"', "type")])
+def test_a_key_that_is_there_twice_in_a_schema_is_a_fault(tmp_path, place, twice):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    text = (folder / "schema.json").read_text()
+    (folder / "schema.json").write_text(text.replace(place, f"{place}: 1, {place}", 1))
+    (fault,) = examine(folder, engines=()).faults
+    assert (fault.check, f"the key '{twice}' twice" in fault.message) == ("schema-file", True)
+
+
+def test_a_choice_that_is_offered_twice_is_a_fault(tmp_path):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    parameter(enum=[10, 20, 10], minimum=10, maximum=20)(folder)
+    assert "choices" in names(folder)
 
 
 VALUES = {"x": 0.0, "z": 0.4, "yaw": 0.0}

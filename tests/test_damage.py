@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 
 import numpy as np
 import pytest
@@ -91,12 +92,43 @@ def test_a_record_that_was_mended_by_hand_is_refused(folder):
 )
 def test_of_an_episode_under_way_damaged_lines_are_named(folder, damage, words):
     """It has no digests yet: a crash left it there."""
-    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
-    write_record(folder, record.model_copy(update={"outcome": "running", "files": {}}))
+    _leave_open(folder)
     path = folder / "steps.jsonl"
     path.write_bytes(b"".join(damage(path.read_bytes().splitlines(keepends=True))))
     with pytest.raises(RecordError, match=words):
         RecordedEpisode(folder)
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity"])
+def test_a_step_that_holds_no_finite_number_is_named(folder, value):
+    _leave_open(folder)
+    path = folder / "steps.jsonl"
+    path.write_text(re.sub(r'"yaw_end":[^,}]+', f'"yaw_end":{value}', path.read_text(), count=1))
+    with pytest.raises(RecordError, match=rf"steps\.jsonl:1 holds {value}, which is no finite number"):
+        RecordedEpisode(folder)
+
+
+def test_words_may_say_what_is_no_number(folder):
+    _leave_open(folder)
+    path = folder / "steps.jsonl"
+    path.write_text(re.sub(r'"reasoning":"[^"]*"', '"reasoning":"NaN, -Infinity"', path.read_text()))
+    assert RecordedEpisode(folder).steps[0].decision.reasoning == "NaN, -Infinity"
+
+
+def test_motion_that_holds_no_finite_number_is_named(folder):
+    _leave_open(folder)
+    with np.load(folder / "motion.npz") as data:
+        arrays = dict(data)
+    arrays["simulated_root"][3, 1] = np.nan
+    np.savez(folder / "motion.npz", **arrays)
+    with pytest.raises(RecordError, match=r"motion\.npz cannot be read: it holds values that are no finite number"):
+        RecordedEpisode(folder).motion()
+
+
+def _leave_open(folder):
+    """Make of a closed record one without digests, as a crash leaves it."""
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={"outcome": "running", "files": {}}))
 
 
 def test_a_record_cut_in_half_is_named_with_the_line_where_it_ends(folder):
@@ -119,6 +151,15 @@ def test_a_record_names_no_file_outside_its_folder(folder, name):
     write_record(folder, record.model_copy(update={"files": {}}))
     with pytest.raises(RecordError, match="not a step"):
         _ = RecordedEpisode(folder).digest
+
+
+@pytest.mark.parametrize("key", ["agent", "verifier"])
+def test_a_record_of_somebody_else_names_nobody_whom_a_terminal_would_obey(folder, key):
+    """Tables print who played: such a name wrote to the clipboard of whoever looked at them."""
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    write_record(folder, record.model_copy(update={key: "oracle\x1b]52;c;aGk=\x07"}))
+    with pytest.raises(RecordError, match=r"episode\.json.*no record"):
+        RecordedEpisode(folder)
 
 
 def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):

@@ -3,6 +3,7 @@
 import json
 import math
 import random
+import re
 
 import numpy as np
 import pytest
@@ -274,12 +275,15 @@ def nested(levels):
     return {"in": nested(levels - 1)} if levels else 1
 
 
-@pytest.mark.parametrize("words", ["a couch\u2028and\u0085a\u2029bed\x0b\x0c\x1c", "half of a letter: \ud800"])
+@pytest.mark.parametrize(
+    "words", ["\x1b]52;c;aGk=\x07", "a couch\u2028and\u0085a\u2029bed\x0b\x0c\x1c", "half of a letter: \ud800"]
+)
 def test_what_a_model_writes_does_not_break_its_record(play, words):
     said = Decision((Call("turn_in_place", {"yaw_deg": 10}),), visible_state=words, raw=words)
     episode, _ = play(said, STOP)
     assert [step.status for step in episode.steps] == ["executed", "stopped"]
-    assert episode.steps[0].decision.visible_state == words.replace("\ud800", "\ufffd")
+    printed = re.sub(r"[\x00-\x1f\x7f-\x9f\ud800]", "\ufffd", words)
+    assert episode.steps[0].decision.visible_state == printed, "what a terminal would obey is not kept either"
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
         plugins.add(Quits(), "quits")
     for name, observer in (("first", Hears()), ("bad", Raises()), ("last", Hears())):
         plugins.add(observer, name)
-    plugins.tell("humanclaw_step", episode=None, step=7)
+    plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert heard == [7, 7]
     assert "plugin 'bad' failed at humanclaw_step" in caplog.text
 
@@ -106,10 +106,10 @@ def test_an_observer_that_comes_back_late_hears_on_in_the_same_thread():
 
     plugins = Plugins()
     plugins.add(Late(), "late")
-    plugins.tell("humanclaw_step", episode=None, step=0)
+    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
     let_go.set()
     for _ in range(1000):
-        plugins.tell("humanclaw_step", episode=None, step=1)
+        plugins.tell("humanclaw_step", episode=None, step=1, view=None)
         if len(threads) > 1:
             break
         time.sleep(0.01)
@@ -126,7 +126,7 @@ def test_an_observer_of_endless_patience_hears_in_the_thread_of_the_episode():
 
     plugins, window = Plugins(), Window()
     plugins.add(window, "window")
-    plugins.tell("humanclaw_step", episode=None, step=0)
+    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
     assert window.thread is threading.current_thread()
 
 
@@ -322,7 +322,7 @@ def test_an_observer_of_a_plugin_that_fails_hears_nothing():
     plugins, fails = Plugins(), Fails()
     with pytest.raises(PluginError, match="unhashable"):
         plugins.add(fails, "fails")
-    plugins.tell("humanclaw_step", episode=None, step=7)
+    plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert (fails.heard, plugins.skills, plugins.infos) == ([], {}, ())
 
 
@@ -529,7 +529,7 @@ def test_a_second_plugin_of_one_name_is_refused_and_the_first_still_hears():
     plugins.add(first, "same")
     with pytest.raises(PluginError, match="plugin 'same' is already in use"):
         plugins.add(Rival(), "same")
-    plugins.tell("humanclaw_step", episode=None, step=7)
+    plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert first.heard == [7]
 
 
@@ -582,3 +582,19 @@ def test_all_packages_of_the_repository_share_one_version():
     versions = {name: importlib.metadata.version(name) for name in names if name not in ("humanclaw-broken",)}
     assert len(versions) >= 9
     assert len(set(versions.values())) == 1, versions
+
+
+def test_a_distribution_without_metadata_takes_no_other_down(site):
+    write_distribution(site, "humanclaw-half", "hc_half", "from humanclaw import hookimpl")
+    (site / "humanclaw_half-1.0.dist-info" / "METADATA").unlink()
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert "hc_half" in [info.name for info in plugins.infos]
+
+
+def test_a_module_that_raises_for_names_that_it_lacks_is_disabled_by_name(site):
+    lazy = "def __getattr__(name):\n    raise RuntimeError(f'lazy {name}')\n"
+    write_distribution(site, "humanclaw-lazy", "hc_lazy", lazy)
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert "RuntimeError: lazy" in next(info.error for info in plugins.infos if info.name == "humanclaw-lazy")

@@ -17,6 +17,8 @@ LONGEST: Final = 100_000
 """Letters of one text, or of an answer."""
 LARGEST: Final = 2**53
 """Of an integer: what every reader of JSON keeps exactly."""
+_CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\t\n\r"}
+"""What would move the cursor of a terminal, name its window or write to its clipboard."""
 T = TypeVar("T")
 
 
@@ -137,7 +139,8 @@ class Verdict:
 def recordable(value: T) -> T:
     """Bring a decision or a verdict, which a model may have written, into what a record can hold.
 
-    Half characters become U+FFFD, texts and nesting are bounded. What a schema would refuse it still refuses.
+    Half characters and those that control a terminal become U+FFFD, texts and nesting are bounded. What a schema would
+    refuse it still refuses.
     """
     changed = {part.name: _bounded(getattr(value, part.name)) for part in fields(value)}  # type: ignore[arg-type]
     return replace(value, **changed)  # type: ignore[type-var]
@@ -145,7 +148,7 @@ def recordable(value: T) -> T:
 
 def _bounded(value: Any, depth: int = 0) -> Any:
     if isinstance(value, str):
-        return value[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+        return value[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace").translate(_CONTROLS)
     if isinstance(value, int) and abs(value) > LARGEST:
         return float("inf") if value > 0 else float("-inf")  # A reader of the record would stumble over its digits.
     if value is None or isinstance(value, bool | int | float | Usage):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -35,16 +34,6 @@ def install(distributions: Iterable[str]) -> str:
     if len(demo & set(wanted)) > 1:
         wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
     return f"pip install {' '.join(wanted)}"
-
-
-def nearest(name: str, brought: Mapping[str, str]) -> str:
-    """Ask whether one of the nearest names was meant; empty if none is near.
-
-    brought: every name that could be meant, to the distribution that brings it; empty for what is there.
-    """
-    near = difflib.get_close_matches(name, brought, n=3, cutoff=0.5)
-    told = [f"{one} (of {brought[one]})" if brought[one] else one for one in near]
-    return f"Did you mean {' or '.join(told)}?" if told else ""
 
 
 def _extra(extra: str) -> set[str]:

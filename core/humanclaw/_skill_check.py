@@ -19,7 +19,7 @@ import jsonschema
 from humanclaw.contract import OFFLINE, Skill, read_checks, refusals
 from humanclaw.errors import CheckpointError, ContractError, PluginError
 from humanclaw.measures import MEASURES, Measure, Parameter, from_si, read_schema, si_unit
-from humanclaw.motion.checkpoint import check_adapter, check_checkpoint
+from humanclaw.motion.checkpoint import WeightsError, check_adapter, check_checkpoint
 from humanclaw.tools import REASONING_FIELDS, Format, parameter_schema, unpublishable
 
 CHECKS: Final[Mapping[str, str]] = {
@@ -41,7 +41,7 @@ CHECKS: Final[Mapping[str, str]] = {
     "parameters-described": "its parameters say in words what they are",
     "bounds-order": "no minimum is above its maximum",
     "bounds-finite": "bounds are finite numbers, those of integers whole",
-    "choices": "each enum offers something, each choice of the parameter's type",
+    "choices": "each enum offers something, each choice once and of the parameter's type",
     "required-declared": "what it requires it declares",
     "defaults-given": "what may be left out has a default",
     "defaults-legal": "defaults are values that the schema takes",
@@ -66,7 +66,7 @@ CHECKS: Final[Mapping[str, str]] = {
     # Its adapter.
     "adapter-there": "its adapter is there",
     "adapter-readable": "its adapter is a checkpoint of this format",
-    "adapter-finite": "no weight is NaN or infinite",
+    "adapter-finite": "every weight is a float, none NaN or infinite",
     "adapter-width": "every weight has the shape that the prior needs",
     "adapter-header": "the header names the range of each parameter in finite numbers",
     "adapter-skill": "its adapter was trained for it, or for the skill that x-adapter names",
@@ -271,9 +271,10 @@ def _bad_choices(part: Mapping[str, Any], where: str) -> Faults:
     plain = {word: value for word, value in part.items() if word in ("type", "minimum", "maximum")}
     validator = jsonschema.Draft202012Validator(plain)
     odd = [choice for choice in part["enum"] if not validator.is_valid(choice)]
-    if odd or not part["enum"]:
-        message = f"{where} offers {odd[0]!r}, which its type refuses." if odd else f"{where} offers no choice."
-        yield ContractError("choices", message, "Mend its enum.")
+    twice = [choice for number, choice in enumerate(part["enum"]) if choice in part["enum"][:number]]
+    told = f"offers {odd[0]!r}, which its type refuses" if odd else f"offers {twice[0]!r} twice" if twice else ""
+    if told or not part["enum"]:
+        yield ContractError("choices", f"{where} {told or 'offers no choice'}.", "Mend its enum.")
 
 
 def _bad_defaults(subject: Subject) -> Faults:
@@ -363,7 +364,7 @@ def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, A
         header = check_checkpoint(path, "adapter", remedy)
         ranged = [name for name, edges in ranges(header).items() if not all(map(isfinite, edges)) or edges[1] <= 0]
     except CheckpointError as error:
-        name = "adapter-finite" if "NaN" in error.message else "adapter-readable"
+        name = "adapter-finite" if isinstance(error, WeightsError) else "adapter-readable"
         return {}, (ContractError(name, error.message, error.remedy),)
     except (AttributeError, KeyError, TypeError, ValueError):
         return {}, (ContractError("adapter-header", f"{path} is not the checkpoint of an adapter.", remedy),)

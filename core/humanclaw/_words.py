@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 
 def counted(number: int, noun: str) -> str:
@@ -13,5 +13,14 @@ def counted(number: int, noun: str) -> str:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Ask whether the nearest of the known names was meant; empty if none is near."""
-    near = difflib.get_close_matches(name[:64], list(known), n=1, cutoff=0.5)
-    return f"Did you mean {near[0]}?" if near else ""
+    return nearest(name[:64], dict.fromkeys(known, ""), most=1)
+
+
+def nearest(name: str, brought: Mapping[str, str], most: int = 3) -> str:
+    """Ask whether one of the nearest names was meant; empty if none is near.
+
+    brought: every name that could be meant, to the distribution that brings it; empty for what is there.
+    """
+    near = difflib.get_close_matches(name, brought, n=most, cutoff=0.5)
+    told = [f"{one} (of {brought[one]})" if brought[one] else one for one in near]
+    return f"Did you mean {' or '.join(told)}?" if told else ""

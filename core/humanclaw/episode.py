@@ -406,9 +406,10 @@ class Episode:
             self._writer.step(step)
         self._steps.append(step)
         self._feedback = step.feedback
-        self._history.append(HistoryEntry(step.step, step.decision, step.feedback, self._look().rgb))
+        view = self._look().rgb
+        self._history.append(HistoryEntry(step.step, step.decision, step.feedback, view))
         self._begin_step()
-        self.body.plugins.tell("humanclaw_step", episode=self._record, step=step)
+        self.body.plugins.tell("humanclaw_step", episode=self._record, step=step, view=view)
         if not replayed and self._is_over():
             self._close()
         return step

@@ -16,6 +16,8 @@ import pluggy
 
 if TYPE_CHECKING:
     import click
+    import numpy as np
+    from numpy.typing import NDArray
 
     from humanclaw.contract import Skill
     from humanclaw.embodiment import Chunk
@@ -150,8 +152,8 @@ def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
 
 
 @hookspec
-def humanclaw_step(episode: EpisodeRecord, step: StepRecord) -> None:
-    """Hear of a step once it is recorded."""
+def humanclaw_step(episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
+    """Hear of a step once it is recorded; view is what the eyes saw before it, (height, width, 3)."""
 
 
 @hookspec

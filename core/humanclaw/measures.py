@@ -20,6 +20,7 @@ from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
+from humanclaw._pairs import once
 from humanclaw.errors import PluginError
 from humanclaw.pose import HISTORY, Array, heading
 
@@ -151,7 +152,10 @@ def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "lo
 def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
-        schema = json.loads((folder / "schema.json").read_text("utf-8"))
+        schema = json.loads((folder / "schema.json").read_text("utf-8"), object_pairs_hook=once)
+    except KeyError as error:
+        told = f"skill folder {folder.name!r}: schema.json holds the key {error} twice."
+        raise PluginError(told, "Keep one of the two.") from error
     except (OSError, ValueError, RecursionError) as error:
         raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
     if not isinstance(schema, dict):

@@ -33,7 +33,7 @@ from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
 from humanclaw._skill_check import skill_faults
-from humanclaw._words import did_you_mean
+from humanclaw._words import did_you_mean, nearest
 from humanclaw.contract import Skill
 from humanclaw.errors import PluginError, in_words
 from humanclaw.hookspecs import noun
@@ -218,7 +218,7 @@ class Plugins:
         loaded.sort(
             key=lambda pair: (
                 _origin(pair[0])[2] != hookspecs.PROJECT,
-                not any(hasattr(pair[1], hook) for hook in FIRST),
+                not any(_has(pair[1], hook) for hook in FIRST),
             )
         )
         for point, plugin in loaded:
@@ -339,7 +339,7 @@ class Plugins:
         """Call a hook of every plugin that has it. One that raises, or hangs where an episode would have to wait for
         it, is told of in the log; the others hear of it all the same."""
         for name, plugin in self._manager.list_name_plugin():
-            if not hasattr(plugin, hook):
+            if not _has(plugin, hook):
                 continue
             call = partial(self._only(plugin, hook), **event)
             try:
@@ -479,7 +479,7 @@ class Plugins:
         listed = f"Known: {', '.join([*known, *more]) or 'none'}."
         if distribution:
             return f"{distribution} brings it where what it needs is installed; here it is not. {listed}"
-        return distributions.nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
+        return nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
         """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or
@@ -590,7 +590,19 @@ def check_patience(seconds: object, name: str) -> None:
 def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
     """Name, version and distribution of a plugin. It is called like its distribution, whatever that calls its entry
     point: two of them may call theirs the same."""
-    return (point.dist.name, point.dist.version, point.dist.name) if point.dist else (point.name, "", "")
+    # None both, where pip was interrupted and there is no metadata.
+    name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+    return name or point.name, version or "", name or ""
+
+
+def _has(plugin: object, hook: str) -> bool:
+    """Whether a plugin has a hook; a module that answers for its names itself may raise anything."""
+    try:
+        return hasattr(plugin, hook)
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        return False
 
 
 def _checked(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPoint:

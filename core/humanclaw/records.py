@@ -15,7 +15,7 @@ import re
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -59,6 +59,10 @@ class Record(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
+
+
+_Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+"""What a terminal prints and does not obey."""
 
 
 # -- what is asked -----------------------------------------------------------------------------------------------------
@@ -256,8 +260,8 @@ class EpisodeRecord(Record):
     format: Literal[2] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
-    agent: str
-    verifier: str = ""
+    agent: _Name
+    verifier: _Name = ""
     options: dict[str, Any] = {}
     """As they were given."""
     settings: dict[str, dict[str, Any]] = {}
@@ -416,9 +420,12 @@ class RecordedEpisode:
             with zipfile.ZipFile(path) as archive:
                 _check_arrays(archive)
             with np.load(path) as data:
-                return {name: data[name] for name in names or sorted(data.files)}
+                found = {name: data[name] for name in names or sorted(data.files)}
+            if not all(np.isfinite(array).all() for array in found.values()):
+                raise ValueError("it holds values that are no finite number")
         except Exception as error:  # What damage makes of them numpy, zipfile and its unpackers tell by a dozen kinds.
             raise RecordError(f"{path} cannot be read: {error}.", _AGAIN) from error
+        return found
 
     def _repr_html_(self) -> str:
         """Return what was asked and done, and a strip of what the eyes saw, for a notebook."""
@@ -558,10 +565,22 @@ def _read_steps(path: Path) -> Iterator[StepRecord]:
 
 
 def _parse(line: bytes, where: str) -> StepRecord:
+    if b"NaN" in line or b"Infinity" in line:
+        _refuse_infinite(line, where)
     try:
         return StepRecord.model_validate_json(line)
     except ValidationError as error:
         raise RecordError(f"{where} holds a line that is not a step: {_told(error)}.", _AGAIN) from error
+
+
+def _refuse_infinite(line: bytes, where: str) -> None:
+    """Refuse a value that no episode writes; words may be what they like."""
+
+    def refuse(value: str) -> None:
+        raise RecordError(f"{where} holds {value}, which is no finite number.", _AGAIN)
+
+    with suppress(ValueError):
+        json.loads(line, parse_constant=refuse)
 
 
 def _told(error: ValidationError) -> str:

@@ -6,11 +6,12 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from pydantic import ValidationError
 
 from humanclaw._files import write_atomically
+from humanclaw._pairs import once
 from humanclaw.errors import HumanclawError
 from humanclaw.records import EpisodeSpec
 from humanclaw.scene import Scene
@@ -95,22 +96,12 @@ def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
 def _spec(line: bytes, where: str) -> EpisodeSpec:
     try:
         spec = EpisodeSpec.model_validate_json(line)
-        json.loads(line, object_pairs_hook=_refuse_twice)
+        json.loads(line, object_pairs_hook=once)
     except ValidationError as error:
         raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the file again.") from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
     return spec
-
-
-def _refuse_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Take an object's pairs. Raises KeyError for a key that is there twice: of two values one would be lost."""
-    values: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in values:
-            raise KeyError(key)
-        values[key] = value
-    return values
 
 
 def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:

@@ -13,12 +13,12 @@ import logging
 import math
 import re
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
+from humanclaw._pairs import once
 from humanclaw._pictures import jpeg
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
@@ -435,11 +435,11 @@ def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterat
 
 def _once(pairs: list[tuple[str, Any]]) -> Json:
     """Return an object, each of whose keys is there once: of two values nobody knows which was meant."""
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise CallError(f"Nothing was executed: the key {twice[:64]!r} is there twice; give it once.")
-    return values
+    try:
+        return once(pairs)
+    except KeyError as error:
+        twice = str(error.args[0])[:64]
+        raise CallError(f"Nothing was executed: the key {twice!r} is there twice; give it once.") from None
 
 
 def _parse(arguments: str, name: str) -> Json:

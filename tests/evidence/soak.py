@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanclaw import Backends, Body, Episode, Plugins, default_simulator
+from humanclaw import Backends, Body, Choice, Episode, Plugins, default_simulator
 from humanclaw.tasks import free_episode
 from humanclaw.testing import resident
 
@@ -76,7 +76,7 @@ def main() -> int:
 
 def played(decisions: int, simulator: str) -> list[Sample]:
     """Play so many decisions, and sample before the first episode and after each."""
-    plugins = Plugins.discover()
+    plugins = Plugins.discover(choice=Choice(without=("stop",)))  # Nobody ends an episode before its last step.
     samples = [Sample.now(0)]
     backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:
@@ -86,7 +86,7 @@ def played(decisions: int, simulator: str) -> list[Sample]:
             with Episode(body, spec, agent, folder=Path(out) / spec.id) as episode:
                 while not episode.done:
                     episode.ask()
-            samples.append(Sample.now((number + 1) * EPISODE))
+            samples.append(Sample.now(samples[-1].decisions + len(episode.steps)))
             print(samples[-1], flush=True)
     return samples
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 import humanclaw
-from humanclaw._distributions import bringing, install, nearest, table
+from humanclaw._distributions import bringing, install, table
 from humanclaw._lazy import lazy
-from humanclaw._words import counted
+from humanclaw._words import counted, nearest
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ it, the more of the same force it needs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -57,14 +57,16 @@ class Exertion:
         pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
         self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
-        if not any(self._gain(key, after[key]) > 0 for key in pushed):
+        gains = {key: self._gain(key, motion) for key, motion in after.items()}
+        if not any(gain > 0 for gain in gains.values()):
             return
+        # A light thing between the body and a heavy one hands its push on and gets no faster itself.
         chain = self._handed_on(pushed)
-        gain = sum(self._gain(key, after[key]) for key in chain)
+        gain = sum(gains[key] for key in chain)
         held = sum(self._holding(key) for key in chain)
         share = max(0.0, self._profile.exertion - held) * seconds / max(gain, 1e-12)
         if share < 1:
-            self._hold(chain, after, share, touches, seconds)
+            self._hold({key: after[key] for key in chain if gains[key] > 0}, share, touches, seconds)
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
         """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
@@ -96,20 +98,14 @@ class Exertion:
             chain |= more
         return sorted(chain)
 
-    def _hold(
-        self,
-        chain: Iterable[int],
-        after: Mapping[int, ObjectMotion],
-        share: float,
-        touches: Sequence[Touch],
-        seconds: float,
-    ) -> None:
+    def _hold(self, faster: Mapping[int, ObjectMotion], share: float, touches: Sequence[Touch], seconds: float) -> None:
+        """Leave what got faster that share of it, and take the body back by as much as what it pushes."""
         back = np.zeros(3)
-        for key in chain:
-            if self._gain(key, after[key]) > 0:
-                kept = _shared(self._before[key], after[key], share, seconds)
-                self._world.set_motion(key, kept)
-                back = _longer(back, _lost(after[key], kept, [t for t in touches if t.object_id == key], seconds))
+        for key, after in faster.items():
+            kept = _shared(self._before[key], after, share, seconds)
+            self._world.set_motion(key, kept)
+            met = [touch for touch in touches if touch.object_id == key]
+            back = _longer(back, _lost(after, kept, met or _at_middle(touches, after), seconds))
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
@@ -130,13 +126,20 @@ def _speed(motion: ObjectMotion, radius: float) -> float:
 
 
 def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
-    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole."""
+    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole, and
+    so does its end on a floor: what is kept falling there is thrown out of it once it is let go."""
     velocity = before.velocity + share * (after.velocity - before.velocity)
-    velocity[1] = min(velocity[1], after.velocity[1])
+    velocity[1] = np.clip(velocity[1], min(after.velocity[1], 0.0), after.velocity[1])
     spin = before.spin + share * (after.spin - before.spin)
     turned = multiply(from_vector((spin - after.spin) * seconds), after.quaternion)
     moved = after.position + (velocity - after.velocity) * seconds
     return replace(after, position=moved, quaternion=turned, velocity=velocity, spin=spin)
+
+
+def _at_middle(touches: Sequence[Touch], after: ObjectMotion) -> Sequence[Touch]:
+    """Return touches as what they were handed on to feels them: in the same directions, at its middle."""
+    x, y, z = after.position
+    return [touch._replace(point=(float(x), float(y), float(z))) for touch in touches]
 
 
 def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], seconds: float) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -14,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw._backends import Backends
-from humanclaw._bounded import Bounded
+from humanclaw._bounded import Bounded, OverdueError
 from humanclaw._skill_check import CHECKS, adapter_header, ranges, read_draft, skill_faults, within
 from humanclaw.body import JOINTS
 from humanclaw.contract import Control, Keyframes, MotionError, Part, Skill, parts
@@ -47,6 +48,10 @@ _FAR: Final = 20.0
 """Metres that no call of 10 s takes a body."""
 PATIENCE: Final = 10.0
 """Seconds that planning one call may take: as long as a call lasts at most."""
+LOADING: Final = 30.0
+"""Seconds that importing a file and asking its hooks may take."""
+PLAYING: Final = 120.0
+"""Seconds that one world may take to play one call, also on a machine that does much besides."""
 Faults = Iterator[ContractError]
 
 
@@ -79,6 +84,8 @@ class _Bench:
     seed: int
     ask: Bounded
     """Waits for the plan of a call, so long and no longer."""
+    play: Bounded
+    """The same for the playing of one."""
     base: str = field(default_factory=lambda: str(read_header(shipped_base())["digest"]))
 
 
@@ -116,11 +123,13 @@ def examine(
     seed: int = 0,
     plugins: Plugins | None = None,
     patience: float = PATIENCE,
+    playing: float = PLAYING,
 ) -> Report:
-    """Report on a skill as check_skill does, and raise nothing. patience: seconds that planning a call may take."""
+    """Report on a skill as check_skill does, and raise nothing. patience, playing: seconds that planning a call and
+    playing it may take."""
     if plugins is None:
         plugins = Plugins() if engines == () else Plugins.discover()
-    bench = _Bench(plugins, measures, engines, samples, seed, Bounded(patience))
+    bench = _Bench(plugins, measures, engines, samples, seed, Bounded(patience), Bounded(playing))
     if isinstance(skill, Skill):
         return _examined(skill, bench, ())
     draft, unreadable = read_draft(skill)
@@ -300,7 +309,7 @@ def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: _Bench) -> Fa
         for params in calls:
             call = Call(skill.name, skill.check(params))
             try:
-                once, again = (_afresh(body, call, bench.seed) for _ in range(2))
+                once, again = (bench.play(partial(_afresh, body, call, bench.seed)) for _ in range(2))
             except (Exception, SystemExit) as error:
                 message = f"{call} raises {in_words(error)}."
                 yield ContractError("body-plays", message, "Mend its motion.")
@@ -356,7 +365,7 @@ def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], be
     for params in calls:
         call = Call(skill.name, skill.check(params))
         try:
-            done = _afresh(body, call, bench.seed)
+            done = bench.play(partial(_afresh, body, call, bench.seed))
         except (Exception, SystemExit) as error:
             yield ContractError("engine-plays", f"{call} on {name} raises {in_words(error)}.", "Mend its motion.")
             return
@@ -392,18 +401,21 @@ class _Borrowed:
 
 
 # -- what is to be checked ---------------------------------------------------------------------------------------------
-def found_at(target: str, plugins: Plugins) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+def found_at(
+    target: str, plugins: Plugins, patience: float = LOADING
+) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
     """Return the skills that a name, a folder or a Python file stands for, the measures that come with them, and why
     there are none.
 
     target: the name of an installed skill (owner:skill where two have it), the folder of one or of several, or a file
-    with a hook humanclaw_skills. Raises PluginError for a name that nobody knows.
+    with a hook humanclaw_skills. patience: seconds that importing it may take. Raises PluginError for a name that
+    nobody knows.
     """
     path = Path(target)
     if path.suffix == ".py" or path.is_file():
-        return _in_file(path.parent if path.name == "schema.json" else path)
+        return _in_file(path.parent if path.name == "schema.json" else path, patience)
     if path.is_dir():
-        return _in_file(path)
+        return _in_file(path, patience)
     return [plugins.offered("skills", target)], {}, []
 
 
@@ -418,14 +430,16 @@ def check_target(target: str, plugins: Plugins, **options: Any) -> list[Report]:
     return [*reports, *([Report(target, tuple(faults))] if faults else [])]
 
 
-def _in_file(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+def _in_file(
+    path: Path, patience: float = LOADING
+) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
     if path.is_dir():
         folders = sorted(one.parent for one in path.rglob("schema.json")) or [path]
         return [*folders], {}, []
     try:
-        module = load_file(path)
-        check_api(getattr(module, "HUMANCLAW_API", API_VERSION), path.stem)
-        return _registered(module)
+        return Bounded(patience)(partial(_loaded, path))
+    except OverdueError as error:
+        return [], {}, [ContractError("loads", f"plugin file {path}: {error}.", "Do nothing long at import.")]
     except ContractError as error:
         return [], {}, [error]
     except PluginError as error:
@@ -436,6 +450,12 @@ def _in_file(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[C
             else ContractError("loads", error.message, error.remedy or "Mend the file.")
         )
         return [], {}, [fault]
+
+
+def _loaded(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+    module = load_file(path)
+    check_api(getattr(module, "HUMANCLAW_API", API_VERSION), path.stem)
+    return _registered(module)
 
 
 def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:

@@ -348,6 +348,21 @@ def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("mass counts", "fastest, 60 kg and more", fastest, "m/s", high=1.5)
     spare = min(STRENGTH * max(p.way, 0.01) - p.work for p in pushes.values())
     yield Finding("mass counts", f"work left of {STRENGTH:g} N over the way, least", spare, "J", low=0.0)
+    yield from squeezed(fixture, tick)
+
+
+def squeezed(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a box of 5 kg between the body and one of a tonne, walked against for four seconds."""
+    builder = SceneBuilder()
+    builder.floor()
+    light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5)
+    heavy = builder.box("box", (0.6, 0.6, 0.6), (0, 0, 1.25), movable=True, mass=1000)
+    played = fixture.perform(builder.scene(), walk(8, 0.8))
+    way = np.linalg.norm(played.path(heavy, np.array([0, 0, 1.25]))[-1] - [0, 0, 1.25])
+    rise = 100 * played.path(light, np.array([0, 0, 0.7]), above=0.2)[:, 1].max() - 20
+    yield Finding("mass counts", "way of 1000 kg behind 5 kg", float(way), "m", high=0.05)
+    yield Finding("mass counts", "highest rise of the 5 kg", float(rise), "cm", high=20.0)
+    tick()
 
 
 def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
@@ -558,7 +573,7 @@ CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Measure how often the checks of these names will tick."""
     each: Mapping[str, int] = {
-        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES),
+        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 1,
         "chair": 1, "door": 5, "hinges": 7, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)

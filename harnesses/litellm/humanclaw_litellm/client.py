@@ -48,6 +48,8 @@ _UNREADABLE: Final = re.compile(
 _IN_PIECES: Final = re.compile(r"Received: ['\"]data:")
 """The same for one that came as server-sent events, unasked."""
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
+_CONTROLS: Final = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
+"""What a terminal would not print but obey."""
 _WANTS_STREAM: Final = re.compile(r"stream", re.IGNORECASE)
 _LONGEST_NAME: Final = 200
 _ANSWER: Final = 300
@@ -280,7 +282,7 @@ class Client:
         secrets."""
         text = _TRACE.sub("", re.sub(_PREFIXES, "", str(error).strip())) or type(error).__name__
         plain = next(map(_message_in, json_objects(text)), "") or text.splitlines()[0]
-        return self._redact(plain)[:300].rstrip(". ")
+        return _CONTROLS.sub(" ", self._redact(plain))[:300].rstrip(". ")
 
     def _redact(self, text: str) -> str:
         return redact(text, os.environ.get(self._settings.auth_env, "") if self._settings.auth_env else "")

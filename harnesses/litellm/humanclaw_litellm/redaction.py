@@ -17,6 +17,8 @@ _SECRET_FIELD: Final = re.compile(
 _NO_SECRET: Final = frozenset({"input_cost_per_token", "output_cost_per_token", "prompt_cache_key"})
 _RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{20,}")
 """A part of a path that nobody would choose as a name: capitals, small letters and digits, and long."""
+_PARTS: Final = re.compile(r"[^\w.~+=-]+")
+"""What lies between the parts of a path."""
 
 
 def redact(text: str, *secrets: str) -> str:
@@ -29,7 +31,7 @@ def redact(text: str, *secrets: str) -> str:
 
 def holds_key(path: str) -> bool:
     """Whether a part of an address's path looks like a key, or is one."""
-    return redact(path) != path or any(_RANDOM.fullmatch(part) for part in path.split("/"))
+    return redact(path) != path or any(map(_RANDOM.fullmatch, _PARTS.split(path)))
 
 
 def secrets_in(value: Any, where: str = "") -> Iterator[str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import json
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
@@ -41,6 +43,13 @@ class ModelError(HumanclawError):
     """The model cannot be used as it was asked for, and what to do about it."""
 
 
+def _address(url: str) -> str:
+    """Hold an address to what a request can be sent to; of anything else nobody knows where a key would stand."""
+    if url and not re.fullmatch(r"https?://[^\s/@]+(/\S*)?", url):
+        raise ValueError("it must be an address, such as http://localhost:8000/v1, without user, password and spaces")
+    return url
+
+
 def _without_credentials(url: str) -> str:
     parts = urlsplit(url)
     if parts.username or parts.password or parts.query or parts.fragment or holds_key(parts.path):
@@ -69,7 +78,7 @@ class Settings(BaseModel):
     model: Annotated[str, Field(min_length=1)]
     """As litellm writes it: provider/name."""
     profile: Literal["default", "paper"] = "default"
-    api_base: Annotated[str, AfterValidator(_without_credentials)] = ""
+    api_base: Annotated[str, AfterValidator(_without_credentials), AfterValidator(_address)] = ""
     auth_env: str = ""
     """Environment variable that holds the key; by default the provider's own."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
@@ -159,8 +168,18 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
                 _without_credentials(value)
         except ValueError as error:
             raise ModelError(f"option {key} is not valid: {error}.") from None
-        if isinstance(value, str) and redact(value) != value:
+        if (isinstance(value, str) and redact(value) != value) or _hides(key, value):
             raise ModelError(f"option {key} holds a key, and options are recorded.", "Name its variable: auth_env.")
+
+
+def _hides(key: str, value: Any) -> bool:
+    """Whether an option of another part holds a key in what is nested in it, also as text."""
+    if key in Settings.model_fields:
+        return False  # These tell more of what is wrong with them.
+    try:
+        return any(secrets_in(json.loads(value) if isinstance(value, str) else value, key))
+    except ValueError:
+        return False
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -285,6 +285,12 @@ def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, vie
     assert "m" * 201 not in second
 
 
+def test_what_a_provider_says_is_printed_and_not_obeyed(begin, view):
+    said = status(500, "over\x1b]52;c;aGk=\x07loaded\x9b2J")
+    with OpenAIServer([said]) as server, pytest.raises(ProviderError, match=r"over ]52;c;aGk= loaded 2J$"):
+        begin(server, num_retries=0).decide(view(), ())
+
+
 # -- options -----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("options", "words"),
@@ -297,6 +303,12 @@ def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, vie
         ({"model": "m", "params": {"tool_choice": "auto"}}, "tool_choice cannot be set here"),
         ({"model": "m", "api_key": KEY}, "options are recorded"),
         ({"model": "m", "api_base": f"http://me:{KEY}@host/v1"}, "options are recorded"),
+        ({"model": "m", "api_base": "host:8000/v1"}, "such as http://localhost:8000/v1"),
+        ({"model": "m", "api_base": "http://host/v1 http://elsewhere"}, "such as http://localhost:8000/v1"),
+        ({"model": "m", "api_base": "http://host/v1;aB3dE5gH7jK9mN1pQ3sT"}, "options are recorded"),
+        ({"model": "m", "api_base": "http://host/v1@aB3dE5gH7jK9mN1pQ3sT"}, "options are recorded"),
+        ({"model": "m", "verifier_params": {"a": [{"password": "hunter22"}]}}, "options are recorded"),
+        ({"model": "m", "verifier_params": '{"a": [{"password": "hunter22"}]}'}, "options are recorded"),
         ({"model": "m", "params": {"api_key": KEY}}, "api_key cannot be set here"),
         (
             {"model": "m", "params": {"extra_body": [{"Authorization": KEY}]}},

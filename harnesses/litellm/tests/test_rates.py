@@ -98,6 +98,7 @@ def test_processes_share_one_gate_and_none_loses_the_turn_of_another(tmp_path):
         worker.start()
     for worker in workers:
         worker.join()
+    assert [worker.exitcode for worker in workers] == [0, 0]
     assert Gate(tmp_path / "a", requests=6).enter(0) > 60 * 10 - (time.monotonic() - began)
 
 

@@ -190,4 +190,4 @@ def _hold_to(name: str, arguments: dict[str, Any], schema: dict[str, Any]) -> No
     fault = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(arguments))
     if fault:
         where = ".".join(map(str, fault.absolute_path))
-        raise CallError(f"{name} was not executed: {where + ': ' if where else ''}{fault.message}.")
+        raise CallError(f"{name} was not executed: {where + ': ' if where else ''}{fault.message[:300]}.")

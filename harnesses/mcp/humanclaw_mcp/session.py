@@ -28,6 +28,7 @@ from humanclaw.records import Outcome
 from humanclaw.tasks import free_episode
 from humanclaw_mcp.settings import Settings
 
+_LONGEST_NAME: Final = 64
 _MAKING: Final = "The body is being made."
 _MOVING: Final = "The body is moving."
 _WAITING: Final = "Another body is moving; this one is next."
@@ -61,6 +62,11 @@ class Snapshot:
     """Every step of the episode so far."""
 
 
+def printable(client: str) -> str:
+    """Return what a client calls itself as far as a table can hold it."""
+    return "".join(letter if letter.isprintable() else " " for letter in client[:_LONGEST_NAME])
+
+
 class Session:
     """A body and its episodes. Thread-safe: requests are carried out one at a time."""
 
@@ -71,7 +77,7 @@ class Session:
         """What a request under way waits for, in words."""
         self.task = Task(settings.instruction, settings.scenes[0], settings.seed)
         """That of the current episode, or of the one that the first request will begin."""
-        self._name = f"mcp:{client}" if client else "mcp"
+        self._name = f"mcp:{printable(client)}" if client else "mcp"
         self._plugins, self._settings, self._stage = plugins, settings, stage
         self._turn = threading.Lock()
         self._id = f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"

@@ -37,6 +37,8 @@ TOO_LATE: Final = 0.7
 """Share of the steps after which a first sight leaves too few to get there."""
 _MOVES: Final = ("hips.left", "hips.forward", "hips.back")
 _TURNS: Final = ("heading.left",)
+_PELVIS: Final = ("pelvis",)
+_THIGHS: Final = ("left_hip", "right_hip")
 
 
 # -- what the rules ask ------------------------------------------------------------------------------------------------
@@ -60,7 +62,7 @@ class EpisodeFeatures:
     sat: bool
     """Some sit ended on the target."""
     touched: bool
-    """The pelvis touched anything at any time."""
+    """The pelvis touched anything at any time, or a thigh did in a sit: who sits on an arm rests on the thighs."""
 
     @classmethod
     def of(cls, recorded: RecordedEpisode) -> EpisodeFeatures:
@@ -78,7 +80,8 @@ class EpisodeFeatures:
             claimed_last=bool(steps) and claims(steps[-1], record.spec.target_category),
             sits=any(is_sit(recorded, step) for step in steps),
             sat=sat_down(recorded),
-            touched=any(s.pelvis_contacts or any(c.joint == "pelvis" for c in s.contacts) for s in steps),
+            touched=any(s.pelvis_contacts or _touches(s, _PELVIS) for s in steps)
+            or any(_touches(s, _THIGHS) for s in steps if is_sit(recorded, s)),
         )
 
 
@@ -131,6 +134,10 @@ def _jammed(recorded: RecordedEpisode) -> bool:
     """Eight locomotion commands in a row, each of which moved the body by less than 0.1 m."""
     stuck = [_walks(recorded.record, s) and _moved(s) < JAMMED_MOVE for s in recorded.steps]
     return max((len(list(run)) for is_stuck, run in groupby(stuck) if is_stuck), default=0) >= JAMMED_STEPS
+
+
+def _touches(step: StepRecord, joints: Sequence[str]) -> bool:
+    return any(contact.joint in joints for contact in step.contacts)
 
 
 def _moved(step: StepRecord) -> float:
@@ -203,7 +210,7 @@ CAUSES: Final = (
     Cause("interact", "stand after sit", "body awareness", lambda f: f.sat,
           "a sit reached the seat, and the body was off it at the end"),
     Cause("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
-          "the agent sat down, and the hips never touched anything"),
+          "the agent sat down, and neither hips nor thighs came to rest on anything"),
     Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
           "the agent sat down on something else, or beside the seat"),
     Cause("interact", "stop but never sit", "decision", lambda f: True,

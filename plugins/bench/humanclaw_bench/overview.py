@@ -10,7 +10,7 @@ from typing import Protocol
 from humanclaw import RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw_bench.export import Scored, metrics_of, scored
-from humanclaw_bench.metrics import ALL, COST, common, compare
+from humanclaw_bench.metrics import ALL, COST, Metric, common, compare
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, asked_of, compared, named, texts
 
@@ -84,10 +84,16 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
         differences: Mapping[str, Difference] = compare(one.scores, two.scores)
     except RecordError:
         return
-    rows = [compared(Column.of(metric), differences[metric.name]) for metric in ALL if metric.name in differences]
+    told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
+    rows = [compared(Column.of(metric), differences[metric.name]) for metric in told]
     both = len(common(one.scores, two.scores))
     notes = (
-        f"Over the {counted(both, 'episode')} that both finished. A: {one.name}. B: {two.name}. p: McNemar's exact "
-        "test for rates, random swaps for the rest, raised (Holm).",
+        f"Over the {counted(both, 'episode')} that both finished. A: {one.name}. B: {two.name}. p: of swapping the "
+        "runs house by house, exactly for rates, at random for the rest; raised (Holm).",
     )
     page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)
+
+
+def _unasked(metric: Metric, found: Difference) -> bool:
+    """Whether it is what asking models takes, and neither run asked one."""
+    return metric in COST and found.a == found.b == 0

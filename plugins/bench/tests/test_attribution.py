@@ -71,6 +71,12 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         ([FOUND, step(away=0.1), step("stop", pixels=100)], 4.0, "nav: ineffective actions"),
         ([*roaming(70), step(says=SEE, pixels=500), *stuck(8, pixels=500)], 4.0, "nav: find too late"),
         ([*roaming(69), step(pixels=100), FOUND], 4.0, "nav: ineffective actions"),
+        # It sits on the arm of the couch: a thigh rests there, the pelvis hangs beside the seat.
+        ([*AT_SEAT, step("sit_in_place", contacts=(touch(COUCH, joint="left_hip"),)), step("stop", away=0.1)], 4.0,
+         "interact: sit wrong"),
+        # A thigh that brushed a table on the way there is no sit on anything.
+        ([*AT_SEAT, step(contacts=(touch(TABLE, joint="left_hip"),)), step("sit_in_place"), step("stop", away=0.1)],
+         4.0, "interact: sit on air"),
         # The seat was brushed on the way: the pelvis did touch something.
         ([*AT_SEAT, step(contacts=(touch(TABLE, joint="pelvis"),)), step("sit_in_place"), step("stop", away=0.1)], 4.0,
          "interact: sit wrong"),

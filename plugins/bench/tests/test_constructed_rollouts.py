@@ -94,7 +94,8 @@ def interact_rule(steps: Sequence[dict[str, Any]], sits: Sequence[dict[str, Any]
         return "stand after sit"
     held = any(step["pelvis_contacts"] for step in steps)
     brushed = any(contact["joint"] == "pelvis" for step in steps for contact in step["contacts"])
-    return "sit wrong" if held or brushed else "sit on air"
+    thighs = any(contact["joint"] in ("left_hip", "right_hip") for sit in sits for contact in sit["contacts"])
+    return "sit wrong" if held or brushed or thighs else "sit on air"
 
 
 def ways(episode: dict[str, Any], steps: Sequence[dict[str, Any]]) -> list[float]:

@@ -17,12 +17,13 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 from rollouts import COUCH, rollout, step
 
-from humanclaw import Plugins, hookimpl
+from humanclaw import Plugins, hookimpl, load_run
 from humanclaw.cli import Commands
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import metrics_of
 from humanclaw_bench.metrics import MAIN, Scores, score
+from humanclaw_bench.overview import overview
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import (
     Column,
@@ -374,3 +375,27 @@ def test_comparing_a_folder_of_several_agents_is_an_error(tmp_path: Path) -> Non
     result = invoke("compare", tmp_path, tmp_path / "a")
     assert result.exit_code == 2
     assert "several agents (model, other)" in result.output
+
+
+# -- what a page shows -------------------------------------------------------------------------------------------------
+class Shown:
+    """The tables of a page by title: the heads, and the rows."""
+
+    def __init__(self) -> None:
+        self.tables: dict[str, tuple[list[str], list[list[str]]]] = {}
+
+    def table(self, title: str, head: list[str], rows: list[list[str]], **more: object) -> None:
+        self.tables[title] = (list(head), [list(row) for row in rows])
+
+    def episode(self, run: Path, name: str, **more: object) -> None: ...
+
+
+def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(tmp_path: Path) -> None:
+    folders = write_run(tmp_path / "a", sat=3, far=1), write_run(tmp_path / "b", sat=1, far=3)
+    page = Shown()
+    overview({folder: load_run(folder) for folder in folders}, page)
+    _, rows = page.tables["The two runs in pairs"]
+    metrics = [row[0] for row in rows]
+    assert "NavSR ↑" in metrics
+    assert not [name for name in metrics if "tok" in name or "cost" in name]
+    assert next(row for row in rows if row[0] == "NavSR ↑")[1:3] == ["75.0%", "25.0%"]

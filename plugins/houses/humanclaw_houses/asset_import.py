@@ -32,6 +32,7 @@ from humanclaw.meshes import (
 )
 from humanclaw.pose import Array
 from humanclaw.scene import Mesh
+from humanclaw.tasks import ALIASES
 from humanclaw_houses.importers.categories import category_of, misfit, otherwise, scale_of, sits
 from humanclaw_houses.importers.source_models import Collection, SourceModel, Vec3, digest_of
 from humanclaw_houses.importers.sweethome import slug
@@ -65,23 +66,29 @@ class ImportReport:
     rejected: dict[str, str] = field(default_factory=dict)
     """Models of a known category that could not be used, and why."""
     passed_over: int = 0
+    unlisted: list[str] = field(default_factory=list)
+    """Ids of targets that the list of those to take does not name."""
+    missing: list[str] = field(default_factory=list)
+    """Ids in that list that begin like the collection's and are none of them."""
     triangles: int = 0
     hulls: int = 0
 
 
 def import_assets(
-    collection: Collection, library: Path, triangles: int, watch: Iterable[SourceModel] | None = None
-) -> ImportReport:
+    collection: Collection, library: Path, triangles: int, watch: Iterable[SourceModel] | None = None,
+    only: frozenset[str] | None = None,
+) -> ImportReport:  # fmt: skip
     """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
 
-    watch: the collection's models, wrapped by something that shows how far they are. Raises HumanclawError if the
+    watch: the collection's models, wrapped by something that shows how far they are. only: ids of the targets to take;
+    other furniture is taken all the same. Raises HumanclawError if the
     library cannot be written; a model that cannot be used is rejected.
     """
     index = read_index(library)
     known = {entry.id: entry for entry in index.assets} if index else {}
-    report, kept = ImportReport(passed_over=collection.passed_over), {}
+    report, kept = ImportReport(passed_over=collection.passed_over, missing=_missing(collection, only or ())), {}
     for model in collection.models if watch is None else watch:
-        entry = _take(model, collection, library, triangles, known, report)
+        entry = _take(model, collection, library, triangles, known, report, only)
         if entry:
             kept[entry.id] = entry
             report.imported[entry.category] += 1
@@ -99,6 +106,24 @@ def import_assets(
     return report
 
 
+def listed_in(path: Path) -> frozenset[str]:
+    """Return the ids in a file, one a line; what follows a # is a comment. Raises HumanclawError if it has none."""
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise HumanclawError(f"{path} cannot be read: {error}.", "Give a text file with an id a line.") from error
+    ids = frozenset(line.split("#")[0].strip() for line in lines) - {""}
+    if not ids:
+        raise HumanclawError(f"{path} names no asset.", "Give an id a line, as `humanclaw assets list` shows them.")
+    return ids
+
+
+def _missing(collection: Collection, only: Iterable[str]) -> list[str]:
+    prefix = f"{slug(collection.name)}-"
+    there = {prefix + model.id for model in collection.models}
+    return sorted(name for name in only if name.startswith(prefix) and name not in there)
+
+
 def _take(
     model: SourceModel,
     collection: Collection,
@@ -106,12 +131,16 @@ def _take(
     triangles: int,
     known: dict[str, Entry],
     report: ImportReport,
+    only: frozenset[str] | None,
 ) -> Entry | None:
     category = model.category or category_of(model.name, model.group)
     if not category:
         report.other[model.name] += 1
         return None
     name = f"{slug(collection.name)}-{model.id}"
+    if only is not None and category in ALIASES and name not in only:
+        report.unlisted.append(name)
+        return None
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = model.fetch(Path(folder))

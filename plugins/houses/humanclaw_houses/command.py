@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError
 from humanclaw.cli import counted
-from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets
+from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets, listed_in
 from humanclaw_houses.importers import open_collection
 from humanclaw_houses.importers.folder import COLUMNS, FolderMetadata
 from humanclaw_houses.library import Library
@@ -34,23 +34,29 @@ def assets() -> None:
 @click.option("--author", default="", help="For a folder of models: who made them.")
 @click.option("--front", default="+z", show_default=True, type=click.Choice(["+z", "-z", "+x", "-x"]),
               help="For a folder of models: the way fronts face that the mesh itself does not tell.")  # fmt: skip
+@click.option(
+    "--only",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="A file with the ids of the targets to take, one a line; what is no target is taken all the same.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def import_(
     source: Path, library: Path, name: str, triangles: int, table: Path | None, licence: str, author: str, front: str,
-    as_json: bool,
+    only: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Import furniture into a library: a Sweet Home 3D library (.sh3f) or a folder of GLB or OBJ models.
 
     Importing again changes nothing; importing another source into the same library adds to it.
     """
-    total = ImportReport()
+    total, listed = ImportReport(), listed_in(only) if only else None
     for collection in open_collection(source, name, FolderMetadata(licence, author, front, table)):
         with tqdm(collection.models, desc=collection.name, unit="model", leave=False) as bar:
-            _add(total, import_assets(collection, library, triangles, bar))
+            _add(total, import_assets(collection, library, triangles, bar, listed))
     if as_json:
         click.echo(json.dumps(vars(total), indent=2, ensure_ascii=False))
     else:
         _tell(total, Console(markup=False, emoji=False), library)
+        _tell_listed(total, only)
     if not total.imported:
         raise HumanclawError(
             "nothing was imported.", "The models have none of the categories, or none was usable; see above."
@@ -78,6 +84,8 @@ def _add(total: ImportReport, report: ImportReport) -> None:
     total.imported += report.imported
     total.other += report.other
     total.rejected |= report.rejected
+    total.unlisted += report.unlisted
+    total.missing += report.missing
     for field in ("unchanged", "passed_over", "triangles", "hulls"):
         setattr(total, field, getattr(total, field) + getattr(report, field))
 
@@ -101,6 +109,13 @@ def _tell(report: ImportReport, console: Console, library: Path) -> None:
         f"{report.triangles} triangles, "
         f"{report.hulls} hulls, {len(report.rejected)} rejected.", highlight=False,
     )  # fmt: skip
+
+
+def _tell_listed(report: ImportReport, only: Path | None) -> None:
+    if only and report.unlisted:
+        click.echo(f"left out, not in {only.name}: {len(report.unlisted)} ({', '.join(sorted(report.unlisted))})")
+    if only and report.missing:
+        click.echo(f"in {only.name} and not in this source: {', '.join(report.missing)}", err=True)
 
 
 def _some(names: Counter[str]) -> str:

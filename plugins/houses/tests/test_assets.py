@@ -196,6 +196,25 @@ def test_importing_again_changes_no_byte(imported: tuple[Path, Result], work: Pa
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+def test_a_list_names_the_targets_that_are_taken_and_lets_other_furniture_through(work: Path) -> None:
+    source, listed, folder = write_sh3f(work / "test.sh3f"), work / "known.txt", work / "gated"
+    listed.write_text("# looked at by a detector\n\ntest-oakchair  # 0.61\n")
+    done = run("assets", "import", source, "--out", folder, "--only", listed)
+    assert done.exit_code == 0, done.output
+    assert {e.category for e in Library(folder).entries} == {"chair", "wardrobe"}
+    assert "not in known.txt: 3 (test-broken, test-sofa, test-toysofa)" in " ".join(done.output.split())
+
+
+def test_a_list_that_names_nothing_of_a_library_is_told(work: Path) -> None:
+    listed = work / "typo.txt"
+    listed.write_text("test-oakchiar\n")
+    done = run("assets", "import", write_sh3f(work / "test.sh3f"), "--out", work / "typo", "--only", listed)
+    assert "test-oakchiar" in done.output
+    missing = run("assets", "import", work / "test.sh3f", "--out", work / "typo", "--only", work / "none.txt")
+    assert missing.exit_code == 2
+    assert "none.txt" in missing.output
+
+
 def test_an_unpacked_library_gives_the_same_models(imported: tuple[Path, Result], work: Path) -> None:
     folder, _ = imported
     with zipfile.ZipFile(work / "test.sh3f") as file:

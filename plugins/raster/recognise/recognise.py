@@ -71,11 +71,12 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
                     left -= 1
 
 
-def targets(scene: Scene, ids: np.ndarray) -> list[Target]:
+def targets(scene: Scene, ids: np.ndarray, share: float = SHARE) -> list[Target]:
+    """Return those that fill more than a share of the picture."""
     found = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
         obj = scene.by_id.get(int(key))
-        if obj is not None and obj.category in CLASSES and count > SHARE * ids.size:
+        if obj is not None and obj.category in CLASSES and count > share * ids.size:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 import jinja2
 import markupsafe
@@ -147,7 +148,7 @@ def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Sh
 
 def house_script(scene: Scene) -> str:
     """Return a script that hands a house to the page; a page opened from disk may read a script and no data file."""
-    return f"window.humanclawHouse = {json.dumps(house(scene))};"
+    return f"window.humanclawHouse = {as_json(house(scene))};"
 
 
 def script(text: str) -> markupsafe.Markup:
@@ -214,7 +215,7 @@ def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[in
 
 def link(target: Path, page: Path) -> str:
     """From a page to a file, as a relative address."""
-    return Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix()
+    return quote(Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix())
 
 
 def _film(folder: Path, page: Path) -> FilmView | None:

@@ -89,12 +89,13 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
         for run, episodes in found.items():
-            shelf = run / FOLDER
+            shelf, own = run / FOLDER, run / "report.html"
+            home = own if len(found) > 1 and own.exists() else target
             shelf.mkdir(exist_ok=True)
             (shelf / "three.js").write_text(three(), "utf-8")
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
-                page.write_text(episode_page(episode, drawn, page, _shared(shelf, drawn, page, target)), "utf-8")
+                page.write_text(episode_page(episode, drawn, page, _shared(shelf, drawn, page, home)), "utf-8")
                 bar.update()
 
 

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
-from pydantic import ValidationError
-
 from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw_report.episode_page import environment
 from humanclaw_report.facts import episodes_asked
@@ -91,7 +89,7 @@ def _row(folder: Path) -> dict[str, Any] | None:
         record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
         lines = (folder / "steps.jsonl").read_bytes().split(b"\n")[:-1]
         last = StepRecord.model_validate_json(lines[-1]) if lines else None
-    except (OSError, ValidationError):
+    except (OSError, ValueError):
         return None
     name, now = folder.resolve().name, f"{len(lines):04d}.jpg"
     frame = now if (folder / "frames" / now).exists() else Path(last.frame_file).name if last else ""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import unquote, urljoin, urlsplit
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
+from humanclaw_report.episode_page import house_script
 from humanclaw_report.facts import in_words, milestones
 from humanclaw_report.maps import house_maps, path_maps, storeys_at
 from humanclaw_report.report import write_report
@@ -237,6 +240,38 @@ def test_a_large_film_is_linked(tmp_path: Path) -> None:
     (tmp_path / "run" / "one" / "film.gif").write_bytes(b"\0" * 4_000_001)
     page = Page(write_report(tmp_path / "run", tmp_path / "page.html", lambda name: scene).read_text("utf-8"))
     assert "run/one/film.gif" in [link.get("href") for link in page.all("a")]
+
+
+def test_links_lead_through_folders_of_any_name(tmp_path: Path) -> None:
+    run = tmp_path / "run #2, 50%? of it"
+    scene = record_episode(run / "couch-0")
+    record_episode(run / "couch-1", name="couch-1")
+    out = write_report(run, tmp_path / "out.html", lambda name: scene)
+    for page in (out, run / "couch-0" / "page.html"):
+        tags = Page(page.read_text("utf-8")).tags
+        links = [tag.get("src") or tag.get("href") or "#" for _, tag in tags]
+        files = [urljoin(page.as_uri(), link) for link in links if not link.startswith(("#", "data:"))]
+        assert files
+        assert all(Path(unquote(urlsplit(file).path)).is_file() for file in files)
+
+
+def test_from_an_episode_one_comes_back_to_the_page_of_its_own_run(tmp_path: Path) -> None:
+    for run in ("a", "b"):
+        for name in ("couch-0", "couch-1"):
+            scene = record_episode(tmp_path / run / name, name=name)
+    write_report(tmp_path / "a", None, lambda name: scene)
+    write_report([tmp_path / "a", tmp_path / "b"], tmp_path / "pair.html", lambda name: scene)
+    back = [
+        Page((tmp_path / run / "couch-0" / "page.html").read_text("utf-8")).all("a")[1]["href"] for run in ("a", "b")
+    ]
+    assert back == ["../report.html", "../../pair.html"], "the pair's, where the run has none"
+
+
+def test_nothing_that_a_scene_is_called_ends_its_script(made: tuple[Path, Scene]) -> None:
+    strange = asset("strange", "</SCRIPT><script>alert(2)", block(1, 1, 1))
+    scene = replace(made[1], assets={**made[1].assets, "strange": strange},
+                    objects=(*made[1].objects, scene_object(90, strange, 4, 3)))  # fmt: skip
+    assert "<" not in house_script(scene)
 
 
 def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> None:

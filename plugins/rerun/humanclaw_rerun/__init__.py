@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import click
+    import numpy as np
+    from numpy.typing import NDArray
 
     from humanclaw import Chunk, EpisodeRecord, StepRecord
     from humanclaw_rerun.live import Live
@@ -39,15 +39,15 @@ def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
 
 
 @hookimpl
-def humanclaw_step(episode: EpisodeRecord, step: StepRecord) -> None:
+def humanclaw_step(episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
     if live := _live(os.environ.get(TARGET, "")):
-        live.step(episode, step)
+        live.step(episode, step, view)
 
 
 @hookimpl
-def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
+def humanclaw_episode_end(episode: EpisodeRecord) -> None:
     if live := _live(os.environ.get(TARGET, "")):
-        live.end(episode, folder)
+        live.end(episode)
 
 
 @functools.cache

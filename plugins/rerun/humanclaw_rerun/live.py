@@ -5,22 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanclaw import Chunk, EpisodeRecord, HumanclawError, Plugins, RecordedEpisode, Scene, StepRecord
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw import Chunk, EpisodeRecord, HumanclawError, Motion, Plugins, Scene, StepRecord
 from humanclaw.pose import HISTORY
-from humanclaw_rerun.log import EpisodeLog, log_views
+from humanclaw.storage import jpeg
+from humanclaw_rerun.log import EpisodeLog
 
 
 @dataclass
 class _Open:
-    """An episode under way: its log, the frame that comes next, and that with which the step under way began."""
+    """An episode under way: its log, the frame that comes next, and that with which the step under way began.
+
+    before, body: the last frame of the body when that step began, and now; None while nothing has moved.
+    """
 
     log: EpisodeLog
     frame: int = HISTORY
     first: int = HISTORY
+    before: Motion | None = None
+    body: Motion | None = None
 
 
 class Live:
-    """Logs every episode that it is told of, from its first chunk on; the views follow when the record is complete.
+    """Logs every episode that it is told of, from its first chunk on.
 
     Its three methods are what the observers of the same names are told. Safe with several episodes at once, each of
     which is told of by one thread.
@@ -33,24 +42,25 @@ class Live:
 
     def chunk(self, episode: EpisodeRecord, chunk: Chunk) -> None:
         """Log half a second of motion. Raises RecordError if the file cannot be written."""
-        under_way = self._of(episode)
-        under_way.log.body("simulated", chunk.execution.simulated, under_way.frame)
+        under_way, simulated = self._of(episode), chunk.execution.simulated
+        under_way.before = under_way.before or simulated[:1]
+        under_way.body = simulated[-1:]
+        under_way.log.body("simulated", simulated, under_way.frame)
         under_way.log.body("generated", chunk.commanded, under_way.frame)
         under_way.log.objects(chunk.execution.objects, under_way.frame)
         under_way.frame += len(chunk.commanded)
 
-    def step(self, episode: EpisodeRecord, step: StepRecord) -> None:
-        """Log a step once it is recorded."""
+    def step(self, episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
+        """Log a step once it is recorded. view: what the eyes saw before it, (height, width, 3)."""
         under_way = self._of(episode)
+        under_way.log.view(jpeg(view), under_way.before, under_way.first)
         under_way.log.step(step, under_way.first)
-        under_way.first = under_way.frame
+        under_way.first, under_way.before = under_way.frame, under_way.body
 
-    def end(self, episode: EpisodeRecord, folder: Path | None) -> None:
-        """Log what the eyes saw, which lies in the folder, and close the recording."""
-        with self._of(episode).log as log:
-            del self._open[episode.spec.id]
-            if folder:
-                log_views(log, RecordedEpisode(folder))
+    def end(self, episode: EpisodeRecord) -> None:
+        """Close the recording."""
+        self._of(episode).log.close()
+        del self._open[episode.spec.id]
 
     def _of(self, episode: EpisodeRecord) -> _Open:
         name = episode.spec.id

@@ -91,12 +91,13 @@ class EpisodeLog:
             self._columns(self._path(key), first, len(path), placed)
 
     # -- what is seen, said and measured -------------------------------------------------------------------------------
-    def view(self, picture: bytes, body: Motion, frame: int) -> None:
-        """Log what the eyes saw (JPEG), and from where: they are the last frame's of a motion."""
-        eyes = ego_camera(body)
-        axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
+    def view(self, picture: bytes, body: Motion | None, frame: int) -> None:
+        """Log what the eyes saw (JPEG), and from where if it is known: they are the last frame's of a motion."""
         self._stream.set_time(TIME, duration=frame / FPS)
-        self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
+        if body is not None:
+            eyes = ego_camera(body)
+            axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
+            self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
         self._stream.log("world/eyes", rr.EncodedImage(contents=picture, media_type="image/jpeg"))
 
     def step(self, step: StepRecord, first: int) -> None:

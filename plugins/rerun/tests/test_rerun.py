@@ -29,7 +29,7 @@ from humanclaw import (  # noqa: E402
 )
 from humanclaw.pose import FPS, HISTORY  # noqa: E402
 from humanclaw_rerun.live import house_of  # noqa: E402
-from humanclaw_rerun.log import bones, write_recording  # noqa: E402
+from humanclaw_rerun.log import EpisodeLog, bones, write_recording  # noqa: E402
 
 
 class Recording:
@@ -187,9 +187,12 @@ def test_the_command_writes_an_episode_and_of_a_run_each(recorded, tmp_path):
 def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_path, monkeypatch):
     monkeypatch.setenv("HUMANCLAW_RERUN", str(tmp_path / "live"))
     spec = EpisodeSpec(id="live-0", instruction="walk", scene="house:0", max_steps=3)
+    views, told, view = [], [], EpisodeLog.view
+    monkeypatch.setattr(EpisodeLog, "view", lambda log, *what: (views.append(what), view(log, *what)))
     with Body("house:0") as body, Episode(body, spec, folder=tmp_path / "record") as episode:
         for skill, values in (("walk", {"z_cm": 50}), ("turn_in_place", {"yaw_deg": 40}), ("stop", {})):
             episode.submit(Decision((Call(skill, values),)))
+            told.append(len(views))
     done, live = RecordedEpisode(tmp_path / "record"), Recording(tmp_path / "live" / "live-0.rrd")
     for kind in ("simulated", "generated"):
         times, strips = live.read(f"/world/body/{kind}", "LineStrips3D:strips")
@@ -202,13 +205,18 @@ def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_
     assert {call: heard[call] for call in calls} == pytest.approx({call: at / FPS for call, at in calls.items()})
     pictures = live.read("/world/eyes", "EncodedImage:blob")[1]
     assert len(pictures) == len(done.steps)
+    assert told == [1, 2, 3], "a view comes with its step"
+    _, places = live.read("/world/eyes", "Transform3D:translation")
+    firsts = [end - step.motion_frames - 1 for step, end in zip(done.steps, ends, strict=True)]
+    heads = done.motion().joints()[firsts, 15]
+    assert np.linalg.norm(np.array(places)[:, 0] - heads, axis=-1).max() < 0.3, "from where the head was"
     assert [path for path in live.entities() if path.startswith("/world/house/couch")]
 
 
 def test_without_the_variable_nothing_is_logged_and_rerun_is_not_loaded():
     probe = (
         "import sys, humanclaw_rerun, humanclaw_rerun.command\n"
-        "humanclaw_rerun.humanclaw_step(None, None)\n"
+        "humanclaw_rerun.humanclaw_step(None, None, None)\n"
         "print(*sys.modules)"
     )
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()

@@ -314,8 +314,12 @@ def generated_gaits(
     return {name: gaits for name, gaits in found.items() if gaits}
 
 
+FIRST_BODIES: Final = 400
+"""Bodies whose first steps are measured; cards tell how many."""
+
+
 def first_steps(
-    generator: DiTGenerator, commands: Sequence[Command], bodies: int = 400, seed: int = 0
+    generator: DiTGenerator, commands: Sequence[Command], bodies: int = FIRST_BODIES, seed: int = 0
 ) -> dict[str, tuple[float, float, float]]:
     """Skill to the slide of the slower toe in first chunks from standing, cm: 95th and 99th percentile, and most."""
     found = {}

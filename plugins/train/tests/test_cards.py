@@ -11,7 +11,7 @@ from tiny_motion import write_adapter, write_base
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
-from humanclaw_train.naturalness import PRIOR, NaturalnessReport, NaturalnessRow
+from humanclaw_train.naturalness import FIRST_BODIES, PRIOR, NaturalnessReport, NaturalnessRow
 from humanclaw_train.rollouts import adapters, file_digest
 
 SKILLS = Path(__file__).parents[3] / "skills"
@@ -103,7 +103,8 @@ def test_a_card_quotes_how_like_people_its_own_weights_move_and_what_nobody_comm
     text = card(path, report, likeness)
     assert "| 3.2 |" in text or "| 3.3 |" in text
     assert "7.8" not in text
-    assert "slides by 1.3 cm at the 99th percentile" in text
+    assert f"slides by 1.3 cm at the 99th percentile of {FIRST_BODIES} bodies" in text
+    assert "the least to be hoped for" not in text
     assert "| sit_in_place | - | -31.2 / +10.5 | +0.0 / +0.0 |" in text
     assert "7.8" in card(weights / "base.safetensors", report, likeness)
     assert "Likeness" not in card(path, report, replace(likeness, adapters={"sit_in_place": "others"}))
