@@ -143,6 +143,16 @@ class SceneObject:
     def _wrong(self, told: str, remedy: str) -> SceneError:
         return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
 
+    def at(self, angle: float) -> Array:
+        """Return (7,) position and quaternion of an object that hangs on a hinge, turned to an angle of it."""
+        assert self.joint is not None
+        _, y, _, w = self.rotation
+        half = float(np.arctan2(y, w)) + (angle - self.state) / 2
+        turned = np.array([0.0, np.sin(half), 0.0, np.cos(half)])
+        point = np.array(self.joint.point)
+        arms = matrix_from_quaternion(np.array(self.rotation)) @ point - matrix_from_quaternion(turned) @ point
+        return np.concatenate([np.array(self.position) + arms, turned])
+
     @property
     def facts(self) -> dict[str, Any]:
         """Return its fields as plain values for JSON; a joint and its state only where there is a joint."""

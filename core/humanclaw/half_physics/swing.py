@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanclaw.half_physics.quaternions import conjugate, from_vector, multiply
+from humanclaw.half_physics.quaternions import conjugate, multiply
 from humanclaw.half_physics.solids import centre_of_mass, inertia
 from humanclaw.half_physics.world import ObjectMotion
 from humanclaw.pose import Array, matrix_from_quaternion, vector_from_quaternion
@@ -20,13 +20,9 @@ _UP = np.array([0.0, 1.0, 0.0])
 class Swing:
     """A hinged object of a scene."""
 
-    joint: Hinge
-    state: float
-    """Its angle at the start, radians."""
+    obj: SceneObject
     axis: Array
     """(3,) a point of the hinge in the world."""
-    quaternion: Array
-    """(4,) how the object is turned at angle 0."""
     centre: Array
     """(3,) its centre of mass in its asset's frame."""
     inertia: float
@@ -35,18 +31,24 @@ class Swing:
     @classmethod
     def of(cls, scene: Scene, obj: SceneObject) -> Swing:
         """Measure an object that has a joint and hulls."""
-        assert obj.joint is not None
+        joint = obj.joint
+        assert joint is not None
         hulls = [hull.astype(float) for hull in scene.assets[obj.asset].hulls]
-        centre, turn = centre_of_mass(hulls), np.array(obj.rotation, float)
-        axis = np.array(obj.position) + matrix_from_quaternion(turn) @ np.array(obj.joint.point)
-        arm = (centre - obj.joint.point)[[0, 2]]
+        centre = centre_of_mass(hulls)
+        axis = np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ np.array(joint.point)
+        arm = (centre - joint.point)[[0, 2]]
         about = float(inertia(hulls, obj.mass)[1, 1] + obj.mass * arm @ arm)
-        return cls(obj.joint, obj.state, axis, multiply(from_vector(-obj.state * _UP), turn), centre, about)
+        return cls(obj, axis, centre, about)
+
+    @property
+    def joint(self) -> Hinge:
+        """What it hangs on."""
+        assert self.obj.joint is not None
+        return self.obj.joint
 
     def place(self, angle: float) -> Array:
         """Return (7,) position and quaternion of the asset's own frame at an angle."""
-        turn = multiply(from_vector(angle * _UP), self.quaternion)
-        return np.concatenate([self.axis - matrix_from_quaternion(turn) @ np.array(self.joint.point), turn])
+        return self.obj.at(angle)
 
     def motion(self, angle: float, speed: float) -> ObjectMotion:
         """Return how the object moves that turns so fast, rad/s, through an angle."""
@@ -57,8 +59,8 @@ class Swing:
     def angle(self, quaternion: Array) -> float:
         """Return the angle of an object that is turned like this, the one in the hinge's range or nearest to it."""
         middle = (self.joint.low + self.joint.high) / 2
-        half = multiply(from_vector(middle * _UP), self.quaternion)
-        return middle + float(vector_from_quaternion(multiply(quaternion, conjugate(half)))[1])
+        back = conjugate(self.place(middle)[3:])
+        return middle + float(vector_from_quaternion(multiply(quaternion, back))[1])
 
 
 def swings(scene: Scene) -> Mapping[int, Swing]:

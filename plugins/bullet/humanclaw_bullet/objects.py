@@ -91,7 +91,7 @@ class Objects:
         client, swing = self._client, Swing.of(self._scene, obj)
         hulls, point = [hull.astype(float) for hull in asset.hulls], np.array(swing.joint.point)
         body = client.createMultiBody(
-            0, -1, -1, swing.axis, swing.quaternion, linkMasses=[obj.mass],
+            0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
             linkCollisionShapeIndices=[self._shape([hull - point for hull in hulls], asset)],
             linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
             linkInertialFramePositions=[swing.centre - point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
@@ -103,7 +103,7 @@ class Objects:
             localInertiaDiagonal=np.diag(inertia(hulls, obj.mass)),
         )  # fmt: skip
         client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=swing.joint.friction)
-        client.resetJointState(body, 0, swing.state)
+        client.resetJointState(body, 0, swing.obj.state)
         client.setCollisionFilterGroupMask(body, 0, 0, _MOVING)  # Two meet if either wants to.
         self.object_of[body] = obj.id
         self._hinged[obj.id] = body, swing

@@ -11,7 +11,6 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from humanclaw import Scene
-from humanclaw.half_physics import Swing
 from humanclaw.navigation import RADIUS
 from humanclaw.pose import matrix_from_quaternion
 from humanclaw.scene import STRUCTURE, SceneObject
@@ -122,10 +121,9 @@ def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
 def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
     """Yield the hulls of a hinged object at every five degrees of its range, in the world."""
     assert obj.joint is not None
-    swing = Swing.of(scene, obj)
     steps = int(np.ceil(np.degrees(obj.joint.high - obj.joint.low) / 5)) + 1
     for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
-        place = swing.place(float(angle))
+        place = obj.at(float(angle))
         for hull in scene.assets[obj.asset].hulls:
             yield hull.astype(float) @ matrix_from_quaternion(place[3:]).T + place[:3]
 

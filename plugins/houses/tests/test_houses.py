@@ -14,7 +14,6 @@ import pytest
 
 import humanclaw_houses
 from humanclaw import Plugins, Scene, SceneError
-from humanclaw.half_physics import Swing
 from humanclaw.navigation import goals_at
 from humanclaw.scene import STRUCTURE, SceneObject
 from humanclaw.tasks import SEATS
@@ -240,7 +239,7 @@ def test_a_door_that_is_shut_lies_before_its_doorway(name: str) -> None:
         box for wall in whole.of_category("wall") for box in boxes(whole, wall) if box[0][1] < 0.1 + wall.position[1]
     ]
     for door in hinged(whole):
-        place = Swing.of(whole, door).place(0.0)
+        place = door.at(0.0)
         low, high = whole.aabb(door.id, place)
         axis = 0 if high[0] - low[0] > high[2] - low[2] else 2
         middle, across = (low + high) / 2, 2 - axis
@@ -258,7 +257,7 @@ def test_a_door_that_is_shut_lies_before_its_doorway(name: str) -> None:
 def test_what_stands_where_a_door_swings_is_noticed() -> None:
     whole = scene("0")
     door, fridge = hinged(whole)[0], whole.of_category("fridge")[0]
-    low, high = whole.aabb(door.id, Swing.of(whole, door).place(door.state / 2))
+    low, high = whole.aabb(door.id, door.at(door.state / 2))
     x, _, z = (low + high) / 2
     broken = Scene(
         whole.name, whole.assets,

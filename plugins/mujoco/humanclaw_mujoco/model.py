@@ -149,7 +149,7 @@ class _Objects:
         """Add an object whose frame is at its hinge."""
         swing = Swing.of(self._scene, obj)
         point, joint = np.array(swing.joint.point), swing.joint
-        body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.quaternion))
+        body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.place(0.0)[3:]))
         body.add_joint(
             name=f"object {obj.id}", type=mj.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], limited=True, margin=_AHEAD,
             range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,

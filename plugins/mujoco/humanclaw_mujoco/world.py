@@ -44,7 +44,7 @@ class MujocoWorld:
             self._d.qpos[at : at + 3] = place[:3] + matrix_from_quaternion(place[3:]) @ centre
             self._d.qpos[at + 3 : at + 7] = place[3:][_WXYZ]
         for at, _, swing in model.hinged.values():
-            self._d.qpos[at] = swing.state
+            self._d.qpos[at] = swing.obj.state
         self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
         self.bend(pose.quaternions[1:], np.zeros((len(model.spins), 3)))
 
