@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from rooms import asset, block
+from rooms import asset, block, scene, scene_object, two_rooms
 
 from humanclaw import SceneError
+from humanclaw.scene import Hinge
+from humanclaw.storage import pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
 
@@ -27,3 +29,49 @@ def test_a_seat_may_be_below_the_back_and_a_little_above_what_carries_it():
 def test_a_seat_without_collision_pieces_carries_nobody():
     with pytest.raises(SceneError, match="has a seat and no collision pieces"):
         replace(STOOL, hulls=())
+
+
+LEAF = asset("leaf", "door", block(0.9, 2.0, 0.04))
+HINGE = Hinge((-0.45, 0.0, 0.0), 0.0, 1.6)
+
+
+def hung(**facts):
+    return scene_object(1, LEAF, 0.0, 0.0, **{"movable": True, "mass": 25.0, "joint": HINGE} | facts)
+
+
+def test_a_scene_without_hinges_keeps_the_digest_that_it_had_before_there_were_any():
+    assert two_rooms().digest == "55ea765119fc1f1acbc21cfac243f67b1050a6a4aa8d411cefc1ccb166cc2e30"
+
+
+def test_a_door_is_another_scene_where_its_hinge_its_range_or_its_angle_is_another():
+    others = [hung(), hung(state=0.5), hung(joint=replace(HINGE, high=1.7)), hung(joint=None)]
+    assert len({scene((LEAF, one)).digest for one in others}) == len(others)
+
+
+def test_a_hinge_survives_being_packed():
+    packed = unpack_scene(pack_scene(scene((LEAF, hung(state=0.5)))))
+    assert packed.objects[0] == hung(state=0.5)
+
+
+@pytest.mark.parametrize(
+    ("facts", "told"),
+    [
+        ({"state": 2.0}, r"object 1 \(door\) is at 2 rad, and its hinge goes from 0 to 1.6"),
+        ({"movable": False}, "hangs on a hinge and is not movable"),
+        ({"joint": None, "state": 0.2}, "has the state 0.2 and no joint"),
+    ],
+)
+def test_a_door_that_could_not_turn_is_refused_in_words(facts, told):
+    with pytest.raises(SceneError, match=told):
+        hung(**facts)
+
+
+def test_a_door_that_leans_is_refused():
+    with pytest.raises(SceneError, match="hangs on a hinge and leans"):
+        replace(hung(), rotation=(0.3, 0.0, 0.0, 0.954))
+
+
+@pytest.mark.parametrize("broken", [{"low": 1.6}, {"high": 7.0}, {"high": float("nan")}, {"friction": -1.0}])
+def test_a_hinge_without_a_range_or_with_impossible_numbers_is_refused(broken):
+    with pytest.raises(SceneError, match="hinge"):
+        replace(HINGE, **broken)

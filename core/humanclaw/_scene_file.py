@@ -30,7 +30,7 @@ def pack_scene(scene: Scene) -> bytes:
         rest = {key: value for key, value in vars(asset).items() if key not in ("mesh", "hulls")}
         heads.append(rest | {"hulls": [len(hull) for hull in points]})
     head = {
-        "name": scene.name, "assets": heads, "objects": [vars(o) for o in scene.objects],
+        "name": scene.name, "assets": heads, "objects": [obj.facts for obj in scene.objects],
         "rooms": [vars(r) for r in scene.rooms], "start": vars(scene.start), "notes": dict(scene.notes),
         "digest": scene.digest,
     }  # fmt: skip
@@ -46,7 +46,7 @@ def unpack_scene(data: bytes) -> Scene:
         assets = [_asset(number, rest, arrays) for number, rest in enumerate(head["assets"])]
         scene = Scene(
             head["name"], {asset.name: asset for asset in assets},
-            tuple(_object(row) for row in head["objects"]), tuple(Room(**row) for row in head["rooms"]),
+            tuple(SceneObject.of(row) for row in head["objects"]), tuple(Room(**row) for row in head["rooms"]),
             Pose2D(**head["start"]), head["notes"],
         )  # fmt: skip
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
@@ -61,7 +61,3 @@ def _asset(number: int, rest: dict[str, Any], arrays: dict[str, NDArray[Any]]) -
     hulls = np.split(arrays[f"{number}.hulls"], ends)[:-1]
     mesh = Mesh(*(arrays[f"{number}.{name}"] for name in _MESH))
     return Asset(mesh=mesh, hulls=tuple(hulls), **rest)
-
-
-def _object(row: dict[str, Any]) -> SceneObject:
-    return SceneObject(**row | {"position": tuple(row["position"]), "rotation": tuple(row["rotation"])})

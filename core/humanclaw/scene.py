@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,14 +74,40 @@ class Asset:
 
 
 @dataclass(frozen=True)
-class SceneObject:
-    """One object in the scene.
+class Hinge:
+    """A vertical axis that an object is fixed to and turns about, as a door does.
 
-    It is rigid, and either fixed or free: a door, a drawer or a switch that a skill could change is neither. The format
-    leaves room for them in two more fields, and no engine reads such yet: `joint` (hinge or slide, the object that it
-    hangs on, axis, place and limits) and `state` (the value of that joint, or a word such as "on"). Both would be None
-    by default and enter the digest only where they are set, so that the scenes of today keep theirs.
+    Angles are radians and grow to the left, seen from above: about +Y. At 0 a door is, by custom, closed.
     """
+
+    point: Vec3
+    """Any point of the axis, in the frame of the object's asset, metres."""
+    low: float
+    high: float
+    """The range of the angle. It stops the object; what is fixed or hangs on another hinge does not, so that a door
+    does not jam in its frame."""
+    friction: float = 2.0
+    """Torque that holds the object and brakes it, whatever its speed, newton metres."""
+    damping: float = 5.0
+    """Torque that brakes it for each rad/s, newton metre seconds."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.point, self.low, self.high, self.friction, self.damping)
+        if not np.isfinite(numbers).all() or min(self.friction, self.damping) < 0:
+            raise SceneError(
+                f"a hinge needs finite numbers, and no negative friction or damping; got {numbers}.",
+                "Give its point in metres and its range in radians.",
+            )
+        if not 0 < self.high - self.low <= 2 * np.pi:
+            raise SceneError(
+                f"the range of a hinge is {self.low:g} to {self.high:g}: it must grow, by a whole turn at most.",
+                "Give radians, the smaller first; leave out the hinge of what does not turn.",
+            )
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object in the scene: fixed, movable, or movable about a hinge alone."""
 
     id: int
     """Positive and unique in the scene; the value of its pixels in the id image."""
@@ -94,6 +120,52 @@ class SceneObject:
     """Kilograms; only read if movable."""
     friction: float = 0.5
     room: str = ""
+    joint: Hinge | None = None
+    """What a movable object hangs on; None where it is free. An object that hangs on a hinge stands upright."""
+    state: float = 0.0
+    """The angle of the joint at the start, radians: position and rotation are where the object is at this angle. Only
+    read with a joint."""
+
+    def __post_init__(self) -> None:
+        if self.joint is None:
+            if self.state:
+                raise self._wrong(f"has the state {self.state:g} and no joint", "Give it a joint, or no state.")
+            return
+        if not self.movable:
+            raise self._wrong("hangs on a hinge and is not movable", "Set movable and mass, or leave out its joint.")
+        if not self.joint.low <= self.state <= self.joint.high:
+            told = f"is at {self.state:g} rad, and its hinge goes from {self.joint.low:g} to {self.joint.high:g}"
+            raise self._wrong(told, "Start within the range; both are radians.")
+        if abs(self.rotation[0]) > 1e-6 or abs(self.rotation[2]) > 1e-6:
+            told = f"hangs on a hinge and leans: {self.rotation}"
+            raise self._wrong(told, "A hinge is vertical: turn about y alone.")
+
+    def _wrong(self, told: str, remedy: str) -> SceneError:
+        return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
+
+    def at(self, angle: float) -> Array:
+        """Return (7,) position and quaternion of an object that hangs on a hinge, turned to an angle of it."""
+        assert self.joint is not None
+        _, y, _, w = self.rotation
+        half = float(np.arctan2(y, w)) + (angle - self.state) / 2
+        turned = np.array([0.0, np.sin(half), 0.0, np.cos(half)])
+        point = np.array(self.joint.point)
+        arms = matrix_from_quaternion(np.array(self.rotation)) @ point - matrix_from_quaternion(turned) @ point
+        return np.concatenate([np.array(self.position) + arms, turned])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Return its fields as plain values for JSON; a joint and its state only where there is a joint."""
+        own = {key: value for key, value in vars(self).items() if key not in ("joint", "state")}
+        return own if self.joint is None else own | {"joint": dict(vars(self.joint)), "state": self.state}
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> SceneObject:
+        """Return the object of some facts. Raises TypeError or KeyError where they are others."""
+        joint = facts.get("joint")
+        hinge = joint and Hinge(**{**joint, "point": tuple(joint["point"])})
+        place = {key: tuple(facts[key]) for key in ("position", "rotation")}
+        return cls(**{**facts, **place, "joint": hinge})
 
 
 @dataclass(frozen=True)
@@ -177,7 +249,7 @@ class Scene:
             state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
             for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
                 state.update(np.ascontiguousarray(array).tobytes())
-        rest = [[vars(o) for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
+        rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
         state.update(json.dumps(rest, sort_keys=True).encode())
         return state.hexdigest()
 

@@ -23,6 +23,7 @@ from humanclaw.navigation import (
     stair_runs,
     viewpoints,
 )  # fmt: skip
+from humanclaw.scene import Hinge
 
 BEDROOM, LIVING = np.array([1.0, 1.0]), np.array([7.0, 1.0])
 
@@ -108,6 +109,17 @@ def test_movable_objects_are_walked_around_but_do_not_close_a_way() -> None:
     assert length(path) > 2.55
     in_door = OccupancyGrid.of(two_rooms(0.9, (stool, scene_object(30, stool, 4.0, 4.5, movable=True, mass=2.0))))
     assert route(in_door, BEDROOM, LIVING) is not None
+
+
+@pytest.mark.parametrize(("degrees", "way"), [(0, False), (10, False), (60, True), (90, True)])
+def test_a_door_on_its_hinge_closes_a_way_unless_it_stands_open(degrees: float, way: bool) -> None:
+    """Nobody counts on pushing it: from its other side it could not be pushed."""
+    leaf, angle = asset("leaf", "door", block(0.04, 2.0, 0.9, (0.02, 0, 0.45))), np.radians(degrees)
+    hinge = Hinge((0.0, 0.0, 0.0), 0.0, 1.6)
+    door = scene_object(40, leaf, 4.05, 4.05, angle, movable=True, mass=25.0, joint=hinge, state=float(angle))
+    where = MultiFloorMap.of(two_rooms(0.9, (leaf, door)))
+    start, goals = np.array([1.0, 0.0, 1.0]), np.array([[7.0, 0.0, 1.0]])
+    assert bool(np.isfinite(where.geodesic(start, goals))) is way
 
 
 def test_a_movable_object_is_where_the_state_says_it_is() -> None:

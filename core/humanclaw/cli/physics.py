@@ -16,7 +16,19 @@ from humanclaw.cli.options import SIMULATOR_HELP
 from humanclaw.cli.tables import show_markdown
 from humanclaw.half_physics.profile import PROFILES
 
-_CHECKS: Final = ("free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "seats", "rates", "wild")
+_CHECKS: Final = (
+    "free-space",
+    "walls",
+    "ledge",
+    "stairs",
+    "boxes",
+    "chair",
+    "door",
+    "hinges",
+    "seats",
+    "rates",
+    "wild",
+)
 
 
 def _bar() -> Progress:

@@ -10,6 +10,7 @@ from humanclaw.half_physics.profile import PROFILES, Profile, find_profile
 from humanclaw.half_physics.simulator import HalfPhysics
 from humanclaw.half_physics.skeleton import LINK_OF, capsule_frame, link_inertia, link_mass
 from humanclaw.half_physics.solids import box_of, centre_of_mass, inertia
+from humanclaw.half_physics.swing import Swing
 from humanclaw.half_physics.world import TOUCHING, ObjectMotion, Touch, World
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "ObjectMotion",
     "Pose",
     "Profile",
+    "Swing",
     "Touch",
     "World",
     "box_of",

@@ -3,7 +3,8 @@
 A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives
 to movable objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a
 step gave more, the objects take only their share of it, and the body is taken back by as much as they are, so that it
-waits at a heavy object as it does at a wall.
+waits at a heavy object as it does at a wall. What hangs on a hinge takes leverage: the nearer to the hinge one pushes
+it, the more of the same force it needs.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from humanclaw.half_physics.profile import Profile
 from humanclaw.half_physics.quaternions import from_vector, multiply
+from humanclaw.half_physics.swing import swings
 from humanclaw.half_physics.world import ObjectMotion, Touch, World
 from humanclaw.pose import Array
 from humanclaw.scene import Scene
@@ -24,6 +26,8 @@ GROUND_FRICTION: Final = 0.5
 """Of what objects stand on: a scene's floors."""
 _NEAR: Final = 3.0
 """Objects further than this from the hips are not within reach of a push, nor of one that is handed on, metres."""
+_LEAST_LEVER: Final = 0.02
+"""A push that passes the hinge nearer than this turns nothing, metres."""
 
 
 class Exertion:
@@ -36,6 +40,7 @@ class Exertion:
         self._mass = {key: obj.mass for key, obj in moving.items()}
         self._held = {key: GROUND_FRICTION * obj.friction * obj.mass * profile.gravity for key, obj in moving.items()}
         self._radius = {key: _gyration(scene, key) for key in moving}
+        self._swings, self._levers = swings(scene), dict[int, float]()
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}
 
@@ -51,24 +56,40 @@ class Exertion:
         """Take back what the step since brace gave to objects beyond what a person can exert."""
         pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
+        self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
         gains = {key: self._gain(key, motion) for key, motion in after.items()}
         if not any(gain > 0 for gain in gains.values()):
             return
         # A light thing between the body and a heavy one hands its push on and gets no faster itself.
         chain = self._handed_on(pushed)
         gain = sum(gains[key] for key in chain)
-        share = max(0.0, self._profile.exertion - sum(self._held[key] for key in chain)) * seconds / max(gain, 1e-12)
+        held = sum(self._holding(key) for key in chain)
+        share = max(0.0, self._profile.exertion - held) * seconds / max(gain, 1e-12)
         if share < 1:
             self._hold({key: after[key] for key in chain if gains[key] > 0}, share, touches, seconds)
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
         """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
         before, radius = self._before[key], self._radius[key]
+        if key in self._swings:
+            faster = abs(after.spin[1]) - abs(before.spin[1])
+            return self._swings[key].inertia * max(0.0, float(faster)) / self._levers[key]
         faster = _speed(after, radius) > _speed(before, radius)
         gain = np.hypot(
             np.linalg.norm(_no_fall(after) - _no_fall(before)), radius * np.linalg.norm(after.spin - before.spin)
         )
         return self._mass[key] * float(gain) if faster else 0.0
+
+    def _holding(self, key: int) -> float:
+        """Force that friction takes from a push, newtons."""
+        return self._swings[key].joint.friction / self._levers[key] if key in self._swings else self._held[key]
+
+    def _lever(self, key: int, touches: Sequence[Touch], after: ObjectMotion) -> float:
+        """Return the longest arm that the body has on a hinged object, metres; its centre's where something else pushes
+        it."""
+        axis = self._swings[key].axis
+        arms = [_arm(np.array(touch.point) - axis, touch.normal) for touch in touches if touch.object_id == key]
+        return max(_LEAST_LEVER, max(arms, default=float(np.linalg.norm((after.position - axis)[[0, 2]]))))
 
     def _handed_on(self, pushed: set[int]) -> Sequence[int]:
         """Return what is pushed, and what that pushes in its turn."""
@@ -88,6 +109,11 @@ class Exertion:
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
+
+
+def _arm(point: Array, normal: Sequence[float]) -> float:
+    """How far from a vertical axis through the origin a push passes, metres."""
+    return abs(float(point[2] * normal[0] - point[0] * normal[2]))
 
 
 def _no_fall(motion: ObjectMotion) -> Array:

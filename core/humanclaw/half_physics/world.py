@@ -47,7 +47,8 @@ class World(Protocol):
 
     Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
     with the masses and inertias of humanclaw.half_physics.skeleton: no motor, no spring, no damping, no contact with
-    itself. The same calls have the same outcome, bit for bit.
+    itself. An object on a hinge turns about it within its range, braked by its friction and damping, and meets the body
+    and what is free to move alone. The same calls have the same outcome, bit for bit.
     """
 
     def pose(self) -> Pose:
@@ -82,7 +83,7 @@ class World(Protocol):
         """Measure how a movable object moves now."""
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
-        """Let it move otherwise."""
+        """Let it move otherwise; one on a hinge, as far as that allows."""
 
     def objects(self) -> Mapping[int, Array]:
         """Movable object id to (7,) position and quaternion of its asset's own frame."""

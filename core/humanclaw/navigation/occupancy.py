@@ -47,10 +47,11 @@ class OccupancyGrid:
     origin: tuple[float, float]
     """World x and z of the corner of cell (0, 0)."""
     blocked: Mask
-    """Static objects, and whatever is not floor."""
+    """Static objects, those that hang on hinges, and whatever is not floor: a door opens to one side alone, so nobody
+    counts on it."""
     movable: Mask
     owners: NDArray[np.int32]
-    """Id of the static object in a cell, 0 for none."""
+    """Id of the object that blocks a cell, 0 for none."""
     tops: Array
     """Height over the floor of the tallest static obj in a cell, metres: what hides objects behind it."""
     overhead: tuple[Array, Array]
@@ -77,7 +78,7 @@ class OccupancyGrid:
                 if bottom >= OBSTACLE_HEIGHTS[1]:
                     under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
                     over[where] = np.where(mask, np.maximum(over[where], top), over[where])
-                elif obj.movable:
+                elif obj.movable and not obj.joint:
                     movable[where] |= mask
                 else:
                     blocked[where] |= mask

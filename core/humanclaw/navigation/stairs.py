@@ -50,9 +50,10 @@ def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> Occup
 
 
 def _static(scene: Scene, low: float, high: float) -> Iterator[Array]:
-    """Collision pieces of fixed objects that reach into a range of heights, (K, 3) world points each."""
+    """Collision pieces that reach into a range of heights, of what is fixed or hangs on a hinge; (K, 3) world points
+    each."""
     for obj in scene.objects:
-        if not obj.movable and obj.category != "ceiling":
+        if (obj.joint or not obj.movable) and obj.category != "ceiling":
             for hull in placed_hulls(scene, obj, None):
                 if hull[:, 1].max() > low and hull[:, 1].min() < high:
                     yield hull

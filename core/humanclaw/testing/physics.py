@@ -21,7 +21,17 @@ from humanclaw.half_physics.exertion import GROUND_FRICTION
 from humanclaw.interfaces import Execution, MotionGenerator, Simulator, stand
 from humanclaw.measures import from_si
 from humanclaw.plugins import Plugins
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, re_rooted, rest_pose
+from humanclaw.pose import (
+    FPS,
+    FUTURE,
+    HISTORY,
+    Array,
+    Motion,
+    matrix_from_quaternion,
+    matrix_from_vector,
+    re_rooted,
+    rest_pose,
+)
 from humanclaw.scene import Scene
 from humanclaw.testing.scenes import SceneBuilder, block
 
@@ -91,11 +101,15 @@ class Played:
     def path(self, object_id: int, begin: Array, above: float = 0.0) -> Array:
         """Return (frames + 1, 3) where the point that high above the base of an upright movable object was, from where
         it began."""
-        rows = [begin[None] + [0.0, above, 0.0]]
+        places = self.places(object_id, np.array([*begin, 0.0, 0.0, 0.0, 1.0]))
+        return np.asarray(places[:, :3] + above * _upward(places[:, 3:]))
+
+    def places(self, object_id: int, begin: Array) -> Array:
+        """Return (frames + 1, 7) where a movable object was, from where it began."""
+        rows = [begin[None]]
         for execution in self.executions:
             still = np.repeat(rows[-1][-1:], len(execution.simulated), axis=0)
-            places = execution.objects.get(object_id)
-            rows.append(still if places is None else places[:, :3] + above * _upward(places[:, 3:]))
+            rows.append(execution.objects.get(object_id, still))
         return np.concatenate(rows)
 
     def depths(self, object_id: int) -> Array:
@@ -383,6 +397,67 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("a 60 cm door is squeezed through", "deepest contact", depth, "cm", high=1.0)
 
 
+@dataclass(frozen=True)
+class Turned:
+    """What became of a door that somebody walked against."""
+
+    through: bool
+    """Whether the hips got beyond the wall."""
+    angles: Array
+    """(frames + 1,) degrees from shut, open positive."""
+    hinge: float
+    """How far the hinge moved, metres."""
+    torque: float
+    """The largest that made it faster, hinge's friction included, newton metres."""
+    depth: float
+    """The deepest that a link was in it, metres."""
+
+
+def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = True, **place: float) -> Turned:
+    """So many half seconds of walking against a door."""
+    builder = SceneBuilder()
+    builder.floor()
+    door = builder.door(mass=mass, away=away, **place)
+    scene = builder.scene()
+    played, leaf = fixture.perform(scene, walk(count)), scene.by_id[door]
+    assert leaf.joint is not None
+    rows = played.places(door, np.array([*leaf.position, *leaf.rotation]))
+    hinge = rows[:, :3] + matrix_from_quaternion(rows[:, 3:]) @ np.array(leaf.joint.point)
+    angles = (-1 if away else 1) * 2 * np.degrees(np.arctan2(rows[:, 4], rows[:, 6]))
+    faster = np.diff(np.abs(np.diff(np.radians(angles), prepend=np.radians(angles[0])) * FPS)).max() * FPS
+    inertia = mass * (0.88**2 / 12 + 0.45**2)
+    return Turned(
+        bool(played.simulated.root[-1, 2] > 1.1), angles, float(np.linalg.norm(hinge - hinge[0], axis=1).max()),
+        float(inertia * faster + leaf.joint.friction), float(played.depths(door).max(initial=0.0)),
+    )  # fmt: skip
+
+
+def hinges(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a door of 25 kg, shut or ajar, that opens away from the body, one that would have to be pulled, and one of
+    a tonne."""
+    opened, held = [], []
+    for place in ({"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}):
+        opened.append(swing(fixture, **place))
+        tick()
+    for place in ({}, {"angle": np.radians(30)}):
+        held.append(swing(fixture, away=False, **place))
+        tick()
+    check, doors = "a door is pushed open", [*opened, *held]
+    beyond = max(max(door.angles.max() - 95, -door.angles.min()) for door in doors)
+    yield Finding(check, "bodies through it", 100 * sum(d.through for d in opened) / len(opened), "%", low=100)
+    yield Finding(check, "least angle reached", float(min(d.angles.max() for d in opened)), "degrees", 60, 96)
+    yield Finding(check, "largest torque", max(d.torque for d in doors), "N m", 20, STRENGTH * 0.9)
+    yield Finding(check, "furthest beyond its range", float(beyond), "degrees", high=1.0)
+    yield Finding(check, "way of the hinge", 100 * max(d.hinge for d in doors), "cm", high=1.0)
+    yield Finding(check, "deepest contact", 100 * max(d.depth for d in doors), "cm", high=1.0)
+    check = "a door that opens towards the body blocks"
+    yield Finding(check, "bodies through it", 100 * sum(d.through for d in held) / len(held), "%", high=0)
+    yield Finding(check, "angle at the end", float(max(d.angles[-1] for d in held)), "degrees", high=1.0)
+    heavy = swing(fixture, mass=1000.0)
+    tick()
+    yield Finding("mass counts", "angle of a door of 1,000 kg", float(heavy.angles[-1]), "degrees", 5, 60)
+
+
 def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     """Benches from 36 to 65 cm, lower and higher than the knees, half a metre behind the body."""
     touched, gaps = 0, []
@@ -491,7 +566,7 @@ def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command], tick: Ti
 
 CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
     "free-space": free_space, "walls": walls, "ledge": ledge, "stairs": stairs, "boxes": boxes, "chair": chair,
-    "door": door, "seats": seats, "rates": rates, "wild": wild,
+    "door": door, "hinges": hinges, "seats": seats, "rates": rates, "wild": wild,
 }  # fmt: skip
 
 
@@ -499,7 +574,7 @@ def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Measure how often the checks of these names will tick."""
     each: Mapping[str, int] = {
         "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 1,
-        "chair": 1, "door": 5, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
+        "chair": 1, "door": 5, "hinges": 7, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.pose import Pose2D
-from humanclaw.scene import Asset, Mesh, Scene, SceneObject, Vec3
+from humanclaw.scene import Asset, Hinge, Mesh, Scene, SceneObject, Vec3
 
 Colour = tuple[int, int, int]
 GREY: Colour = (200, 200, 200)
@@ -70,6 +70,22 @@ class SceneBuilder:
         name = f"{category} {len(self.assets)}"
         self.assets[name] = Asset(name, category, box_mesh((x, y, z)), tuple(hulls))
         return self._put(name, category, position, facts)
+
+    def door(self, angle: float = 0.0, x: float = 0.0, z: float = 0.8, away: bool = True, mass: float = 25.0) -> int:
+        """Put a doorway of 90 cm into a wall across +Z, and in it a leaf that hangs on its side of smaller x and opens
+        by 95 degrees, away from the origin or towards it.
+
+        angle: how far it stands open, radians. Returns the id of the leaf.
+        """
+        for side in (-1, 1):
+            self.box("wall", (2, 2.5, 0.12), (x + 1.45 * side, 0, z))
+        most, turn = float(np.radians(95)), -angle if away else angle
+        hinge = Hinge((-0.45, 0.0, 0.0), *((-most, 0.0) if away else (0.0, most)))
+        place = (x - 0.45 + 0.45 * float(np.cos(turn)), 0.01, z - 0.45 * float(np.sin(turn)))
+        return self.box(
+            "door", (0.88, 2.0, 0.04), place, rotation=(0.0, float(np.sin(turn / 2)), 0.0, float(np.cos(turn / 2))),
+            movable=True, mass=mass, joint=hinge, state=turn,
+        )  # fmt: skip
 
     def floor(self, y: float = 0.0) -> int:
         return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))

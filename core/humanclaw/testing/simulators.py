@@ -18,7 +18,16 @@ from humanclaw.body import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.half_physics import Profile, find_profile
 from humanclaw.interfaces import Simulator
-from humanclaw.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
+from humanclaw.pose import (
+    FPS,
+    Array,
+    Motion,
+    Pose2D,
+    heading,
+    matrix_from_quaternion,
+    matrix_from_vector,
+    rest_pose,
+)
 from humanclaw.scene import Scene
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
 from humanclaw.testing.physics import CHECKS, Fixture
@@ -398,6 +407,52 @@ class SimulatorConformance:
         builder = SceneBuilder()
         builder.floor()
         builder.box("box", (0.2, 0.2, 0.2), (2, 0, 0), movable=True)
+        with pytest.raises(SceneError, match="mass"):
+            self.simulator().reset(builder.scene(), builder.scene().start)
+
+    def test_a_door_keeps_its_angle_until_somebody_pushes_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door(angle=0.5)
+        simulator, scene = self.simulator(), builder.scene()
+        leaf = scene.by_id[door]
+        simulator.reset(scene, scene.start)
+        assert simulator.execute(rest_pose(30)).objects == {}
+        assert simulator.state().objects[door] == pytest.approx([*leaf.position, *leaf.rotation], abs=1e-4)
+
+    def test_a_door_opens_for_a_body_turns_about_its_hinge_and_comes_to_rest(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door()
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        execution = simulator.execute(glide(0.0, 1.0, 45))
+        places = execution.objects[door]
+        hinge = places[:, :3] + matrix_from_quaternion(places[:, 3:]) @ [-0.45, 0.0, 0.0]
+        assert {contact.movable for contact in execution.contacts if contact.object_id == door} == {True}
+        assert hinge == pytest.approx(np.tile([-0.45, 0.01, 0.8], (45, 1)), abs=0.001)
+        assert np.degrees(2 * np.arctan2(-places[-1, 4], places[-1, 6])) > 60
+        for _ in range(8):
+            execution = simulator.execute(glide(0.0, 1.0, 15))
+        assert door not in execution.objects
+
+    def test_a_door_passes_its_frame_and_moves_what_is_free_to(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("post", (0.2, 2.0, 0.2), (0, 0, 1.15))
+        door = builder.door()
+        box = builder.box("box", (0.2, 0.5, 0.2), (0.3, 0, 1.1), movable=True, mass=2.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(glide(0.0, 1.0, 45))
+        moved = simulator.state().objects
+        assert np.degrees(2 * np.arctan2(-moved[door][4], moved[door][6])) > 30
+        assert np.linalg.norm(moved[box][:3] - [0.3, 0, 1.1]) > 0.1
+
+    def test_a_door_needs_a_mass(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.door(mass=0.0)
         with pytest.raises(SceneError, match="mass"):
             self.simulator().reset(builder.scene(), builder.scene().start)
 

@@ -5,17 +5,21 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from humanclaw import Scene, SceneError
-from humanclaw.half_physics import ObjectMotion, box_of, centre_of_mass
+from humanclaw.half_physics import ObjectMotion, Swing, box_of, centre_of_mass, inertia
 from humanclaw.pose import Array, matrix_from_quaternion
 from humanclaw.scene import Asset, SceneObject
 from humanclaw_bullet.engine import Client
 
 _STILL = 0.1
 """Speed below which an object that has settled counts as still, m/s and rad/s."""
+
+_MOVING: Final = 1
+"""The group in which Bullet puts all that is not fixed."""
 
 
 class Objects:
@@ -28,6 +32,7 @@ class Objects:
         self.object_of: dict[int, int] = {}
         """Bullet body to object id; a fixed object has one body a hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
+        self._hinged: dict[int, tuple[int, Swing]] = {}
         self._still: dict[int, Array] = {}
         # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it
         # forget.
@@ -42,7 +47,11 @@ class Objects:
             self._still[obj.id] = np.array([*obj.position, *obj.rotation], float)
         if not asset.hulls:
             return
-        if obj.movable:
+        if obj.movable and obj.mass <= 0:
+            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
+        if obj.joint:
+            self._add_hinged(obj, asset)
+        elif obj.movable:
             self._add_movable(obj, asset)
         else:
             self._add_fixed(obj, asset)
@@ -59,8 +68,6 @@ class Objects:
             self.object_of[body] = obj.id
 
     def _add_movable(self, obj: SceneObject, asset: Asset) -> None:
-        if obj.mass <= 0:
-            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
         if asset.name not in self._whole:
             hulls = [hull.astype(float) for hull in asset.hulls]
             centre = centre_of_mass(hulls)
@@ -78,6 +85,28 @@ class Objects:
         )  # fmt: skip
         self.object_of[body] = obj.id
         self._movable[obj.id] = body, centre
+
+    def _add_hinged(self, obj: SceneObject, asset: Asset) -> None:
+        """Add a fixed post at the hinge, and on it the object, its frame at the hinge too."""
+        client, swing = self._client, Swing.of(self._scene, obj)
+        hulls, point = [hull.astype(float) for hull in asset.hulls], np.array(swing.joint.point)
+        body = client.createMultiBody(
+            0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
+            linkCollisionShapeIndices=[self._shape([hull - point for hull in hulls], asset)],
+            linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
+            linkInertialFramePositions=[swing.centre - point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
+            linkParentIndices=[0], linkJointTypes=[client.JOINT_REVOLUTE], linkJointAxis=[[0, 1, 0]],
+        )  # fmt: skip
+        client.changeDynamics(
+            body, 0, lateralFriction=obj.friction, jointLowerLimit=swing.joint.low, jointUpperLimit=swing.joint.high,
+            jointDamping=swing.joint.damping, linearDamping=0, angularDamping=0,
+            localInertiaDiagonal=np.diag(inertia(hulls, obj.mass)),
+        )  # fmt: skip
+        client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=swing.joint.friction)
+        client.resetJointState(body, 0, swing.obj.state)
+        client.setCollisionFilterGroupMask(body, 0, 0, _MOVING)  # Two meet if either wants to.
+        self.object_of[body] = obj.id
+        self._hinged[obj.id] = body, swing
 
     def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
         """One shape for some hulls: boxes as boxes, which Bullet stacks better; others from a file."""
@@ -105,13 +134,20 @@ class Objects:
 
     def motion(self, object_id: int) -> ObjectMotion:
         """How a movable object moves now."""
+        if object_id in self._hinged:
+            body, swing = self._hinged[object_id]
+            return swing.motion(*self._client.getJointState(body, 0)[:2])
         body, _ = self._movable[object_id]
         position, quaternion = self._client.getBasePositionAndOrientation(body)
         velocity, spin = self._client.getBaseVelocity(body)
         return ObjectMotion(*map(np.array, (position, quaternion, velocity, spin)))
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
-        """Let it move otherwise."""
+        """Let it move otherwise; one on a hinge, as far as that allows."""
+        if object_id in self._hinged:
+            body, swing = self._hinged[object_id]
+            self._client.resetJointState(body, 0, swing.angle(motion.quaternion), motion.spin[1])
+            return
         body, _ = self._movable[object_id]
         self._client.resetBasePositionAndOrientation(body, motion.position, motion.quaternion)
         self._client.resetBaseVelocity(body, motion.velocity, motion.spin)
@@ -135,6 +171,8 @@ class Objects:
             position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
             corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
             found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
+        for key, (body, swing) in self._hinged.items():
+            found[key] = swing.place(self._client.getJointState(body, 0)[0])
         return found
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanclaw.scene import Hinge
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
@@ -17,6 +18,11 @@ from humanclaw_houses.textures import Tile
 
 SKIRTING = 0.08
 _CELL = 1.2
+_WIDEST = 95.0
+"""How far a door opens, degrees: there is a wall or a shelf behind it."""
+_AJAR = (70.0, 85.0)
+"""Between what angles a door stands that is not quite open, degrees: a body fits past it untouched."""
+_AJAR_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +35,9 @@ class Placed:
     z: float
     yaw: float = 0.0
     room: str = ""
+    joint: Hinge | None = None
+    state: float = 0.0
+    """The angle of the joint, radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,16 +308,37 @@ def _front_door(style: Style, name: str, hole: Opening) -> Piece:
 
 
 def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
-    """Return a door leaf that stands open at a right angle to its wall."""
+    """Return a door leaf that stands open at a right angle to its wall, or nearly; shut it lies before the frame."""
     m = Model()
-    length, thick = hole.width - 0.03, 0.04
+    length, thick = hole.width, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
     for side in (-1, 1):
         m.add(box((0.03, 0.02, 0.12), (side * 0.045, 1.0, length / 2 - 0.1)), style.chrome)
-    piece = m.piece(f"door_{name}", "door")
+    piece = m.piece(f"door_{name}", "door", mass=25.0)
     across = -1 if hole.opens_low else 1
     # The leaf leaves the doorway free: it hangs beside the clear width, not in it.
     along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)
     x, z = wall.point(along, across * (WALL / 2 + 0.02 + length / 2))
     yaw = (0.0 if across > 0 else np.pi) if wall.axis == "x" else (np.pi / 2 if across > 0 else -np.pi / 2)
-    return Placed(piece, x, 0.0, z, yaw, wall.low if hole.opens_low else wall.high)
+    room = wall.low if hole.opens_low else wall.high
+    left = hole.leaf * across * (1 if wall.axis == "x" else -1)
+    hinge = Hinge((-left * thick / 2, 0.0, -length / 2), *sorted((0.0, left * float(np.radians(_WIDEST)))))
+    wide = _stands(style.rng.spawn(1)[0])
+    return _swung(Placed(piece, x, 0.0, z, yaw, room, hinge, left * np.pi / 2), left * (wide - np.pi / 2))
+
+
+def _stands(rng: np.random.Generator) -> float:
+    """Draw how far a door stands open, radians."""
+    return float(np.radians(round(rng.uniform(*_AJAR), 1) if rng.random() < _AJAR_SHARE else 90.0))
+
+
+def _swung(leaf: Placed, by: float) -> Placed:
+    """Return a leaf turned about its hinge by some radians."""
+    assert leaf.joint is not None
+    px, _, pz = leaf.joint.point
+
+    def arm(yaw: float) -> tuple[float, float]:
+        return np.cos(yaw) * px + np.sin(yaw) * pz, np.cos(yaw) * pz - np.sin(yaw) * px
+
+    (x0, z0), (x1, z1), yaw = arm(leaf.yaw), arm(leaf.yaw + by), leaf.yaw + by
+    return replace(leaf, x=leaf.x + x0 - x1, z=leaf.z + z0 - z1, yaw=yaw, state=leaf.state + by)

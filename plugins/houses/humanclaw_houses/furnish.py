@@ -83,7 +83,7 @@ def _living(space: Space, kit: Kit) -> None:
 
 
 def _dining(space: Space, kit: Kit) -> None:
-    _dining_set(space, kit, 6) or _dining_set(space, kit, 4) or _dining_set(space, kit, 2) or _bare_table(space, kit)
+    any(_dining_set(space, kit, count) for count in (8, 6, 4, 2)) or _bare_table(space, kit)
     _stand(space, kit, storage.sideboard, front=0.5)
     _plant(space, kit)
     _hang(space, kit, 4)
@@ -290,7 +290,8 @@ def _dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> boo
     table = kit.make(tables.dining_table, count)
     chair = kit.make(seats.dining_chair)
     w, _, d = table.size
-    apart = {2: [0.0], 4: [-0.22 * w, 0.22 * w], 6: [-0.295 * w, 0.0, 0.295 * w]}[count]
+    apart = {2: [0.0], 4: [-0.22 * w, 0.22 * w], 6: [-0.295 * w, 0.0, 0.295 * w],
+             8: [-0.345 * w, -0.115 * w, 0.115 * w, 0.345 * w]}[count]  # fmt: skip
     if d > 1.0:  # round
         apart = [0.0]
     spots = _open_spots(space, w, d + 2 * 0.35, kit.rng)
@@ -477,7 +478,7 @@ def _basin(space: Space, kit: Kit) -> None:
 
 
 def _wall_tv(space: Space, kit: Kit) -> Placed | None:
-    """Return a screen on the wall or on a mast, with floor to stand on before it."""
+    """Return a screen on the wall or on a cabinet of its own, with floor to stand on before it."""
     if kit.chance(0.5):
         piece = kit.make(media.wall_tv, 1.0)
         return space.try_put(space.spots(piece, kit.rng, y=0.95), front=0.5, target=True)

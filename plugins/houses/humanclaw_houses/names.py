@@ -8,7 +8,7 @@ from typing import Final
 from humanclaw import SceneError
 
 VALIDATION_HOUSES: Final = 41
-GENERATOR: Final = 2
+GENERATOR: Final = 3
 """Raised when the houses of a number are no longer those they were; splits of an earlier one want making anew."""
 _REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training house with N from 0 on."
 

@@ -109,7 +109,7 @@ def _object(number: int, obj: Placed) -> SceneObject:
     position = tuple(round(float(v), 4) for v in (obj.x, obj.y, obj.z))
     return SceneObject(
         number, piece.asset.name, piece.asset.category, position, _quaternion(obj.yaw),  # type: ignore[arg-type]
-        piece.mass > 0, piece.mass, piece.friction, obj.room,
+        piece.mass > 0, piece.mass, piece.friction, obj.room, obj.joint, obj.state,
     )  # fmt: skip
 
 

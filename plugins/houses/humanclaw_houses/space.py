@@ -130,7 +130,9 @@ class Space:
             else:
                 # Before an open side one walks along it, and half of the way is in the other room.
                 deep = 0.45 if hole.kind == "open" and hole.width > 2 else 0.8
-                self._doors.append(self._strip(side, hole.at, hole.width, deep))
+                if hole.leaf and hole.opens_low == (wall.low == self.area.name):
+                    deep = 0.96  # Its leaf swings over it.
+                self._doors.append(self._strip(side, hole.at, hole.width, min(deep, 0.8)))
                 self._kept.append(self._strip(side, hole.at, hole.width + 0.14, deep))
             if hole.leaf and hole.opens_low == (wall.low == self.area.name):
                 edge = self._strip(side, hole.at + hole.leaf * (hole.width / 2 + 0.08), 0.16, 0.94)

@@ -7,7 +7,7 @@ blurred in integers, so that a tile is the same on every machine.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -58,6 +58,19 @@ def _blank(colour: Colour, size: int = SIZE) -> Pixels:
 def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Tile:
     """Paint, plastic, ceramic or metal."""
     return Tile(_shade(colour, noise * _noise(rng, (4, 4))))
+
+
+def darker(tile: Tile, share: float) -> Tile:
+    """Return a tile at so much of its brightness: the same stuff in a seam or a fold."""
+    return replace(tile, pixels=np.asarray(np.round(tile.pixels * share), np.uint8))
+
+
+def pastel(tile: Tile) -> Tile:
+    """Return a tile nearly white, with a tenth of its colour and a third of its contrast: bed linen of a cloth."""
+    pixels = np.maximum(tile.pixels.astype(float), 1.0)
+    mean = pixels.mean(axis=(0, 1))
+    picture = (240 - 0.1 * (240 - mean)) * (pixels / mean) ** 0.35
+    return replace(tile, pixels=np.asarray(np.clip(np.round(picture), 0, 255), np.uint8))
 
 
 def wood(colour: Colour, rng: np.random.Generator, contrast: float = 0.09) -> Tile:
@@ -155,12 +168,27 @@ def screen(rng: np.random.Generator, on: bool) -> Tile:
     if not on:
         glare = np.clip(1 - np.abs(across + 0.6 * down - 0.75) / 0.22, 0, 1) * (1 - down)
         return Tile(_grade(np.array([22.0, 24.0, 28.0]) + 55.0 * glare[..., None], 0 * across), fit=True)
-    sea = np.where(down[..., None] < 0.55, [70.0, 130.0, 205.0], [24.0, 78.0, 130.0])
-    sun = np.hypot(across - rng.uniform(0.3, 0.7), (down - 0.5) * 0.6) < 0.12
-    sea[sun & (down < 0.55)] = [255, 205, 90]
-    sea[down > 0.86] = [20, 22, 40]
-    sea[(down > 0.9) & (down < 0.95) & (across > 0.08) & (across < 0.5)] = [230, 230, 235]
-    return Tile(_grade(sea, 0.03 * _noise(rng, (1, 9))), fit=True)
+    return Tile(_valley(rng.uniform(0.3, 0.7), _noise(rng, (1, 9))), fit=True)
+
+
+def _valley(sun: float, noise: Field) -> Pixels:
+    """Return a film's landscape, twice as fine as other tiles: a low sun in a clear sky, hills behind hills, a lake."""
+    size = 2 * SIZE
+    across, down = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size))
+    picture = np.array([88.0, 150.0, 226.0]) + (down / 0.55)[..., None] * np.array([140.0, 70.0, -20.0])
+    picture += np.exp(-((np.hypot(across - sun, (down - 0.36) * 0.6) / 0.16) ** 2))[..., None] * [120, 90, 40]
+    for row, (level, colour) in enumerate(_RIDGES):
+        ridge = level + 0.045 * np.interp(across[0] * (SIZE - 1), np.arange(SIZE), noise[7 * row])
+        inside = np.clip((down - ridge) * size / 2 + 0.5, 0, 1)[..., None]
+        picture = picture * (1 - inside) + inside * (np.array(colour, float) * (1.25 - 0.6 * (down - ridge))[..., None])
+    lake = np.clip((down - 0.78) * size / 2, 0, 1)[..., None]
+    shine = np.exp(-(((across - sun) / 0.12) ** 2))[..., None] * [110.0, 90.0, 50.0]
+    picture = picture * (1 - lake) + lake * (np.array([66.0, 118.0, 168.0]) * (1.5 - down)[..., None] + shine)
+    return np.asarray(np.clip(np.round(picture), 0, 255), np.uint8)
+
+
+_RIDGES: Final = ((0.5, (120, 150, 180)), (0.6, (92, 132, 92)), (0.7, (54, 96, 48)))
+"""Where the hills on a television screen end, from far to near, and what colour they are."""
 
 
 def painting(rng: np.random.Generator) -> Tile:
@@ -262,10 +290,10 @@ ACCENTS: Final[tuple[Colour, ...]] = (
 )  # fmt: skip
 WOODS: Final[tuple[Colour, ...]] = ((176, 128, 82), (124, 82, 52), (206, 172, 128), (92, 62, 44), (150, 104, 66))
 FABRICS: Final[tuple[Colour, ...]] = (
-    (92, 104, 120), (150, 66, 58), (74, 108, 96), (176, 158, 134), (58, 74, 110), (186, 134, 62), (112, 112, 116),
+    (92, 104, 120), (150, 66, 58), (74, 108, 96), (138, 150, 158), (58, 74, 110), (64, 118, 122), (112, 112, 116),
     (128, 92, 118),
 )  # fmt: skip
-LEATHERS: Final[tuple[Colour, ...]] = ((96, 60, 42), (52, 46, 44), (142, 92, 58))
+LEATHERS: Final[tuple[Colour, ...]] = ((58, 88, 80), (62, 80, 108), (150, 74, 58))
 PAINTS: Final[tuple[Colour, ...]] = (
     (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216,
     214),

@@ -30,6 +30,9 @@ def problems(scene: Scene) -> list[str]:
     walkable = WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
+    found += [
+        f"{scene.by_id[a].asset} swings through {scene.by_id[b].asset}" for a, b in sorted(set(swung_through(scene)))
+    ]
     found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walkable)]
     for obj in scene.objects:
         if obj.category in FURNISHED and not _any(walkable.near(*scene.aabb(obj.id), REACH)):
@@ -99,6 +102,30 @@ def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
         pair = [solids.setdefault(k, Manifold.hull_points(hulls[k])) for k in (first, second)]
         if (pair[0] ^ pair[1]).volume() > _SHARED:
             yield int(owners[first]), int(owners[second])
+
+
+def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
+    """Ids of hinged objects and of what their hulls share space with anywhere in their range, the building left out."""
+    owners, hulls = _hulls(scene)
+    others = [(int(owner), hull) for owner, hull in zip(owners, hulls, strict=True)
+              if scene.by_id[owner].category not in STRUCTURE]  # fmt: skip
+    for obj in scene.objects:
+        for leaf in _swept(scene, obj) if obj.joint else ():
+            low, high = leaf.min(axis=0) + 0.001, leaf.max(axis=0) - 0.001
+            for owner, hull in others:
+                near = (hull.min(axis=0) < high).all() and (hull.max(axis=0) > low).all()
+                if near and (Manifold.hull_points(leaf) ^ Manifold.hull_points(hull)).volume() > _SHARED:
+                    yield obj.id, owner
+
+
+def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
+    """Yield the hulls of a hinged object at every five degrees of its range, in the world."""
+    assert obj.joint is not None
+    steps = int(np.ceil(np.degrees(obj.joint.high - obj.joint.low) / 5)) + 1
+    for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
+        place = obj.at(float(angle))
+        for hull in scene.assets[obj.asset].hulls:
+            yield hull.astype(float) @ matrix_from_quaternion(place[3:]).T + place[:3]
 
 
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:

@@ -20,7 +20,7 @@ from humanclaw.tasks import SEATS
 from humanclaw_houses.plan import Layout, draw_plans
 from humanclaw_houses.source import house, layout_of, storeys_of
 from humanclaw_houses.starting import WalkableArea
-from humanclaw_houses.validity import FURNISHED, interpenetrating, problems
+from humanclaw_houses.validity import FURNISHED, interpenetrating, problems, swung_through
 
 SAMPLE = ("0", "2", "12", "20")
 """A straight hall, a living room that the other rooms open from, two storeys, and a hall that turns."""
@@ -137,7 +137,7 @@ def test_a_house_has_between_40_and_400_objects_and_about_a_fifth_can_be_moved(n
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_movable_objects_have_plausible_mass_and_friction(name: str) -> None:
-    movable = [obj for obj in scene(name).objects if obj.movable]
+    movable = [obj for obj in furniture(scene(name)) if obj.movable]
     assert all(0.1 <= obj.mass <= 15 and 0.2 <= obj.friction <= 0.9 for obj in movable)
     assert all(scene(name).assets[obj.asset].hulls for obj in movable)
 
@@ -210,6 +210,61 @@ def test_walls_are_thick_enough_to_stop_a_body(name: str) -> None:
     for wall in scene(name).of_category("wall"):
         for low, high in boxes(scene(name), wall):
             assert min(high[0] - low[0], high[2] - low[2]) >= 0.1 - 1e-4
+
+
+def hinged(whole: Scene) -> list[SceneObject]:
+    return [obj for obj in whole.objects if obj.joint]
+
+
+def test_most_houses_have_doors_and_some_of_them_are_ajar() -> None:
+    angles = [np.degrees(abs(door.state)) for name in SAMPLE for door in hinged(scene(name))]
+    assert len(angles) >= 4
+    assert {bool(angle < 89) for angle in angles} == {True, False}
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_doors_hang_on_hinges_stand_open_and_nothing_stands_where_they_swing(name: str) -> None:
+    whole = scene(name)
+    for door in hinged(whole):
+        assert door.category == "door"
+        assert 70 <= np.degrees(abs(door.state)) <= 90.1
+    assert list(swung_through(whole)) == []
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_a_door_that_is_shut_lies_before_its_doorway(name: str) -> None:
+    """Seen from above its middle is in a gap of a wall, which its sides overlap by no more than 1 cm."""
+    whole = scene(name)
+    walls = [
+        box for wall in whole.of_category("wall") for box in boxes(whole, wall) if box[0][1] < 0.1 + wall.position[1]
+    ]
+    for door in hinged(whole):
+        place = door.at(0.0)
+        low, high = whole.aabb(door.id, place)
+        axis = 0 if high[0] - low[0] > high[2] - low[2] else 2
+        middle, across = (low + high) / 2, 2 - axis
+        nearest = [abs((a + b)[across] / 2 - middle[across]) for a, b in walls]
+        beside = [
+            (a, b) for (a, b), far in zip(walls, nearest, strict=True)
+            if far < 0.13 and (b - a)[across] < 0.13 and a[1] < middle[1] < b[1]
+        ]  # fmt: skip
+        assert beside
+        assert all(not (a[axis] - 0.01 < middle[axis] < b[axis] + 0.01) for a, b in beside), door.asset
+        overlap = [min(high[axis], b[axis]) - max(low[axis], a[axis]) for a, b in beside]
+        assert max(overlap) < 0.011, (door.asset, overlap)
+
+
+def test_what_stands_where_a_door_swings_is_noticed() -> None:
+    whole = scene("0")
+    door, fridge = hinged(whole)[0], whole.of_category("fridge")[0]
+    low, high = whole.aabb(door.id, door.at(door.state / 2))
+    x, _, z = (low + high) / 2
+    broken = Scene(
+        whole.name, whole.assets,
+        (*whole.objects, SceneObject(10_000, fridge.asset, "fridge", (float(x), door.position[1], float(z)))),
+        whole.rooms, whole.start,
+    )  # fmt: skip
+    assert any(f"{door.asset} swings through {fridge.asset}" == problem for problem in problems(broken))
 
 
 # -- validity ----------------------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
 from humanclaw.half_physics import (
     LINK_OF,
     Profile,
+    Swing,
     box_of,
     capsule_frame,
     centre_of_mass,
@@ -32,9 +33,12 @@ looks."""
 _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """How hard contacts are: as hard as MuJoCo makes them."""
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
-MOVABLE: Final = {"contype": 2, "conaffinity": 3, "group": FIXED_GROUP, "margin": _MARGIN}
-_BODY: Final = {"contype": 0, "conaffinity": 3, "group": BODY_GROUP, "margin": _MARGIN}
-"""Everything meets everything but the body itself, and fixed objects one another."""
+MOVABLE: Final = {"contype": 2, "conaffinity": 7, "group": FIXED_GROUP, "margin": _MARGIN}
+HINGED: Final = MOVABLE | {"contype": 4, "conaffinity": 2}
+_BODY: Final = {"contype": 0, "conaffinity": 7, "group": BODY_GROUP, "margin": _MARGIN}
+"""Everything meets everything but the body itself; what is fixed or hangs on a hinge meets nothing else of that."""
+_AHEAD: Final = 0.3
+"""The end of a hinge's range is looked for this far ahead, radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,10 @@ class Model:
     root_dof: int
     movable: Mapping[int, tuple[int, int, Array]]
     """Object id to its first addresses in qpos and qvel, and (3,) its centre of mass in the asset's frame."""
+    hinged: Mapping[int, tuple[int, int, Swing]]
+    """Object id to its addresses in qpos and qvel, and what its angle means."""
+    hinges: NDArray[np.int64]
+    """The numbers of their joints, in that order."""
 
 
 def build(scene: Scene, profile: Profile) -> Model:
@@ -67,15 +75,17 @@ def build(scene: Scene, profile: Profile) -> Model:
     spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC
     spec.memory = 1 << 26
     spec.default.geom.solimp[:] = _IMPEDANCE
+    spec.compiler.degree = False
     _add_body(spec, profile)
-    centres = _Objects(spec, scene).add()
+    objects = _Objects(spec, scene)
+    objects.add()
     try:
         compiled = spec.compile()
     except ValueError as error:
         raise SceneError(
             f"MuJoCo cannot make a model of scene {scene.name!r}: {error}", "Are its hulls flat or empty?"
         ) from error
-    return _addressed(compiled, scene, profile, centres)
+    return _addressed(compiled, scene, profile, objects)
 
 
 def _add_body(spec: Any, profile: Profile) -> None:
@@ -106,51 +116,73 @@ class _Objects:
 
     def __init__(self, spec: Any, scene: Scene) -> None:
         self._spec, self._scene, self._meshes = spec, scene, set[str]()
+        self.centres: dict[int, Array] = {}
+        """Object id to centre of mass in the asset's frame, of those that are free."""
+        self.swings: dict[int, Swing] = {}
 
-    def add(self) -> Mapping[int, Array]:
-        """Add all; object id to centre of mass in the asset's frame for the movable ones."""
-        centres = {}
+    def add(self) -> None:
         for obj in self._scene.objects:
             asset = self._scene.assets[obj.asset]
             if not asset.hulls:
                 continue
-            if obj.movable:
-                centres[obj.id] = self._add_movable(obj, asset)
+            if obj.movable and obj.mass <= 0:
+                told = f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one."
+                raise SceneError(told)
+            if obj.joint:
+                self.swings[obj.id] = self._add_hinged(obj, asset)
+            elif obj.movable:
+                self.centres[obj.id] = self._add_movable(obj, asset)
             else:
                 place = {"pos": obj.position, "quat": wxyz(np.array(obj.rotation)), **_FIXED}
                 self._add_hulls(self._spec.worldbody, obj, asset, np.zeros(3), place)
-        return centres
 
     def _add_movable(self, obj: SceneObject, asset: Asset) -> Array:
-        if obj.mass <= 0:
-            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
         hulls = [hull.astype(float) for hull in asset.hulls]
         centre = centre_of_mass(hulls)
         body = self._spec.worldbody.add_body(name=f"object {obj.id}")
         body.add_freejoint(name=f"object {obj.id}")
-        body.explicitinertial, body.mass, body.ipos = True, obj.mass, [0.0] * 3
-        matrix = inertia(hulls, obj.mass)
-        body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
+        _weigh(body, obj.mass, hulls, np.zeros(3))
         self._add_hulls(body, obj, asset, centre, dict(MOVABLE))
         return centre
+
+    def _add_hinged(self, obj: SceneObject, asset: Asset) -> Swing:
+        """Add an object whose frame is at its hinge."""
+        swing = Swing.of(self._scene, obj)
+        point, joint = np.array(swing.joint.point), swing.joint
+        body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.place(0.0)[3:]))
+        body.add_joint(
+            name=f"object {obj.id}", type=mj.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], limited=True, margin=_AHEAD,
+            range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,
+            solimp_limit=_IMPEDANCE,
+        )  # fmt: skip
+        _weigh(body, obj.mass, [hull.astype(float) for hull in asset.hulls], swing.centre - point)
+        self._add_hulls(body, obj, asset, point, dict(HINGED))
+        return swing
 
     def _add_hulls(self, body: Any, obj: SceneObject, asset: Asset, centre: Array, facts: dict[str, Any]) -> None:
         for number, hull in enumerate(asset.hulls):
             name = f"{obj.id} {number}"
             box = box_of(hull.astype(float) - centre)
             if box is None:
-                mesh = self._mesh(asset, number, hull.astype(float) - centre, obj.movable)
+                kind = f"{'movable' if obj.movable else 'fixed'} {centre.tolist() if obj.joint else ''}"
+                mesh = self._mesh(f"{asset.name} {number} {kind}", hull.astype(float) - centre)
                 body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_MESH, meshname=mesh, **facts)
             else:
                 body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=box[1], **_moved(facts, box[0]))
 
-    def _mesh(self, asset: Asset, number: int, hull: Array, movable: bool) -> str:
-        name = f"{asset.name} {number} {'movable' if movable else 'fixed'}"
+    def _mesh(self, name: str, hull: Array) -> str:
         if name not in self._meshes:
             mesh = self._spec.add_mesh(name=name)
             mesh.uservert = hull.ravel()
             self._meshes.add(name)
         return name
+
+
+def _weigh(body: Any, mass: float, hulls: Sequence[Array], centre: Array) -> None:
+    """Give a MuJoCo body its mass, with the centre there in its frame."""
+    matrix = inertia(hulls, mass)
+    body.explicitinertial, body.mass, body.ipos = True, mass, centre
+    body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
 
 
 def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
@@ -160,7 +192,7 @@ def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
     return facts | {"pos": np.array(facts.get("pos", np.zeros(3))) + turned}
 
 
-def _addressed(compiled: Any, scene: Scene, profile: Profile, centres: Mapping[int, Array]) -> Model:
+def _addressed(compiled: Any, scene: Scene, profile: Profile, added: _Objects) -> Model:
     names = [compiled.geom(k).name for k in range(compiled.ngeom)]
     joints = np.array([JOINTS.index(name) if name in JOINTS else -1 for name in names])
     objects = np.array([0 if name in JOINTS else int(name.split()[0]) for name in names])
@@ -169,11 +201,13 @@ def _addressed(compiled: Any, scene: Scene, profile: Profile, centres: Mapping[i
     numbers = [compiled.joint(name).id for name in JOINTS]
     turns = np.array([[at[k] + i for i in (1, 2, 3, 0)] for k in numbers[1:]])
     spins = np.array([[dof[k] + i for i in range(3)] for k in numbers[1:]])
-    movable = {}
-    for key, centre in centres.items():
-        number = compiled.joint(f"object {key}").id
-        movable[key] = (int(at[number]), int(dof[number]), centre)
-    return Model(compiled, joints, objects, friction, turns, spins, int(at[numbers[0]]), int(dof[numbers[0]]), movable)
+    hung = {key: compiled.joint(f"object {key}").id for key in (*added.centres, *added.swings)}
+    movable = {key: (int(at[hung[key]]), int(dof[hung[key]]), centre) for key, centre in added.centres.items()}
+    hinged = {key: (int(at[hung[key]]), int(dof[hung[key]]), swing) for key, swing in added.swings.items()}
+    return Model(
+        compiled, joints, objects, friction, turns, spins, int(at[numbers[0]]), int(dof[numbers[0]]), movable, hinged,
+        np.array([hung[key] for key in hinged], int),
+    )  # fmt: skip
 
 
 def wxyz(quaternion: Array) -> Sequence[float]:

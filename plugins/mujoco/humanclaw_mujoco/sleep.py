@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.pose import Array
-from humanclaw_mujoco.model import MOVABLE, Model
+from humanclaw_mujoco.model import HINGED, MOVABLE, Model
 
 _LULLED: Final = 0.1
 """Speed below which an object that has been given time to settle counts as still, m/s and rad/s."""
@@ -27,9 +27,10 @@ class Sleep:
     def __init__(self, model: Model) -> None:
         """All are awake."""
         self._affinity = model.mj.geom_conaffinity
-        keys = list(model.movable)
+        keys = [*model.movable, *model.hinged]
         places = {key: place for place, key in enumerate(keys)}
-        self._dofs = np.array([[model.movable[key][1] + k for k in range(6)] for key in keys], int).reshape(-1, 6)
+        free = [[dof + k for k in range(6)] for _, dof, _ in model.movable.values()]
+        self._dofs = np.array([*free, *([dof] * 6 for _, dof, _ in model.hinged.values())], int).reshape(-1, 6)
         self._place_of = np.array([places.get(key, len(keys)) for key in model.object_of.tolist()])
         """Geom to the place of its movable object; one past the last for what is fixed and for the body."""
         self._body = model.joint_of >= 0
@@ -37,6 +38,8 @@ class Sleep:
         self._slow = np.zeros(len(keys), int)
         self._woken = np.zeros(len(keys), bool)
         self._geoms = np.flatnonzero(self._place_of < len(keys))
+        hinged = self._place_of[self._geoms] >= len(model.movable)
+        self._meets = np.where(hinged, HINGED["conaffinity"], MOVABLE["conaffinity"])
         self._let_meet()
 
     def lull(self, data: Any) -> None:
@@ -83,7 +86,7 @@ class Sleep:
     def _let_meet(self) -> None:
         """Sleepers meet neither what is fixed nor one another."""
         asleep = self._asleep[self._place_of[self._geoms]]
-        self._affinity[self._geoms] = np.where(asleep, 0, MOVABLE["conaffinity"])
+        self._affinity[self._geoms] = np.where(asleep, 0, self._meets)
 
     def _speeds(self, data: Any) -> Array:
         return np.asarray(np.abs(data.qvel[self._dofs]).max(axis=1, initial=0.0))

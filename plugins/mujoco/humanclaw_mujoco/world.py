@@ -43,6 +43,8 @@ class MujocoWorld:
             place = self._still[key]
             self._d.qpos[at : at + 3] = place[:3] + matrix_from_quaternion(place[3:]) @ centre
             self._d.qpos[at + 3 : at + 7] = place[3:][_WXYZ]
+        for at, _, swing in model.hinged.values():
+            self._d.qpos[at] = swing.obj.state
         self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
         self.bend(pose.quaternions[1:], np.zeros((len(model.spins), 3)))
 
@@ -73,6 +75,7 @@ class MujocoWorld:
         self._harden(seconds)
         self._sleep.arrange(d)
         mj.mj_makeConstraint(m, d)
+        d.efc_margin[d.efc_type == mj.mjtConstraint.mjCNSTR_LIMIT_JOINT] = 0.0
         mj.mj_island(m, d)
         mj.mj_projectConstraint(m, d)
         mj.mj_fwdVelocity(m, d)
@@ -104,6 +107,15 @@ class MujocoWorld:
         contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
         contact.solref[:, 1] = -1 / seconds
         contact.friction[:, :2] = self._model.friction[contact.geom].prod(axis=1)[:, None]
+        self._harden_stops(seconds)
+
+    def _harden_stops(self, seconds: float) -> None:
+        """Let the end of a hinge's range allow the turn that reaches it in this step."""
+        m, hinges = self._m, self._model.hinges
+        left = np.abs(m.jnt_range[hinges] - self._d.qpos[m.jnt_qposadr[hinges], None]).min(axis=1)
+        within = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]).prod(axis=0) <= 0
+        m.jnt_solref[hinges, 0] = -np.where(within & (left > 0), 1.0, _RECOVERY) / seconds**2
+        m.jnt_solref[hinges, 1] = -1 / seconds
 
     def _let_fall(self) -> None:
         """Without contacts the body's velocity changes by gravity alone: its limbs move as they are told and have no
@@ -149,11 +161,18 @@ class MujocoWorld:
         return float(above[1] + share * (below[1] - above[1]))
 
     def motion(self, object_id: int) -> ObjectMotion:
+        if object_id in self._model.hinged:
+            angle_at, speed_at, swing = self._model.hinged[object_id]
+            return swing.motion(float(self._d.qpos[angle_at]), float(self._d.qvel[speed_at]))
         at, dof, _ = self._model.movable[object_id]
         qpos = self._d.qpos
         return ObjectMotion(qpos[at : at + 3].copy(), qpos[at + 3 : at + 7][_XYZW], *self._moving(at, dof))
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
+        if object_id in self._model.hinged:
+            angle_at, speed_at, swing = self._model.hinged[object_id]
+            self._d.qpos[angle_at], self._d.qvel[speed_at] = swing.angle(motion.quaternion), motion.spin[1]
+            return
         at, dof, _ = self._model.movable[object_id]
         self._put(at, motion.position, motion.quaternion)
         self._set_moving(at, dof, motion.velocity, motion.spin)
@@ -167,6 +186,8 @@ class MujocoWorld:
             turn = poses[:, 3:][:, _XYZW]
             corner = poses[:, :3] - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
             found.update(zip(self._model.movable, np.concatenate([corner, turn], axis=1), strict=True))
+        for key, (angle_at, _, swing) in self._model.hinged.items():
+            found[key] = swing.place(float(self._d.qpos[angle_at]))
         return found
 
     def settled(self) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
-from humanclaw_houses.shapes import Ring, Shape, box, loft, post, soft_box
+from humanclaw_houses.shapes import Chart, Shape, box, pillow, post, sheet, soft_box
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
@@ -21,26 +24,43 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
             m.add(
                 post(0.03, gap + 0.02, (side * (width / 2 - 0.08), 0, 0.03 + z * (length / 2 - 0.1))), style.second_wood
             )
-    m.add(soft_box((width - 0.02, 0.2, length - 0.02), (0, seat - 0.23, 0.03), 0.05), style.linen)
-    cover = style.fabric()
-    m.add(soft_box((width + 0.03, 0.2, 1.36), (0, seat - 0.2, length / 2 - 0.65), 0.05), cover)
-    m.add(soft_box((width + 0.035, 0.075, 0.3), (0, seat - 0.068, z0 + 0.66), 0.034), style.linen)
+    m.add(soft_box((width - 0.05, 0.2, length - 0.05), (0, seat - 0.23, 0.025), 0.06), style.linen)
+    cover = t.pastel(style.fabric())
+    foot = length / 2 + 0.03
+    m.add(_drape(width + 0.012, foot - 1.36, foot, seat, 0.19), cover)
+    m.add(_drape(width + 0.016, z0 + 0.5, z0 + 0.84, seat + 0.012, 0.19, hem=False), style.linen)
     count = 2 if double else 1
     for k in range(count):
-        x = (k - (count - 1) / 2) * width * 0.46
-        m.add(
-            _pillow(min(0.66, width * 0.43 if double else 0.6), 0.4).moved((x, seat - 0.04, z0 + 0.28), (14, 0, 0)),
-            style.linen,
-        )
+        x = (k - (count - 1) / 2) * width * 0.47
+        case = pillow((min(0.72, width * 0.46) if double else 0.66, 0.19, 0.46))
+        m.add(case.moved((x, seat + 0.05, z0 + 0.28), (32, 0, 0)), style.linen)
     _headboard(m, frame, int(style.rng.integers(3)), width + 0.04, board, -length / 2)
     m.solid((width + 0.02, seat - gap, length), (0, gap, 0.03))
     m.solid((width + 0.04, board, 0.07), (0, 0, -length / 2 + 0.0))
     return m.piece(name, "bed", seat=seat)
 
 
-def _pillow(width: float, depth: float) -> Shape:
-    rings = [(0.0, 0.8), (0.015, 0.93), (0.05, 1.0), (0.085, 0.93), (0.115, 0.7), (0.13, 0.35)]
-    return loft([Ring(y, width / 2 * s, depth / 2 * s, 4.0) for y, s in rings], 12)
+def _drape(width: float, z0: float, z1: float, top: float, drop: float, hem: bool = True) -> Shape:
+    """Return a blanket over a mattress from z0 to z1, in folds where it hangs; hem: it hangs over the foot too."""
+    grid = sheet((-1, 0, 0), (2, 0, 0), (0, 0, -1), (16, 12))
+    across, along = grid.vertices[:, 0], 1 + grid.vertices[:, 2]
+    (out, down), z = _over(np.abs(across), width / 2, drop), z0 + (z1 - z0) * along
+    if hem:
+        ahead, fallen = _over(along, z1 - z0, drop)
+        z, down = z0 + ahead, np.maximum(down, fallen)
+    x = np.sign(across) * (out + 0.006 * down / drop * (1 + np.sin(17 * z + 5 * np.sign(across))))
+    crease = 0.005 * (np.sin(9 * x + 7 * z) + np.sin(13 * x - 11 * z) - 2)
+    points = np.stack([x, top + crease - down * (1 + 0.04 * np.sin(8 * z + 3 * x)), z], -1)
+    return Shape((Chart(points, grid.faces, grid.uv * [width / 2 + drop, z1 - z0 + drop]),))
+
+
+def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.ndarray]:
+    """How far out and how far down a cloth lies that goes over a rounded edge at `reach`."""
+    gone = share * (reach + drop * 0.9) - (reach - 0.07)
+    bent = np.clip(gone / 0.11, 0.0, 1.0) * np.pi / 2
+    out = reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent))
+    down = 0.07 * (1 - np.cos(bent)) + np.clip(gone - 0.11, 0, None)
+    return out, down
 
 
 def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
-from humanclaw_houses.shapes import Shape, box, post, sheet
+from humanclaw_houses.shapes import Shape, box, sheet
 from humanclaw_houses.style import Style
 
 
@@ -13,7 +13,7 @@ def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
     m.add(box((width * 0.55, height * 0.5, 0.03), (0, y + 0.06, z - 0.06)), style.black)
-    glass = sheet((-width / 2 + 0.018, y + 0.032, z + 0.002), (width - 0.036, 0, 0), (0, height - 0.05, 0))
+    glass = sheet((-width / 2 + 0.03, y + 0.048, z + 0.002), (width - 0.06, 0, 0), (0, height - 0.078, 0))
     m.add(Shape((glass,)), t.screen(style.rng, on=True))
     m.add(box((0.07, 0.008, 0.004), (0, y + 0.01, z)), style.steel)
     return height
@@ -37,12 +37,18 @@ def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
 
 
 def floor_tv(style: Style, name: str, width: float = 1.1) -> Piece:
-    """Return a television on a mast with a round plate on the floor."""
-    m = Model()
-    _panel(m, style, width, 0.7, 0.03)
-    m.add(post(0.03, 1.0, (0, 0.02, -0.05)), style.steel)
-    m.add(post(0.24, 0.02, (0, 0, -0.03), segments=20), style.black)
-    m.solid((0.06, 0.75, 0.06), (0, 0, -0.05))
+    """Return a television on a low cabinet of its own, for a bedroom."""
+    m, high = Model(), 0.5
+    m.box((width - 0.02, high - 0.1, 0.45), (0, 0.1, -0.03), style.wood)
+    for x in (-1, 1):
+        for z in (-1, 1):
+            m.add(box((0.04, 0.1, 0.04), (x * (width / 2 - 0.06), 0, z * 0.18 - 0.03), "tb"), style.black)
+        m.add(box((width / 2 - 0.03, high - 0.14, 0.016), (x * width / 4, 0.12, 0.198), "k"), style.wood)
+        m.add(box((0.1, 0.012, 0.012), (x * width / 4, high - 0.1, 0.208), "k"), style.steel)
+    m.add(box((width, 0.02, 0.48), (0, high, -0.03)), style.wood)
+    m.add(box((width * 0.42, 0.014, 0.2), (0, high + 0.02, 0.0)), style.black)
+    m.add(box((0.09, 0.08, 0.03), (0, high + 0.03, 0.0)), style.black)
+    _panel(m, style, width, high + 0.08, 0.06)
     return m.piece(name, "tv")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
-from humanclaw_houses.shapes import ball, box, post, soft_box, tube
+from humanclaw_houses.shapes import ball, box, pillow, post, soft_box, tube
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
@@ -98,31 +98,47 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
 
 def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
     """Add the frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
-    m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.02), (0, cut.leg, cut.middle - 0.01)), cover)
-    z = (cut.BACK_DEPTH - cut.depth) / 2
-    width = cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02
-    m.add(soft_box((width, cut.back - cut.leg, cut.BACK_DEPTH), (0, cut.leg, z), 0.06), cover)
-    radius = 0.02 if kind == "boxy" else 0.045
+    shade = t.darker(cover, 0.55)
+    m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.03), (0, cut.leg, cut.middle - 0.015)), cover)
+    m.add(box((cut.inner, 0.09, cut.reach - 0.04), (0, cut.seat - 0.13, cut.middle - 0.02), "b"), shade)
+    _back(m, cut, cover, kind)
+    radius = 0.025 if kind == "boxy" else 0.045
     for x in cut.seat_x():
-        m.add(
-            soft_box((cut.per_seat - 0.012, 0.128, cut.reach), (x, cut.seat - 0.14, cut.middle), radius, 0.012), cover
-        )
+        m.add(soft_box((cut.per_seat - 0.016, 0.11, cut.reach), (x, cut.seat - 0.13, cut.middle), radius, 0.02), cover)
         if kind == "buttoned":
             _buttons(m, cut, cover, x)
         else:
-            pad = soft_box(
-                (cut.per_seat - 0.02, cut.back - cut.seat + 0.06, 0.15), radius=0.03 if kind == "boxy" else 0.065
-            )
-            m.add(pad.moved((x, cut.seat - 0.02, cut.BACK_DEPTH - cut.depth / 2 + 0.045), (-9, 0, 0)), cover)
+            pad = pillow((cut.per_seat + 0.01, 0.24, cut.back - cut.seat + 0.05), pinch=0.03)
+            z = cut.BACK_DEPTH - cut.depth / 2
+            m.add(pad.moved((x, (cut.seat + cut.back) / 2 + 0.01, z - 0.11), (78, 0, 0)), cover)
+
+
+def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+    """Add the upright behind the seats, upholstered in a panel for each of them, over a rail that is sewn on."""
+    z, depth = (cut.BACK_DEPTH - cut.depth) / 2, cut.BACK_DEPTH
+    width, high = (cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02), cut.back - cut.leg
+    if kind == "buttoned":
+        m.add(soft_box((width, high, depth), (0, cut.leg, z), 0.06), cover)
+        return
+    m.add(soft_box((width, high - 0.07, depth - 0.04), (0, cut.leg, z - 0.01), 0.06), cover)
+    for x in cut.seat_x():
+        m.add(
+            soft_box(
+                (width / cut.seats - 0.016, high - 0.19, 0.06),
+                (x * width / cut.inner, cut.leg + 0.1, -cut.depth / 2 + 0.03),
+                0.028,
+            ),
+            cover,
+        )
 
 
 def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
-    """One in each corner of a couch, one at most on an armchair; they give way to who sits down."""
-    tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.16
-    out = cut.inner / 2 - 0.24
+    """Two in the corners of a couch, one at most on an armchair; they give way to who sits down."""
+    tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
+    out = cut.inner / 2 - 0.22
     for x in (-out, out) if cut.seats > 1 else (0.0,) if style.chance(0.4) else ():
-        pad = soft_box((0.42, 0.38, 0.13), radius=0.06)
-        m.add(pad.moved((x, cut.seat - 0.02, z), (-20, -14 * np.sign(x), 0)), tile)
+        pad = pillow((0.46, 0.17, 0.46)).moved((0.0, -0.085, 0.0)).moved(turn=(66, -14 * np.sign(x), 0))
+        m.add(pad.moved((x, cut.seat + 0.2, z)), tile)
 
 
 def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
@@ -163,10 +179,13 @@ def dining_chair(style: Style, name: str) -> Piece:
         style.between(0.84, 0.94),
     )
     kind = int(style.rng.integers(3))
-    _legs(m, frame, w, d, seat - 0.04, 0.036)
-    m.box((w, 0.04, d), (0, seat - 0.04, 0), frame, solid=False)
+    _legs(m, frame, w, d, seat - 0.03, 0.04)
+    m.add(box((w - 0.05, 0.06, d - 0.05), (0, seat - 0.09, 0), "t"), frame)
+    for x in (-1, 1):
+        m.add(box((0.02, 0.03, d - 0.06), (x * (w / 2 - 0.02), 0.2, 0)), frame)
+    m.box((w, 0.03, d), (0, seat - 0.03, 0), frame, solid=False)
     if kind != 1:
-        m.add(soft_box((w - 0.02, 0.035, d - 0.03), (0, seat - 0.022, 0.01), 0.016), style.second_cloth)
+        m.add(soft_box((w - 0.01, 0.05, d - 0.05), (0, seat - 0.025, 0.02), 0.022), style.second_cloth)
     m.solid((w, 0.045, d), (0, seat - 0.04, 0))
     _chair_back(m, style, frame, kind, w, d, seat, back)
     m.solid((w, back - seat - 0.01, 0.045), (0, seat + 0.01, -d / 2 + 0.02))
@@ -182,14 +201,14 @@ def _legs(m: Model, tile: Tile, width: float, depth: float, height: float, thick
 def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: float, seat: float, back: float) -> None:
     z, rise = -d / 2 + 0.02, back - seat
     for x in (-1, 1):
-        m.add(box((0.034, rise, 0.034), (x * (w - 0.034) / 2, seat, z)), frame)
-    m.add(soft_box((w, 0.09, 0.03), (0, back - 0.09, z), 0.012), frame)
+        m.add(box((0.04, rise, 0.036), (x * (w - 0.04) / 2, seat, z)), frame)
+    m.add(soft_box((w, 0.09, 0.034), (0, back - 0.09, z), 0.014), frame)
     if kind == 0:
         for k in range(5):
-            m.add(box((0.025, rise - 0.08, 0.015), ((k - 2) * (w - 0.1) / 4.6, seat, z)), frame)
+            m.add(box((0.03, rise - 0.08, 0.018), ((k - 2) * (w - 0.1) / 4.6, seat, z)), frame)
     elif kind == 1:
         for k in range(3):
-            m.add(box((w - 0.05, 0.045, 0.016), (0, seat + 0.08 + k * (rise - 0.16) / 3, z)), frame)
+            m.add(box((w - 0.05, 0.06, 0.02), (0, seat + 0.07 + k * (rise - 0.16) / 3, z)), frame)
     else:
         m.add(soft_box((w - 0.06, rise - 0.14, 0.045), (0, seat + 0.06, z + 0.01), 0.02), style.second_cloth)
 

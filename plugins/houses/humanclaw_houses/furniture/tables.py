@@ -22,7 +22,7 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
 
 
 def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
-    """Return a table for two, four or six; a round one for four at times."""
+    """Return a table for two, four, six or eight; a round one for four at times."""
     m = Model()
     tile = style.choice(style.wood, style.wood, style.second_wood)
     if seats == 4 and style.chance(0.3):
@@ -33,7 +33,8 @@ def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
         m.solid((0.12, 0.66, 0.12), (0, 0.05, 0))
         m.top(1.3 * r, 1.3 * r, 0.75)
     else:
-        w = {2: style.between(0.75, 0.85), 4: style.between(1.2, 1.35), 6: style.between(1.6, 1.8)}[seats]
+        lengths = {2: style.between(0.75, 0.85), 4: style.between(1.2, 1.35), 6: style.between(1.6, 1.8)}
+        w = style.between(2.2, 2.4) if seats == 8 else lengths[seats]
         _table(m, style, (w, 0.75, style.between(0.78, 0.9)), tile)
     return m.piece(name, "table")
 
