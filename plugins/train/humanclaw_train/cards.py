@@ -20,8 +20,8 @@ from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
-from humanclaw_train.naturalness import FIRST_BODIES, NaturalnessReport, skills_table
 from humanclaw_train.naturalness import REPORT as NATURALNESS
+from humanclaw_train.naturalness import FirstSteps, NaturalnessReport, skills_table
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
 from humanclaw_train.travel import uncommanded_table
@@ -98,7 +98,6 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "besides": uncommanded_table({row.skill: row.uncommanded}) if row and row.uncommanded else "",
         "likeness": _likeness(header, checkpoint, naturalness),
         "first_steps": _first_steps(header, naturalness),
-        "first_bodies": FIRST_BODIES,
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
@@ -122,7 +121,7 @@ def _likeness(header: Mapping[str, Any], checkpoint: Path, report: NaturalnessRe
     return skills_table(rows) if rows else ""
 
 
-def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> tuple[float, float, float] | None:
+def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> FirstSteps | None:
     return report.first_steps.get(header["adapter"]["skill"]) if report and "base" in header else None
 
 

@@ -314,30 +314,54 @@ def generated_gaits(
     return {name: gaits for name, gaits in found.items() if gaits}
 
 
-FIRST_BODIES: Final = 400
-"""Bodies whose first steps are measured; cards tell how many."""
+FIRST_BODIES: Final = 1200
+"""Bodies whose first steps are measured: a 99th percentile rests on a hundredth of them."""
+GLIDES: Final = 2.0
+"""A first step in which both toes slide further than this glides, cm."""
+
+
+@dataclass(frozen=True)
+class FirstSteps:
+    """How far the slower toe slides in first chunks from standing, cm."""
+
+    bodies: int
+    p95: float
+    p99: float
+    most: float
+    gliding: int
+    """Bodies that glide."""
+
+    @classmethod
+    def of(cls, slides: Array) -> FirstSteps:
+        """slides: (bodies,) cm."""
+        p95, p99 = (float(np.percentile(slides, share)) for share in (95, 99))
+        return cls(len(slides), p95, p99, float(slides.max()), int((slides > GLIDES).sum()))
 
 
 def first_steps(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = FIRST_BODIES, seed: int = 0
-) -> dict[str, tuple[float, float, float]]:
-    """Skill to the slide of the slower toe in first chunks from standing, cm: 95th and 99th percentile, and most."""
+) -> dict[str, FirstSteps]:
+    """Return what the first steps of each skill are like, over the whole ranges of its schema."""
     found = {}
     for command in commands:
         motions = [generator.start() for _ in range(bodies)]
         values = _first_commands(command, bodies, np.random.default_rng(seed))
         extend(generator, command, motions, np.arange(bodies), values, (seed, 13))
-        slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
-        found[command.skill] = (float(np.percentile(slides, 95)), float(np.percentile(slides, 99)), float(slides.max()))
+        slides = [measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions]
+        found[command.skill] = FirstSteps.of(np.array(slides))
     return found
 
 
 def _first_commands(command: Command, bodies: int, random: np.random.Generator) -> Array:
-    """(bodies, k) over the whole range, small ones too; every other one straight: whatever can be nought but what the
-    skill is for is nought. That is what is called most, and where either foot might go first."""
-    values = random.uniform(command.low, command.high, (bodies, len(command.low)))
-    idle = (command.low <= 0) & (command.high >= 0)
-    idle[command.primary : command.primary + 1] = False
+    """(bodies, k) over the whole range. Every other one is straight: whatever can be nought but what the skill is for
+    is nought; that is what is called most, and where either foot might go first. Every third is small: of what the
+    skill is for, from the lowest fifth of the range."""
+    low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
+    values = random.uniform(low, high, (bodies, len(low)))
+    least = np.clip(0.0, low, high)
+    for primary in range(command.primary, min(command.primary + 1, len(low))):
+        values[::3, primary] = least[primary] + 0.2 * (values[::3, primary] - least[primary])
+    idle = (least == 0) & (np.arange(len(low)) != command.primary)
     values[::2, idle] = 0.0
     return values
 
@@ -462,8 +486,7 @@ class NaturalnessReport:
     adapters: Mapping[str, str]
     """Skill to the digest of its adapter's file."""
     rows: tuple[NaturalnessRow, ...]
-    first_steps: Mapping[str, tuple[float, float, float]]
-    """As first_steps has it."""
+    first_steps: Mapping[str, FirstSteps]
 
     @classmethod
     def load(cls, path: Path) -> NaturalnessReport:
@@ -471,7 +494,8 @@ class NaturalnessReport:
         try:
             content = json.loads(path.read_text("utf-8"))
             rows = tuple(NaturalnessRow(**numbers(row)) for row in content["rows"])
-            return cls(**content | {"rows": rows})
+            first = {skill: FirstSteps(**one) for skill, one in content["first_steps"].items()}
+            return cls(**content | {"rows": rows, "first_steps": first})
         except (OSError, ValueError, KeyError, TypeError) as error:
             hint = f"Measure with: humanclaw naturalness --chunks CHUNKS --save {path}"
             raise CheckpointError(f"{path} holds no naturalness report ({error}).", hint) from error
@@ -532,9 +556,13 @@ def drift_line(found: Drift) -> str:
     )
 
 
-def first_steps_table(found: Mapping[str, tuple[float, float, float]]) -> str:
-    rows = [(skill, *(cell(value, 2) for value in values)) for skill, values in found.items()]
-    return table(("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most"), rows)
+def first_steps_table(found: Mapping[str, FirstSteps]) -> str:
+    rows = [
+        (skill, *(cell(value, 2) for value in (one.p95, one.p99, one.most)), f"{one.gliding} of {one.bodies}")
+        for skill, one in found.items()
+    ]
+    heads = ("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most", f"over {GLIDES:g} cm")
+    return table(heads, rows)
 
 
 def transitions_table(found: Transitions) -> str:

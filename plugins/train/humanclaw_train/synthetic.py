@@ -18,7 +18,6 @@ from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
 from humanclaw_train.synthesis import SECONDS, play
 
-
 LENGTHS: Final = (16, 4)
 """Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are
 seen to do most."""

@@ -15,6 +15,7 @@ from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     PRIOR,
     SEQUENCES,
+    FirstSteps,
     NaturalnessReport,
     agreement,
     first_steps,
@@ -110,7 +111,9 @@ def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generato
 
 
 def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
-    assert first_steps(generator, commands[:1], bodies=3) == {"walk": pytest.approx((0, 0, 0), abs=1e-3)}
+    found = first_steps(generator, commands[:1], bodies=3)["walk"]
+    assert (found.bodies, found.gliding) == (3, 0)
+    assert found.most == pytest.approx(0, abs=1e-3)
     assert walker(commands) is commands[0]
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
@@ -127,8 +130,14 @@ def test_first_steps_are_asked_for_straight_ahead_too_and_by_little(generator, c
     first_steps(generator, commands[:1], bodies=40)
     straight = [row["x"] == row["yaw"] == 0 for row in asked]
     assert straight == [True, False] * 20
-    most = max(row["z"] for row in asked)
-    assert min(row["z"] for row in asked) < 0.2 * most
+    assert all(0 <= row["z"] <= 0.16 for row in asked[::3])  # of 80 cm
+    assert max(row["z"] for row in asked) > 0.7
+
+
+def test_who_slides_over_two_centimetres_glides():
+    found = FirstSteps.of(np.arange(100.0) / 25)  # 0 to 3.96 cm
+    assert (found.bodies, found.gliding) == (100, 49)
+    assert (found.p95, found.p99, found.most) == pytest.approx((3.762, 3.9204, 3.96))
 
 
 def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands):
