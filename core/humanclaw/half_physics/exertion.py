@@ -48,7 +48,9 @@ class Exertion:
 
     def look(self, root: Array, objects: Mapping[int, Array]) -> None:
         """Find what is near enough to be pushed in the coming frame."""
-        self._near = tuple(key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < self._reach[key])
+        self._near = tuple(
+            key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < self._reach[key]
+        )
 
     def brace(self) -> None:
         """Remember how everything near moves, before a step."""

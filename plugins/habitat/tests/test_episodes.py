@@ -282,5 +282,6 @@ def test_a_number_that_is_none_costs_its_episode_and_not_the_split(dataset: Path
     good, bad = episode(7, "couch", [2, 0.1, 2], BACK), episode(8, "couch", [2, 0.1, 2], BACK) | wrong
     result, specs = made(dataset, tmp_path, good, bad, flags=("--skip",))
     assert result.exit_code == 1
-    assert "episode 8" in result.output and "finite" in result.output
+    assert "episode 8" in result.output
+    assert "finite" in result.output
     assert [spec.id for spec in specs] == ["toy1-couch-7"]
