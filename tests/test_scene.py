@@ -71,7 +71,27 @@ def test_a_door_that_leans_is_refused():
         replace(hung(), rotation=(0.3, 0.0, 0.0, 0.954))
 
 
-@pytest.mark.parametrize("broken", [{"low": 1.6}, {"high": 7.0}, {"high": float("nan")}, {"friction": -1.0}])
+@pytest.mark.parametrize(
+    "broken", [{"low": 1.6}, {"high": 7.0}, {"high": float("nan")}, {"friction": -1.0}, {"point": (0.0, 0.0)}]
+)
 def test_a_hinge_without_a_range_or_with_impossible_numbers_is_refused(broken):
     with pytest.raises(SceneError, match="hinge"):
         replace(HINGE, **broken)
+
+
+@pytest.mark.parametrize(
+    ("facts", "told"),
+    [
+        ({"mass": float("nan")}, "finite"),
+        ({"mass": float("inf")}, "finite"),
+        ({"friction": float("nan")}, "finite"),
+        ({"friction": -0.5}, "no negative friction"),
+        ({"position": (0.0, float("nan"), 0.0)}, "finite"),
+        ({"rotation": (0.0, 0.0, 0.0, 0.0)}, "unit quaternion"),
+        ({"rotation": (0.0, 2.0, 0.0, 2.0)}, "unit quaternion"),
+    ],
+)
+def test_an_object_of_impossible_numbers_is_refused_where_it_is_made(facts, told):
+    with pytest.raises(SceneError, match=told) as refused:
+        replace(hung(), **facts)
+    assert "object 1 (door)" in str(refused.value)

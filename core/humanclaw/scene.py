@@ -93,7 +93,7 @@ class Hinge:
 
     def __post_init__(self) -> None:
         numbers = (*self.point, self.low, self.high, self.friction, self.damping)
-        if not np.isfinite(numbers).all() or min(self.friction, self.damping) < 0:
+        if len(self.point) != 3 or not np.isfinite(numbers).all() or min(self.friction, self.damping) < 0:
             raise SceneError(
                 f"a hinge needs finite numbers, and no negative friction or damping; got {numbers}.",
                 "Give its point in metres and its range in radians.",
@@ -127,6 +127,12 @@ class SceneObject:
     read with a joint."""
 
     def __post_init__(self) -> None:
+        numbers = (*self.position, *self.rotation, self.mass, self.friction)
+        if not np.isfinite(numbers).all() or self.friction < 0:
+            told = f"has position, rotation, mass and friction {numbers}"
+            raise self._wrong(told, "Give finite numbers and no negative friction.")
+        if abs(np.linalg.norm(self.rotation) - 1) > 0.01:
+            raise self._wrong(f"is turned by {self.rotation}", "Give a unit quaternion x, y, z, w.")
         if self.joint is None:
             if self.state:
                 raise self._wrong(f"has the state {self.state:g} and no joint", "Give it a joint, or no state.")

@@ -25,7 +25,8 @@ from humanclaw.scene import Scene
 GROUND_FRICTION: Final = 0.5
 """Of what objects stand on: a scene's floors."""
 _NEAR: Final = 3.0
-"""Objects further than this from the hips are not within reach of a push, nor of one that is handed on, metres."""
+"""Objects whose nearest part is further than this from the hips are not within reach of a push, nor of one that is
+handed on, metres."""
 _LEAST_LEVER: Final = 0.02
 """A push that passes the hinge nearer than this turns nothing, metres."""
 
@@ -40,13 +41,16 @@ class Exertion:
         self._mass = {key: obj.mass for key, obj in moving.items()}
         self._held = {key: GROUND_FRICTION * obj.friction * obj.mass * profile.gravity for key, obj in moving.items()}
         self._radius = {key: _gyration(scene, key) for key in moving}
+        self._reach = {key: _NEAR + _extent(scene, key) for key in moving}
         self._swings, self._levers = swings(scene), dict[int, float]()
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}
 
     def look(self, root: Array, objects: Mapping[int, Array]) -> None:
         """Find what is near enough to be pushed in the coming frame."""
-        self._near = tuple(key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < _NEAR)
+        self._near = tuple(
+            key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < self._reach[key]
+        )
 
     def brace(self) -> None:
         """Remember how everything near moves, before a step."""
@@ -81,8 +85,11 @@ class Exertion:
         return self._mass[key] * float(gain) if faster else 0.0
 
     def _holding(self, key: int) -> float:
-        """Force that friction takes from a push, newtons."""
-        return self._swings[key].joint.friction / self._levers[key] if key in self._swings else self._held[key]
+        """Force that friction takes from a push, and a hinge's damping from one as fast as before, newtons."""
+        if key not in self._swings:
+            return self._held[key]
+        joint, spin = self._swings[key].joint, abs(float(self._before[key].spin[1]))
+        return (joint.friction + joint.damping * spin) / self._levers[key]
 
     def _lever(self, key: int, touches: Sequence[Touch], after: ObjectMotion) -> float:
         """Return the longest arm that the body has on a hinged object, metres; its centre's where something else pushes
@@ -156,6 +163,11 @@ def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], sec
 
 def _longer(a: Array, b: Array) -> Array:
     return b if b @ b > a @ a else a
+
+
+def _extent(scene: Scene, key: int) -> float:
+    """How far an object's farthest point is from the origin of its asset, metres."""
+    return float(np.linalg.norm(np.concatenate(scene.assets[scene.by_id[key].asset].hulls), axis=1).max())
 
 
 def _gyration(scene: Scene, key: int) -> float:

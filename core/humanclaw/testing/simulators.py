@@ -8,6 +8,7 @@ class TestMyEngine(SimulatorConformance):
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -117,6 +118,25 @@ class SimulatorConformance:
         played = self.play(builder.scene(), glide(0.0, 1.0, 60))
         assert played.simulated.root[-1, 2] < 0.35
         assert max(contact.depth for contact in played.touched(box)) < 0.015
+
+    def test_the_far_end_of_a_long_thing_weighs_as_much_as_its_middle(self) -> None:
+        """A beam of 8 m whose middle is out of reach; friction holds it with 1,226 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        beam = builder.box("beam", (8, 0.5, 0.4), (-3.6, 0, 0.6), movable=True, mass=500.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[-1, 2] < 0.5
+        assert np.abs(played.paths[beam][-1, :3] - [-3.6, 0, 0.6]).max() < 0.02
+
+    def test_what_has_no_friction_bears_and_blocks(self) -> None:
+        builder = SceneBuilder()
+        builder.box("floor", (20, 0.2, 20), (0, -0.2, 0), friction=0.0)
+        builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.9), friction=0.0)
+        box = builder.box("box", (0.4, 0.4, 0.4), (2, 0, 0), movable=True, mass=5.0, friction=0.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[:, 1].min() > 0.85
+        assert played.simulated.root[-1, 2] < 0.8
+        assert played.objects[box][:3] == pytest.approx([2, 0, 0], abs=0.01)
 
     def test_nobody_climbs_a_wall(self) -> None:
         builder = SceneBuilder()
@@ -448,6 +468,18 @@ class SimulatorConformance:
         moved = simulator.state().objects
         assert np.degrees(2 * np.arctan2(-moved[door][4], moved[door][6])) > 30
         assert np.linalg.norm(moved[box][:3] - [0.3, 0, 1.1]) > 0.1
+
+    def test_what_brakes_a_door_is_overcome_by_the_same_force_as_its_weight(self) -> None:
+        """500 N at the edge of a leaf, 0.89 m from its hinge, hold a damping of 1,000 N m s at 0.45 rad/s."""
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door()
+        leaf = builder.objects[door - 1]
+        assert leaf.joint is not None
+        builder.objects[door - 1] = replace(leaf, joint=replace(leaf.joint, damping=1000.0))
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        angles = 2 * np.arctan2(-played.paths[door][:, 4], played.paths[door][:, 6])
+        assert 0.1 < np.diff(angles).max() * FPS < 0.6
 
     def test_a_door_needs_a_mass(self) -> None:
         builder = SceneBuilder()

@@ -51,7 +51,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Goal(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
     object_id: int | str | None = None
     """A hint: in some releases the index into the scene's object_instances."""
@@ -74,7 +74,7 @@ class Goal(BaseModel):
 class Task(BaseModel):
     """One episode of a file."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
     episode_id: str | int
     scene_id: str

@@ -267,3 +267,21 @@ def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path
     assert record.outcome == "stopped"
     scored = score(RecordedEpisode(tmp_path / "episode"))
     assert (scored.find, scored.nav, scored.interact) == (True, True, True)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"start_rotation": [0, np.nan, 0, 1]},
+        {"start_position": [2, np.inf, 2]},
+        {"init_yaw": np.nan},
+        {"init_offset": [-2, 2, np.nan]},
+    ],
+)
+def test_a_number_that_is_none_costs_its_episode_and_not_the_split(dataset: Path, tmp_path: Path, wrong: dict) -> None:
+    good, bad = episode(7, "couch", [2, 0.1, 2], BACK), episode(8, "couch", [2, 0.1, 2], BACK) | wrong
+    result, specs = made(dataset, tmp_path, good, bad, flags=("--skip",))
+    assert result.exit_code == 1
+    assert "episode 8" in result.output
+    assert "finite" in result.output
+    assert [spec.id for spec in specs] == ["toy1-couch-7"]

@@ -101,12 +101,12 @@ class MujocoWorld:
 
     def _harden(self, seconds: float) -> None:
         """Let each contact allow the approach that closes its distance in this step; MuJoCo would let the shapes meet
-        first."""
+        first, and where there is no friction at all it would let them pass."""
         contact = self._d.contact
         contact.includemargin[:] = 0.0
         contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
         contact.solref[:, 1] = -1 / seconds
-        contact.friction[:, :2] = self._model.friction[contact.geom].prod(axis=1)[:, None]
+        contact.friction[:, :2] = np.maximum(self._model.friction[contact.geom].prod(axis=1), mj.mjMINMU)[:, None]
         self._harden_stops(seconds)
 
     def _harden_stops(self, seconds: float) -> None:
