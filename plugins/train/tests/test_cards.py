@@ -11,7 +11,7 @@ from tiny_motion import write_adapter, write_base
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
-from humanclaw_train.naturalness import FIRST_BODIES, PRIOR, NaturalnessReport, NaturalnessRow
+from humanclaw_train.naturalness import PRIOR, FirstSteps, NaturalnessReport, NaturalnessRow
 from humanclaw_train.rollouts import adapters, file_digest
 
 SKILLS = Path(__file__).parents[3] / "skills"
@@ -94,16 +94,15 @@ def test_a_card_quotes_how_like_people_its_own_weights_move_and_what_nobody_comm
     row = NaturalnessRow("sit_in_place", "generated", 600, 1.0, 0.1, 0.0, 96.0, 0.005, frechet=3.25)
     other = replace(row, skill=PRIOR, frechet=7.75)
     digests = {"sit_in_place": file_digest(path)}
-    likeness = NaturalnessReport(
-        read_header(path)["base"], "euler", digests, (other, row), {"sit_in_place": (0.1, 1.26, 2.0)}
-    )
+    first = {"sit_in_place": FirstSteps(750, 0.1, 1.26, 2.0, 0)}
+    likeness = NaturalnessReport(read_header(path)["base"], "euler", digests, (other, row), first)
     besides = {"hips.forward": (-0.312, 0.105), "heading.left": (0.0, 0.0)}
     report = _report(weights)
     report = replace(report, rows=(replace(report.rows[0], uncommanded=besides),))
     text = card(path, report, likeness)
     assert "| 3.2 |" in text or "| 3.3 |" in text
     assert "7.8" not in text
-    assert f"slides by 1.3 cm at the 99th percentile of {FIRST_BODIES} bodies" in text
+    assert "slides by 1.3 cm at the 99th percentile of 750 bodies" in text
     assert "the least to be hoped for" not in text
     assert "| sit_in_place | - | -31.2 / +10.5 | +0.0 / +0.0 |" in text
     assert "7.8" in card(weights / "base.safetensors", report, likeness)
