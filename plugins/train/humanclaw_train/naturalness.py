@@ -40,6 +40,7 @@ from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
+from humanclaw_train.first_steps import FirstSteps, first_steps, first_steps_table
 from humanclaw_train.measures import SEAM, Features, Gait
 from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, file_digest, others, roll
 from humanclaw_train.tables import as_json, cell, numbers, save, table
@@ -314,58 +315,6 @@ def generated_gaits(
     return {name: gaits for name, gaits in found.items() if gaits}
 
 
-FIRST_BODIES: Final = 1200
-"""Bodies whose first steps are measured: a 99th percentile rests on a hundredth of them."""
-GLIDES: Final = 2.0
-"""A first step in which both toes slide further than this glides, cm."""
-
-
-@dataclass(frozen=True)
-class FirstSteps:
-    """How far the slower toe slides in first chunks from standing, cm."""
-
-    bodies: int
-    p95: float
-    p99: float
-    most: float
-    gliding: int
-    """Bodies that glide."""
-
-    @classmethod
-    def of(cls, slides: Array) -> FirstSteps:
-        """slides: (bodies,) cm."""
-        p95, p99 = (float(np.percentile(slides, share)) for share in (95, 99))
-        return cls(len(slides), p95, p99, float(slides.max()), int((slides > GLIDES).sum()))
-
-
-def first_steps(
-    generator: DiTGenerator, commands: Sequence[Command], bodies: int = FIRST_BODIES, seed: int = 0
-) -> dict[str, FirstSteps]:
-    """Return what the first steps of each skill are like, over the whole ranges of its schema."""
-    found = {}
-    for command in commands:
-        motions = [generator.start() for _ in range(bodies)]
-        values = _first_commands(command, bodies, np.random.default_rng(seed))
-        extend(generator, command, motions, np.arange(bodies), values, (seed, 13))
-        slides = [measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions]
-        found[command.skill] = FirstSteps.of(np.array(slides))
-    return found
-
-
-def _first_commands(command: Command, bodies: int, random: np.random.Generator) -> Array:
-    """(bodies, k) over the whole range. Every other one is straight: whatever can be nought but what the skill is for
-    is nought; that is what is called most, and where either foot might go first. Every third is small: of what the
-    skill is for, from the lowest fifth of the range."""
-    low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
-    values = random.uniform(low, high, (bodies, len(low)))
-    least = np.clip(0.0, low, high)
-    for primary in range(command.primary, min(command.primary + 1, len(low))):
-        values[::3, primary] = least[primary] + 0.2 * (values[::3, primary] - least[primary])
-    idle = (least == 0) & (np.arange(len(low)) != command.primary)
-    values[::2, idle] = 0.0
-    return values
-
-
 # -- a long life -------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Life:
@@ -554,15 +503,6 @@ def drift_line(found: Drift) -> str:
         f"{found.side[1]:.2f} m) "
         f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
     )
-
-
-def first_steps_table(found: Mapping[str, FirstSteps]) -> str:
-    rows = [
-        (skill, *(cell(value, 2) for value in (one.p95, one.p99, one.most)), f"{one.gliding} of {one.bodies}")
-        for skill, one in found.items()
-    ]
-    heads = ("first chunk from standing", "slower toe slides cm, 95 %", "99 %", "most", f"over {GLIDES:g} cm")
-    return table(heads, rows)
 
 
 def transitions_table(found: Transitions) -> str:

@@ -11,14 +11,13 @@ from tiny_motion import write_adapter
 from humanclaw import pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
+from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import (
     PRIOR,
     SEQUENCES,
-    FirstSteps,
     NaturalnessReport,
     agreement,
-    first_steps,
     free_running,
     halves,
     held_out,
