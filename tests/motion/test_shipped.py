@@ -1,5 +1,7 @@
 """The weights that come with the project: they fit together, are small, and do what the skills promise."""
 
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +132,32 @@ def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_
     assert abs(np.degrees(motion.yaw()[-1])) < 5
     assert 0.8 < (last.root[:, 1] - support_height(last.joints())).mean() < 1.0
     assert np.degrees(np.abs(last.rotations[:, JOINT_INDEX["left_wrist"]])).max() < 40
+
+
+def _told(skill: str, pattern: str) -> tuple[int, ...]:
+    """The numbers of a phrase in a skill's description."""
+    found = re.search(pattern, json.loads((_adapter(skill).parent / "schema.json").read_text())["description"])
+    assert found, f"{skill} does not say {pattern!r}"
+    return tuple(int(number) for number in found.groups())
+
+
+def _ahead(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed: int) -> float:
+    """How far the last call went ahead, cm."""
+    motion = _rollout(generator, *calls, seed=seed)[-16:]
+    return float(100 * Pose2D.of(motion, 0, 0.0).to_local(motion).root[-1, 2])
+
+
+@pytest.mark.parametrize("skill", ["turn_in_place", "side_step"])
+def test_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, skill):
+    """One long stride carries further than the second one: the first is still speeding up as it ends."""
+    (most,) = _told(skill, r"coast up to (\d+) cm")
+    stride = ("walk", {"x": 0.0, "z": 0.8, "yaw": 0.0})
+    for calls in ([stride], [stride] * 2):
+        coasted = [_ahead(generator, *calls, (skill, COMMANDS[skill]), seed=seed) for seed in range(3)]
+        assert 0.5 * most < min(coasted) <= max(coasted) <= most
+
+
+@pytest.mark.parametrize("height", [0.2, 0.35, 0.5, 0.54, 0.65, 0.8])
+def test_the_hips_go_as_far_back_to_sit_as_the_description_says(generator, height):
+    low, high = _told("sit_in_place", r"(\d+) to (\d+) cm back")
+    assert low <= -_ahead(generator, ("sit_in_place", {"h": height}), seed=1) <= high
