@@ -590,8 +590,11 @@ def check_patience(seconds: object, name: str) -> None:
 def _origin(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
     """Name, version and distribution of a plugin. It is called like its distribution, whatever that calls its entry
     point: two of them may call theirs the same."""
-    # None both, where pip was interrupted and there is no metadata.
-    name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+    # Where pip was interrupted there is no metadata: None both, says the standard library.
+    try:
+        name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+    except (TypeError, FileNotFoundError):  # Says importlib_metadata, which litellm brings, where there is none.
+        name, version = "", ""
     return name or point.name, version or "", name or ""
 
 
