@@ -3,7 +3,8 @@
 A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives
 to movable objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a
 step gave more, the objects take only their share of it, and the body is taken back by as much as they are, so that it
-waits at a heavy object as it does at a wall. What hangs on a hinge takes leverage: the nearer to the hinge one pushes
+waits at a heavy object as it does at a wall. One that friction holds with more than that force stays, and what lies on
+it or beside it is pushed as if it were fixed. What hangs on a hinge takes leverage: the nearer to the hinge one pushes
 it, the more of the same force it needs.
 """
 
@@ -66,11 +67,24 @@ class Exertion:
             return
         # A light thing between the body and a heavy one hands its push on and gets no faster itself.
         chain = self._handed_on(pushed)
-        gain = sum(gains[key] for key in chain)
-        held = sum(self._holding(key) for key in chain)
-        share = max(0.0, self._profile.exertion - held) * seconds / max(gain, 1e-12)
-        if share < 1:
-            self._hold({key: after[key] for key in chain if gains[key] > 0}, share, touches, seconds)
+        shares = self._shares({key: gains[key] for key in chain}, seconds)
+        kept = {
+            key: _shared(self._before[key], after[key], share, seconds) for key, share in shares.items() if share < 1
+        }
+        self._hold(kept, after, touches, seconds)
+
+    def _shares(self, gains: Mapping[int, float], seconds: float) -> Mapping[int, float]:
+        """Return how much of its gain each that got faster may keep.
+
+        What takes more than a person can exert stays, as what is fixed does, and the others share what friction leaves
+        of the force. Where what stays got the most of a push, it was handed on to it, and nothing keeps anything.
+        """
+        most, held = self._profile.exertion, {key: self._holding(key) for key in gains}
+        moved = [key for key in gains if held[key] < most]
+        gain = sum(gains[key] for key in moved)
+        left = 0.0 if sum(gains.values()) > 2 * gain else max(0.0, most - sum(held[key] for key in moved))
+        share = left * seconds / max(gain, 1e-12)
+        return {key: share if key in moved else 0.0 for key in gains if gains[key] > 0}
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
         """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
@@ -105,14 +119,19 @@ class Exertion:
             chain |= more
         return sorted(chain)
 
-    def _hold(self, faster: Mapping[int, ObjectMotion], share: float, touches: Sequence[Touch], seconds: float) -> None:
-        """Leave what got faster that share of it, and take the body back by as much as what it pushes."""
+    def _hold(
+        self,
+        kept: Mapping[int, ObjectMotion],
+        after: Mapping[int, ObjectMotion],
+        touches: Sequence[Touch],
+        seconds: float,
+    ) -> None:
+        """Leave objects what they keep of how they move, and take the body back by as much as what it pushes."""
         back = np.zeros(3)
-        for key, after in faster.items():
-            kept = _shared(self._before[key], after, share, seconds)
-            self._world.set_motion(key, kept)
+        for key, motion in kept.items():
+            self._world.set_motion(key, motion)
             met = [touch for touch in touches if touch.object_id == key]
-            back = _longer(back, _lost(after, kept, met or _at_middle(touches, after), seconds))
+            back = _longer(back, _lost(after[key], motion, met or _at_middle(touches, after[key]), seconds))
         if back.any():
             pose, (velocity, spin) = self._world.pose(), self._world.velocity()
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)

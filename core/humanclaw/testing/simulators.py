@@ -119,6 +119,35 @@ class SimulatorConformance:
         assert played.simulated.root[-1, 2] < 0.35
         assert max(contact.depth for contact in played.touched(box)) < 0.015
 
+    def test_a_light_thing_on_one_that_nobody_could_push_is_pushed(self) -> None:
+        """A chest that stands out over the edge of a table of 300 kg, which friction holds with 736 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        table = builder.box("table", (1.2, 0.8, 0.5), (0, 0, 1.0), movable=True, mass=300.0)
+        chest = builder.box("chest", (0.3, 0.4, 0.8), (0, 0.8, 0.8), movable=True, mass=3.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 45))
+        assert played.paths[chest][-1, 2] - 0.8 > 0.1
+        assert np.abs(played.paths[table][-1, :3] - [0, 0, 1.0]).max() < 0.01
+
+    def test_a_light_thing_beside_one_that_nobody_could_push_is_pushed(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        cabinet = builder.box("cabinet", (0.5, 1.0, 2.0), (0.505, 0, 1.4), movable=True, mass=300.0)
+        chair = builder.box("chair", (0.5, 0.5, 0.5), (0, 0, 0.65), movable=True, mass=8.0)
+        played = self.play(builder.scene(), gait(4, 0.5))
+        assert played.paths[chair][-1, 2] - 0.65 > 1.8
+        assert np.abs(played.paths[cabinet][-1, :3] - [0.505, 0, 1.4]).max() < 0.01
+
+    def test_a_light_thing_before_one_that_nobody_could_push_stays_down_and_blocks(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
+        heavy = builder.box("box", (0.6, 0.6, 0.6), (0, 0, 1.25), movable=True, mass=1000.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[-1, 2] < 0.5
+        assert played.paths[light][:, 1].max() < 0.1
+        assert np.abs(played.paths[heavy][-1, :3] - [0, 0, 1.25]).max() < 0.02
+
     def test_the_far_end_of_a_long_thing_weighs_as_much_as_its_middle(self) -> None:
         """A beam of 8 m whose middle is out of reach; friction holds it with 1,226 N."""
         builder = SceneBuilder()
