@@ -7,6 +7,7 @@ driven by velocities does not enter a wall first and is pushed out afterwards.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Mapping, Sequence
 from itertools import starmap
 from typing import Final
@@ -20,6 +21,7 @@ from humanclaw.pose import Array, matrix_from_quaternion
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
+_LOG: Final = logging.getLogger(__name__)
 _RECOVERY: Final = 0.2
 """Share of a penetration that a step takes back."""
 _LEVEL: Final = 0.7
@@ -227,5 +229,11 @@ class _Worlds:
 
 
 def mujoco(profile: str | Profile = "default") -> HalfPhysics:
-    """Half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own."""
+    """Half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own.
+
+    What MuJoCo warns of is logged, unless the program hears its warnings already: by itself it prints them, where a
+    protocol may be spoken, and writes a file wherever the program runs.
+    """
+    if mj.get_mju_user_warning() is None:
+        mj.set_mju_user_warning(_LOG.warning)
     return HalfPhysics(_Worlds(), profile)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import mujoco as mj
 import numpy as np
 
 import humanclaw_mujoco
@@ -52,3 +53,17 @@ def test_resetting_keeps_no_memory():
         builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
     _, memory = reset_times(mujoco(), builder.scene(), 40, lambda: None)
     assert memory[-1] - memory[9] < 2.0
+
+
+def test_what_mujoco_warns_of_is_logged_and_no_file_of_its_own_is_left_behind(tmp_path, monkeypatch, caplog):
+    """By itself it writes MUJOCO_LOG.TXT wherever the program runs."""
+    monkeypatch.chdir(tmp_path)
+    mujoco()
+    model = mj.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+    )
+    data = mj.MjData(model)
+    data.qvel[0] = np.nan
+    mj.mj_step(model, data)
+    assert "QVEL" in caplog.text
+    assert list(tmp_path.iterdir()) == []
