@@ -222,10 +222,17 @@ class Scene:
 
     def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
         """Compute (N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
+        return self._placed(object_id, pose, [self.assets[self.by_id[object_id].asset].mesh.vertices])[0]
+
+    def hulls(self, object_id: int, pose: Array | None = None) -> list[Array]:
+        """Convex pieces that an object collides as, (K, 3) world points each, metres. pose: as vertices has it."""
+        return self._placed(object_id, pose, self.assets[self.by_id[object_id].asset].hulls)
+
+    def _placed(self, object_id: int, pose: Array | None, pieces: Iterable[NDArray[np.float32]]) -> list[Array]:
         obj = self.by_id[object_id]
-        place = np.array([*obj.position, *obj.rotation]) if pose is None else pose
-        local = self.assets[obj.asset].mesh.vertices.astype(float)
-        return np.asarray(local @ matrix_from_quaternion(place[3:]).T + place[:3])
+        place = np.array([*obj.position, *obj.rotation]) if pose is None else np.asarray(pose)
+        turn = matrix_from_quaternion(place[3:])
+        return [np.asarray(points.astype(float) @ turn.T + place[:3]) for points in pieces]
 
     @cached_property
     def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import ConvexHull, QhullError
 
-from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.pose import Array
 from humanclaw.scene import Room, Scene, SceneObject
 
 Mask = NDArray[np.bool_]
@@ -229,20 +229,9 @@ def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
 def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> Iterator[Array]:
     """Yield the convex pieces of an object that stand on this floor, (K, 3) world points each; ceilings left out."""
     if obj.category != "ceiling":
-        for points in placed_hulls(scene, obj, pose):
+        for points in scene.hulls(obj.id, pose):
             if points[:, 1].max() > floor + OBSTACLE_HEIGHTS[0] and points[:, 1].min() < floor + STOREY:
                 yield points
-
-
-def placed_hulls(scene: Scene, obj: SceneObject, pose: Array | None) -> Iterator[Array]:
-    """Return the convex pieces of an object, (K, 3) world points each.
-
-    Pose: (7,), by default where the scene says.
-    """
-    place = np.array([*obj.position, *obj.rotation]) if pose is None else np.asarray(pose)
-    turn = matrix_from_quaternion(place[3:])
-    for hull in scene.assets[obj.asset].hulls:
-        yield hull.astype(float) @ turn.T + place[:3]
 
 
 def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:

@@ -16,7 +16,6 @@ from humanclaw.navigation.occupancy import (
     STEP,
     Mask,
     OccupancyGrid,
-    placed_hulls,
     rasterize,
     samples,
     yaw_of,
@@ -54,7 +53,7 @@ def _static(scene: Scene, low: float, high: float) -> Iterator[Array]:
     each."""
     for obj in scene.objects:
         if (obj.joint or not obj.movable) and obj.category != "ceiling":
-            for hull in placed_hulls(scene, obj, None):
+            for hull in scene.hulls(obj.id):
                 if hull[:, 1].max() > low and hull[:, 1].min() < high:
                     yield hull
 

@@ -31,6 +31,7 @@ from humanclaw.pose import (
     matrix_from_vector,
     re_rooted,
     rest_pose,
+    vector_from_quaternion,
 )
 from humanclaw.scene import Scene
 from humanclaw.testing.scenes import SceneBuilder, block
@@ -423,7 +424,7 @@ def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = Tru
     assert leaf.joint is not None
     rows = played.places(door, np.array([*leaf.position, *leaf.rotation]))
     hinge = rows[:, :3] + matrix_from_quaternion(rows[:, 3:]) @ np.array(leaf.joint.point)
-    angles = (-1 if away else 1) * 2 * np.degrees(np.arctan2(rows[:, 4], rows[:, 6]))
+    angles = (-1 if away else 1) * np.degrees(vector_from_quaternion(rows[:, 3:])[:, 1])
     faster = np.diff(np.abs(np.diff(np.radians(angles), prepend=np.radians(angles[0])) * FPS)).max() * FPS
     inertia = mass * (0.88**2 / 12 + 0.45**2)
     return Turned(

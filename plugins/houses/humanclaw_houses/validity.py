@@ -123,17 +123,10 @@ def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
     assert obj.joint is not None
     steps = int(np.ceil(np.degrees(obj.joint.high - obj.joint.low) / 5)) + 1
     for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
-        place = obj.at(float(angle))
-        for hull in scene.assets[obj.asset].hulls:
-            yield hull.astype(float) @ matrix_from_quaternion(place[3:]).T + place[:3]
+        yield from scene.hulls(obj.id, obj.at(float(angle)))
 
 
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
     """Return the collision hulls of all objects in the world, and whose they are."""
-    owners, hulls = [], []
-    for obj in scene.objects:
-        matrix = matrix_from_quaternion(np.array(obj.rotation))
-        for hull in scene.assets[obj.asset].hulls:
-            owners.append(obj.id)
-            hulls.append(hull.astype(float) @ matrix.T + np.array(obj.position))
-    return np.array(owners), hulls
+    placed = [(obj.id, hull) for obj in scene.objects for hull in scene.hulls(obj.id)]
+    return np.array([owner for owner, _ in placed]), [hull for _, hull in placed]

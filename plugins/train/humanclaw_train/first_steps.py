@@ -61,11 +61,9 @@ def _first_commands(command: Command, bodies: int, random: np.random.Generator) 
     skill is for, from the lowest fifth of the range."""
     low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
     values = random.uniform(low, high, (bodies, len(low)))
-    least = np.clip(0.0, low, high)
-    for primary in range(command.primary, min(command.primary + 1, len(low))):
-        values[::3, primary] = least[primary] + 0.2 * (values[::3, primary] - least[primary])
-    idle = (least == 0) & (np.arange(len(low)) != command.primary)
-    values[::2, idle] = 0.0
+    least, primary = np.clip(0.0, low, high), np.arange(len(low)) == command.primary
+    values[::3, primary] = (least + 0.2 * (values[::3] - least))[:, primary]
+    values[::2, (least == 0) & ~primary] = 0.0
     return values
 
 
