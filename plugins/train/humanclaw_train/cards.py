@@ -22,7 +22,7 @@ from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
 from humanclaw_train.first_steps import FirstSteps
 from humanclaw_train.naturalness import REPORT as NATURALNESS
-from humanclaw_train.naturalness import NaturalnessReport, skills_table
+from humanclaw_train.naturalness import NaturalnessReport, NaturalnessRow, skills_table
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
 from humanclaw_train.travel import uncommanded_table
@@ -72,6 +72,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
     told, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
     row = _row(header, checkpoint, report)
+    likeness = _likeness(header, checkpoint, naturalness)
     sources = [*data["sources"], *told["licences"]]
     return {
         **header,
@@ -97,7 +98,8 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "report_file": REPORT,
         "row": row,
         "besides": uncommanded_table({row.skill: row.uncommanded}) if row and row.uncommanded else "",
-        "likeness": _likeness(header, checkpoint, naturalness),
+        "likeness": skills_table(likeness) if likeness else "",
+        "unseen": likeness[0].unseen if likeness else (),
         "first_steps": _first_steps(header, naturalness),
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
@@ -114,12 +116,13 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
     return next((row for row in report.rows if row.adapter == digest), None)
 
 
-def _likeness(header: Mapping[str, Any], checkpoint: Path, report: NaturalnessReport | None) -> str:
-    """Return the table of how like people the motion is; empty where that was not measured on these weights."""
+def _likeness(
+    header: Mapping[str, Any], checkpoint: Path, report: NaturalnessReport | None
+) -> tuple[NaturalnessRow, ...]:
+    """Return how like people the motion is; nothing where that was not measured on these weights."""
     if report is None or report.base != header.get("base", header.get("digest")):
-        return ""
-    rows = report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
-    return skills_table(rows) if rows else ""
+        return ()
+    return report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
 
 
 def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> FirstSteps | None:

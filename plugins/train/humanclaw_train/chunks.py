@@ -198,6 +198,11 @@ class Chunks:
         if not len(self.names) == len(self.measures) == self.params.shape[1]:
             raise ValueError(f"{self.params.shape[1]} parameters need as many names and measures; got {self.names}")
 
+    @property
+    def clips(self) -> tuple[str, ...]:
+        """Return where they come from, each once, in order."""
+        return tuple(np.unique(self.source).tolist())
+
     @classmethod
     def of(
         cls,

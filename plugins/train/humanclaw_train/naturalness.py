@@ -5,9 +5,9 @@
 * The prior alone: it continues the histories of held-out real chunks, whatever they show.
 * Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the
   Frechet distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing
-  learnt from; without them a half of the real chunks, split by clip) with the parameters that those realise, so that
-  only the style differs; its floor is the distance of the other real chunks. Free-running, it begins from standing and
-  feeds on its own motion.
+  learnt from; where they show too little of a skill a half of what was learnt from, split by clip and marked with a
+  star) with the parameters that those realise, so that only the style differs; its floor is the distance of the other
+  chunks. Free-running, it begins from standing and feeds on its own motion.
 * Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against
   the peak in real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that
   move).
@@ -25,7 +25,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -72,9 +72,11 @@ class NaturalnessRow:
     beyond: float
     """Share of frames with a leg joint beyond its limits."""
     frechet: float = _NAN
-    """To held-out real chunks of the skill, whose histories and parameters the model is given."""
+    """To held-out chunks of the skill, whose histories and parameters the model is given."""
     free: float = _NAN
     """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
+    unseen: tuple[str, ...] = ()
+    """The held-out clips, which nothing was trained on. None: `frechet` is the distance to half of what was."""
 
 
 def naturalness_of(
@@ -107,17 +109,27 @@ def skills(
     for command in commands:
         rolled = roll(generator, command, others(command, commands), rollouts, seed)
         data = _of_skill(folders, command.skill)
-        distance, least, free = _NAN, _NAN, _NAN
-        if data and features:
-            held, rest = held_out(folders, command.skill) or halves(data)
-            distance, least = likeness(generator, command, held, rest, features, seed)
-            free = free_running(generator, command, data, features, seed)
-        rows.append(naturalness_of(command.declaration, "generated", rolled.root, rolled.rotations, distance, free))
-        if data:
-            kind = "real" if data.real.any() else "synthetic"
-            some = _some(data, _MOST, seed)
-            rows.append(naturalness_of(command.declaration, kind, *_arrays(some), least))
+        made = naturalness_of(command.declaration, "generated", rolled.root, rolled.rotations)
+        if data is None:
+            rows.append(made)
+            continue
+        kind = "real" if data.real.any() else "synthetic"
+        true = naturalness_of(command.declaration, kind, *_arrays(_some(data, _MOST, seed)))
+        rows += _compared(generator, command, data, folders, features, seed, made, true) if features else [made, true]
     return rows
+
+
+def _compared(
+    generator: DiTGenerator, command: Command, data: Chunks, folders: Sequence[Path], features: Features, seed: int,
+    made: NaturalnessRow, true: NaturalnessRow,
+) -> list[NaturalnessRow]:  # fmt: skip
+    """Return the rows of a skill with their distances."""
+    apart = held_out(folders, command.skill)
+    held, rest = apart or halves(data)
+    distance, least = likeness(generator, command, held, rest, features, seed)
+    free = free_running(generator, command, data, features, seed)
+    unseen = held.clips if apart else ()
+    return [replace(made, frechet=distance, free=free, unseen=unseen), replace(true, frechet=least, unseen=unseen)]
 
 
 def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[NaturalnessRow]:
@@ -133,7 +145,8 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
     made, true, other = (_arrays(part) for part in (whole, held, rest))
     distance, least = (measures.frechet(features(*part), features(*true)) for part in (made, other))
     rows = (("generated", made, distance), ("held-out", true, least))
-    return [_row(PRIOR, source, *part, False, frechet) for source, part, frechet in rows]
+    measured = [_row(PRIOR, source, *part, False, frechet) for source, part, frechet in rows]
+    return [replace(row, unseen=found[0].clips) for row in measured]
 
 
 def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
@@ -442,7 +455,7 @@ class NaturalnessReport:
         """Read what `--save` wrote. Raises CheckpointError for anything else."""
         try:
             content = json.loads(path.read_text("utf-8"))
-            rows = tuple(NaturalnessRow(**numbers(row)) for row in content["rows"])
+            rows = tuple(NaturalnessRow(**numbers(row) | {"unseen": tuple(row["unseen"])}) for row in content["rows"])
             first = {skill: FirstSteps(**one) for skill, one in content["first_steps"].items()}
             return cls(**content | {"rows": rows, "first_steps": first})
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -475,9 +488,14 @@ def skills_table(rows: Sequence[NaturalnessRow]) -> str:
     )
     return table(heads, [
         (row.skill, row.source, str(row.chunks), cell(row.skate), cell(row.slower_toe), cell(row.sunk, 2),
-         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", cell(row.frechet), cell(row.free))
+         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _distance(row), cell(row.free))
         for row in rows
     ])  # fmt: skip
+
+
+def _distance(row: NaturalnessRow) -> str:
+    """Mark a distance to what was trained on with a star."""
+    return cell(row.frechet) + "*" * (not np.isnan(row.frechet) and not row.unseen)
 
 
 _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "arms", "toe")

@@ -101,13 +101,32 @@ def test_a_card_quotes_how_like_people_its_own_weights_move_and_what_nobody_comm
     report = _report(weights)
     report = replace(report, rows=(replace(report.rows[0], uncommanded=besides),))
     text = card(path, report, likeness)
-    assert "| 3.2 |" in text or "| 3.3 |" in text
+    assert "| 3.2* |" in text
     assert "7.8" not in text
     assert "slides by 1.3 cm at the 99th percentile of 750 bodies" in text
     assert "the least to be hoped for" not in text
     assert "| sit_in_place | - | -31.2 / +10.5 | +0.0 / +0.0 |" in text
     assert "7.8" in card(weights / "base.safetensors", report, likeness)
     assert "Likeness" not in card(path, report, replace(likeness, adapters={"sit_in_place": "others"}))
+
+
+def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_are_none(weights):
+    path = weights / "sit_in_place" / "adapter.safetensors"
+    row = NaturalnessRow("sit_in_place", "generated", 600, 1.0, 0.1, 0.0, 96.0, 0.005, frechet=3.25)
+
+    def of(row):
+        digests = {"sit_in_place": file_digest(path)}
+        return " ".join(
+            card(path, None, NaturalnessReport(read_header(path)["base"], "euler", digests, (row,), {})).split()
+        )
+
+    apart = of(replace(row, unseen=("CMU: 03_04", "CMU: 12_01")))
+    assert "to chunks of CMU: 03_04; CMU: 12_01, **which nothing was trained on**" in apart
+    assert "were trained on" not in apart
+    assert "| 3.2 |" in apart
+    assert "**which were trained on**" in of(row)
+    assert "nothing was trained on**" not in of(row)
+    assert "| 3.2* |" in of(row)
 
 
 def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):

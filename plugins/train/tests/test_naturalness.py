@@ -28,6 +28,8 @@ from humanclaw_train.naturalness import (
     prior,
     real_peak,
     sequence_jerks,
+    skills,
+    skills_table,
     transitions,
 )
 from humanclaw_train.rollouts import Command, adapters, file_digest
@@ -107,6 +109,21 @@ def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generato
     made, true = prior(generator, [tmp_path], features, seed=0)
     assert (made.skill, made.source, true.source) == (PRIOR, "generated", "held-out")
     assert made.frechet > 3 * true.frechet  # It stands still, and they do not.
+    assert made.unseen == true.unseen == ("never seen",)
+
+
+def test_a_skill_that_held_out_clips_show_too_little_of_is_said_to_be_compared_with_what_was_learnt_from(
+    generator, commands, tmp_path
+):
+    for name in ("base", "walk"):
+        Chunks.join([_wobbling(80, 0.1, "one", 1), _wobbling(80, 0.1, "two", 2)]).save(tmp_path / f"{name}.npz")
+    rows = skills(generator, commands[:1], [tmp_path], rollouts=4, seed=0)
+    assert [(row.source, row.unseen) for row in rows] == [("generated", ()), ("real", ())]
+    assert skills_table(rows).count("*") == 2
+    _wobbling(40, 0.1, "never seen").save(tmp_path / "held_out" / "walk.npz")
+    rows = skills(generator, commands[:1], [tmp_path], rollouts=4, seed=0)
+    assert [row.unseen for row in rows] == [("never seen",)] * 2
+    assert "*" not in skills_table(rows)
 
 
 def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
