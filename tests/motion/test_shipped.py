@@ -117,15 +117,17 @@ def test_a_long_random_life_stays_human(generator):
     assert np.abs(support_height(joints)).max() < 0.006 * len(calls)
 
 
-def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_on(generator):
-    """Two of the ways in which errors add up: a heading that drifts, and a posture that falls apart after eighty
-    calls."""
+@pytest.mark.parametrize("ahead", [0.5, 0.75])
+def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_on(generator, ahead):
+    """Three of the ways in which errors add up: a heading that drifts, a posture that falls apart after eighty calls,
+    and fast steps that sink until they end on the knees."""
     declaration = Declaration.read(_adapter("walk").parent)
-    motion, course = generator.start(), Course()
+    motion, course, asked = generator.start(), Course(), {"x": 0.0, "z": ahead, "yaw": 0.0}
     for step in range(100):
-        values = course.steer(declaration, {"x": 0.0, "z": 0.5, "yaw": 0.0})
+        values = course.steer(declaration, asked)
         future = generator.generate(motion[-5:], _adapter("walk"), values, (4, step))
-        course = course.after(declaration, {"x": 0.0, "z": 0.5, "yaw": 0.0}, motion[-5:], future)
+        course = course.after(declaration, asked, motion[-5:], future)
+        assert future.root[-1, 2] - motion.root[-1, 2] == pytest.approx(ahead, abs=0.08)
         motion = motion.then(future)
     last = motion[-15:]
     assert abs(motion.root[-1, 0]) < 0.5

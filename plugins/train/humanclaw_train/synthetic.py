@@ -22,6 +22,9 @@ LENGTHS: Final = (16, 4)
 """Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are
 seen to do most."""
 CHUNKS_A_BATCH: Final = 2048
+STEADY: Final = 0.3
+"""Share of the bodies that go on with one skill at about the same values: only after a dozen fast steps in a row has a
+walker's phase against the chunks been everywhere, and by chance alone hardly one goes on for so long."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +42,12 @@ def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.
     share = np.array([one.recipe.share for one in skills])
     repeats = np.array([one.recipe.repeats for one in skills])
     skill = rng.choice(len(skills), n, p=share / share.sum())
-    values = _drawn(skills, skill, rng)
+    values, steady = _drawn(skills, skill, rng), rng.random(n) < STEADY
     series = []
     for _ in range(length):
-        goes_on = rng.random(n) < repeats[skill]
+        goes_on = steady | (rng.random(n) < repeats[skill])
         following = np.where(goes_on, skill, rng.choice(len(skills), n, p=share / share.sum()))
-        again = (following == skill) & (rng.random(n) < 0.8)
+        again = (following == skill) & (steady | (rng.random(n) < 0.8))
         values = np.where(again[:, None], _varied(skills, skill, values, rng), _drawn(skills, following, rng))
         skill = following
         series.append(Call(skill, values))
