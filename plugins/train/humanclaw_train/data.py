@@ -18,7 +18,7 @@ from torch import Tensor
 
 from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX
-from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
+from humanclaw.pose import CHUNK, FPS, HISTORY, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
 
@@ -128,6 +128,15 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
 _HIPS: Final = (JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"])
 
 
+_BRISK: Final = 0.5
+"""m/s: who moves so fast has errors of full strength."""
+
+
+def _pace(root: Tensor) -> Tensor:
+    """(B,) m/s over the floor in the history of root (B, 20, 3)."""
+    return (root[:, HISTORY - 1] - root[:, 0])[:, [0, 2]].norm(dim=-1) * FPS / (HISTORY - 1)
+
+
 def noisy_history(
     root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0
 ) -> tuple[Tensor, Tensor]:
@@ -136,12 +145,15 @@ def noisy_history(
     Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter;
     and another share of a lean over legs that stay as they are. People lean in ways of their own, and go on doing so;
     were that all, a body would keep what its own errors made it lean.
+    A strength over 1 is for those who move: standing is what a model's errors do least to, and were the feet of who
+    stands off by more, none could tell which of them sets out.
     The future starts where the noisy history ends and returns to the clean one within ten frames, so that what is
     learned is a smooth recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical
     frame demands.
     """
     device = root.device
-    share = strength * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
+    strengths = 1 + (strength - 1) * (_pace(root) / _BRISK).clamp(max=1)[:, None, None] if strength > 1 else strength
+    share = strengths * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
     pose, drift, history = (curve.to(device)[None, :, None] for curve in _curves())
 
     def normal(*shape: int) -> Tensor:
@@ -151,7 +163,7 @@ def noisy_history(
     offset = 0.08 * normal(1, width) * pose
     offset[..., 1] = 0  # the heading of the last history frame is 0 by definition
     turned = share * (offset + 0.08 * normal(1, width) * drift + 0.003 * normal(CHUNK, width) * history)
-    lean = 0.08 * strength * torch.rand(len(root), 1, 1, generator=generator, device=device) * normal(1, 2) * pose
+    lean = 0.08 * strengths * torch.rand(len(root), 1, 1, generator=generator, device=device) * normal(1, 2) * pose
     turned[..., [0, 2]] += lean
     for hip in _HIPS:  # The legs stay as they are.
         turned[..., [3 * hip, 3 * hip + 2]] -= lean

@@ -18,10 +18,13 @@ from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
 from humanclaw_train.synthesis import SECONDS, play
 
-LENGTHS: Final = (16, 4)
+LENGTHS: Final = (16, 4, 1)
 """Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are
 seen to do most."""
 CHUNKS_A_BATCH: Final = 2048
+PLAIN: Final = 0.3
+"""Share of the calls that ask for one thing alone, such as a short step straight ahead: what is asked for most, and by
+parameters drawn each by itself seldom comes about."""
 STEADY: Final = 0.3
 """Share of the bodies that go on with one skill at about the same values: only after a dozen fast steps in a row has a
 walker's phase against the chunks been everywhere, and by chance alone hardly one goes on for so long."""
@@ -70,8 +73,10 @@ def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> 
     values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
+        plain = rng.random(len(rows)) < PLAIN
         for column, name in enumerate(_names(one)):
-            values[rows, column] = _draw(one.recipe.commands[name], len(rows), rng)
+            how = one.recipe.commands[name]
+            values[rows, column] = np.where(plain & (how.nought > 0), 0.0, _draw(how, len(rows), rng))
     return values
 
 

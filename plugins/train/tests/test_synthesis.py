@@ -256,6 +256,17 @@ def test_every_change_of_skill_is_practised():
     assert len(pairs) == len(SKILLS) ** 2
 
 
+def test_a_short_step_straight_ahead_and_long_runs_of_one_skill_are_practised():
+    skills = [SKILLS["walk"]]
+    column = [one.name for one in skills[0].declaration.parameters].index("z")
+    (first,) = sample_calls(skills, 4000, 1, np.random.default_rng(0))
+    straight = (np.delete(first.values, column, 1) == 0).all(1)
+    assert straight.mean() == pytest.approx(0.3 + 0.7 * (0.5 * 0.8) ** 2, abs=0.03)
+    series = sample_calls(list(SKILLS.values()), 1000, 16, np.random.default_rng(0))
+    same = np.all([call.skill == series[0].skill for call in series], axis=0)
+    assert same.mean() > 0.3
+
+
 def test_synthetic_chunks_fill_every_skill_and_say_what_they_are(profiles):
     heard = []
     chunks = synthetic_chunks(profiles, list(SKILLS.values()), 20.0, 3, heard.append, base_share=2.0)

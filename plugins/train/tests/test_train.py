@@ -208,6 +208,18 @@ def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
     assert jump[:, 4:].max() < 0.1
 
 
+def test_only_who_moves_is_spoilt_by_more_than_usual():
+    """Were the feet of who stands off by more, none could tell which of them sets out."""
+
+    def most(moving, strength):
+        clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.full(COUNT, 0.5), moving))
+        off = noisy_history(*clean, torch.Generator().manual_seed(0), strength)
+        return float((off[1] - clean[1]).abs().max())
+
+    assert most(False, 2.5) == most(False, 1.0)
+    assert most(True, 2.5) == pytest.approx(2.5 * most(True, 1.0), rel=0.05)
+
+
 def test_no_strength_leaves_chunks_as_they_are():
     clean_root, clean_rotations, root, rotations = _spoilt(0.0)
     np.testing.assert_allclose(root, clean_root, atol=1e-5)
