@@ -25,7 +25,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,210 +34,20 @@ import numpy as np
 from humanclaw import CheckpointError, HumanclawError, Motion
 from humanclaw.body import JOINT_INDEX
 from humanclaw.cli import show_markdown
-from humanclaw.measures import MEASURES, Declaration, suited
+from humanclaw.measures import MEASURES, suited
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
 from humanclaw_train import measures
-from humanclaw_train.chunks import Chunks, Clip, canonical, load_pack
+from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.first_steps import FirstSteps, first_steps, first_steps_table
-from humanclaw_train.measures import SEAM, Features, Gait
-from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, file_digest, others, roll
+from humanclaw_train.likeness import PRIOR, NaturalnessRow, of_skill, skills, skills_table
+from humanclaw_train.measures import SEAM, Gait
+from humanclaw_train.rollouts import Command, Installed, Measures, adapters, extend, file_digest
 from humanclaw_train.tables import as_json, cell, numbers, save, table
 from humanclaw_train.travel import Drift, drift, straight_walks, walker
 
 _NAN: Final = float("nan")
-PRIOR: Final = "(the prior alone)"
-_MOST: Final = 600
-"""Chunks of one kind that a measure looks at."""
-
-
-# -- skills ------------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class NaturalnessRow:
-    """One skill's motion in numbers, generated or from the data."""
-
-    skill: str
-    source: str
-    """generated, real or synthetic."""
-    chunks: int
-    skate: float
-    """Horizontal speed of toes on the ground, cm/s; NaN on stairs, whose ground is not at 0."""
-    slower_toe: float
-    """Horizontal speed of the slower toe, cm/s."""
-    sunk: float
-    """Depth of the lowest sole, cm; NaN on stairs."""
-    jerk: float
-    """Of all joints, m/s^3."""
-    beyond: float
-    """Share of frames with a leg joint beyond its limits."""
-    frechet: float = _NAN
-    """To held-out chunks of the skill, whose histories and parameters the model is given."""
-    free: float = _NAN
-    """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
-    unseen: tuple[str, ...] = ()
-    """The held-out clips, which nothing was trained on. None: `frechet` is the distance to half of what was."""
-
-
-def naturalness_of(
-    skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
-) -> NaturalnessRow:
-    """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
-    return _row(skill.skill, source, root, rotations, skill.climbs, frechet, free)
-
-
-def _row(
-    name: str, source: str, root: Array, rotations: Array, stairs: bool, frechet: float = _NAN, free: float = _NAN
-) -> NaturalnessRow:
-    joints, _ = forward_kinematics(root, rotations)
-    future = joints[:, HISTORY - 1 :]
-    return NaturalnessRow(
-        name, source, len(root),
-        _NAN if stairs else measures.skate(future), measures.slower_toe(future),
-        _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet, free,
-    )  # fmt: skip
-
-
-def skills(
-    generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
-) -> list[NaturalnessRow]:
-    """For the prior and every skill what is generated and, where the folders have it, what the data show: real chunks,
-    else synthetic ones."""
-    features = _features(folders)
-    rows = prior(generator, folders, features, seed) if features else []
-    for command in commands:
-        rolled = roll(generator, command, others(command, commands), rollouts, seed)
-        data = _of_skill(folders, command.skill)
-        made = naturalness_of(command.declaration, "generated", rolled.root, rolled.rotations)
-        if data is None:
-            rows.append(made)
-            continue
-        kind = "real" if data.real.any() else "synthetic"
-        true = naturalness_of(command.declaration, kind, *_arrays(_some(data, _MOST, seed)))
-        rows += _compared(generator, command, data, folders, features, seed, made, true) if features else [made, true]
-    return rows
-
-
-def _compared(
-    generator: DiTGenerator, command: Command, data: Chunks, folders: Sequence[Path], features: Features, seed: int,
-    made: NaturalnessRow, true: NaturalnessRow,
-) -> list[NaturalnessRow]:  # fmt: skip
-    """Return the rows of a skill with their distances."""
-    apart = held_out(folders, command.skill)
-    held, rest = apart or halves(data)
-    distance, least = likeness(generator, command, held, rest, features, seed)
-    free = free_running(generator, command, data, features, seed)
-    unseen = held.clips if apart else ()
-    return [replace(made, frechet=distance, free=free, unseen=unseen), replace(true, frechet=least, unseen=unseen)]
-
-
-def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[NaturalnessRow]:
-    """Return what the prior alone makes of the histories of held-out clips, whatever they show, and what these show."""
-    found = held_out(folders, "base")
-    if found is None:
-        return []
-    held, rest = (_some(part, _MOST, seed) for part in found)
-    histories = [held.motion(index)[:HISTORY] for index in range(len(held))]
-    keys = [(seed, 9, index) for index in range(len(held))]
-    futures = generator.generate_batch(histories, None, [{}] * len(held), keys)
-    whole = [history.then(future) for history, future in zip(histories, futures, strict=True)]
-    made, true, other = (_arrays(part) for part in (whole, held, rest))
-    distance, least = (measures.frechet(features(*part), features(*true)) for part in (made, other))
-    rows = (("generated", made, distance), ("held-out", true, least))
-    measured = [_row(PRIOR, source, *part, False, frechet) for source, part, frechet in rows]
-    return [replace(row, unseen=found[0].clips) for row in measured]
-
-
-def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
-    if isinstance(motions, Chunks):
-        return motions.root.astype(float), motions.rotations.astype(float)
-    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
-    return root, rotations
-
-
-def likeness(
-    generator: DiTGenerator, command: Command, held: Chunks, rest: Chunks, features: Features, seed: int
-) -> tuple[float, float]:
-    """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other
-    chunks.
-
-    NaN for too few chunks.
-    """
-    held, rest = _some(held, _MOST, seed), _some(rest, _MOST, seed)
-    motions = [held.motion(index)[:HISTORY] for index in range(len(held))]
-    extend(generator, command, motions, np.arange(len(held)), _asked(command, held), (seed, 7))
-    made = features(*_arrays(motions))
-    true, other = (features(*_arrays(part)) for part in (held, rest))
-    return measures.frechet(made, true), measures.frechet(other, true)
-
-
-def _asked(command: Command, chunks: Chunks) -> Array:
-    """(N, k) the parameters that chunks realise, as far as the adapter knows them."""
-    values = chunks.params.astype(float)
-    return np.clip(values, command.low, command.high) if len(command.low) else values
-
-
-def free_running(
-    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
-) -> float:
-    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not
-    looked at.
-
-    Nothing real is given but parameters, drawn from those that the chunks realise.
-    """
-    some = _some(data, _MOST // 3, seed)
-    motions = [generator.start() for _ in range(len(some))]
-    random = np.random.default_rng((seed, 8))
-    for call in range(calls):
-        values = _asked(command, some[random.permutation(len(some))])
-        extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
-    starts = [call * FUTURE for call in range(1, calls)]
-    windows = [motion[start : start + HISTORY + FUTURE] for motion in motions for start in starts]
-    made = canonical(*_arrays(windows))
-    return measures.frechet(features(*made), features(*_arrays(data)))
-
-
-def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
-    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a
-    distance."""
-    held, rest = _of_skill([folder / "held_out" for folder in folders], skill), _of_skill(folders, skill)
-    return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
-
-
-def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
-    """Two halves of about the same size without a clip in common; of a single clip its first and its second half."""
-    names, counts = np.unique(chunks.source, return_counts=True)
-    if len(names) == 1:
-        middle = len(chunks) // 2
-        return chunks[:middle], chunks[middle:]
-    first: list[str] = []
-    sizes = [0, 0]
-    for index in np.argsort(-counts):
-        side = int(sizes[0] > sizes[1])
-        sizes[side] += int(counts[index])
-        if side == 0:
-            first.append(str(names[index]))
-    mask = np.isin(chunks.source, first)
-    return chunks[mask], chunks[~mask]
-
-
-def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """Return the real chunks of a skill, and synthetic ones where there is none."""
-    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
-    if not files:
-        return None
-    chunks = Chunks.join(Chunks.load(file) for file in files)
-    return chunks[chunks.real] if chunks.real.any() else chunks
-
-
-def _features(folders: Sequence[Path]) -> Features | None:
-    base = _of_skill(folders, "base")
-    return Features.of(base.root[:4000].astype(float), base.rotations[:4000].astype(float)) if base else None
-
-
-def _some(chunks: Chunks, most: int, seed: int) -> Chunks:
-    return chunks[np.sort(np.random.default_rng(seed).permutation(len(chunks))[:most])]
 
 
 # -- transitions -------------------------------------------------------------------------------------------------------
@@ -281,7 +91,7 @@ def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
     peaks = [
         _window_peaks(data)
         for one in commands
-        if one.declaration.role != "stop" and (data := _of_skill(folders, one.skill)) and data.real.all()
+        if one.declaration.role != "stop" and (data := of_skill(folders, one.skill)) and data.real.all()
     ]
     return float(np.percentile(np.concatenate(peaks), 99.9)) if peaks else _NAN
 
@@ -473,31 +283,6 @@ class NaturalnessReport:
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
-def skills_table(rows: Sequence[NaturalnessRow]) -> str:
-    heads = (
-        "skill",
-        "motion",
-        "chunks",
-        "skate cm/s",
-        "slower toe cm/s",
-        "sunk cm",
-        "joint jerk m/s3",
-        "beyond limits",
-        "Frechet",
-        "free-running",
-    )
-    return table(heads, [
-        (row.skill, row.source, str(row.chunks), cell(row.skate), cell(row.slower_toe), cell(row.sunk, 2),
-         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _distance(row), cell(row.free))
-        for row in rows
-    ])  # fmt: skip
-
-
-def _distance(row: NaturalnessRow) -> str:
-    """Mark a distance to what was trained on with a star."""
-    return cell(row.frechet) + "*" * (not np.isnan(row.frechet) and not row.unseen)
-
-
 _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "arms", "toe")
 
 

@@ -12,7 +12,8 @@ from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write
 from humanclaw_train.fidelity import FidelityReport, Ratio, Row
 from humanclaw_train.first_steps import FirstSteps
-from humanclaw_train.naturalness import PRIOR, NaturalnessReport, NaturalnessRow
+from humanclaw_train.likeness import PRIOR, NaturalnessRow
+from humanclaw_train.naturalness import NaturalnessReport
 from humanclaw_train.rollouts import adapters, file_digest
 
 SKILLS = Path(__file__).parents[3] / "skills"

@@ -12,24 +12,26 @@ from humanclaw import pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
-from humanclaw_train.measures import Features
-from humanclaw_train.naturalness import (
+from humanclaw_train.likeness import (
     PRIOR,
-    SEQUENCES,
-    NaturalnessReport,
-    agreement,
     free_running,
     halves,
     held_out,
-    life,
     likeness,
-    main,
     naturalness_of,
     prior,
-    real_peak,
-    sequence_jerks,
     skills,
     skills_table,
+)
+from humanclaw_train.measures import Features
+from humanclaw_train.naturalness import (
+    SEQUENCES,
+    NaturalnessReport,
+    agreement,
+    life,
+    main,
+    real_peak,
+    sequence_jerks,
     transitions,
 )
 from humanclaw_train.rollouts import Command, adapters, file_digest
