@@ -134,7 +134,8 @@ _BRISK: Final = 0.5
 
 def _pace(root: Tensor) -> Tensor:
     """(B,) m/s over the floor in the history of root (B, 20, 3)."""
-    return (root[:, HISTORY - 1] - root[:, 0])[:, [0, 2]].norm(dim=-1) * FPS / (HISTORY - 1)
+    way: Tensor = (root[:, HISTORY - 1] - root[:, 0])[:, [0, 2]].norm(dim=-1)
+    return way * FPS / (HISTORY - 1)
 
 
 def noisy_history(
