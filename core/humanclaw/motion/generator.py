@@ -20,6 +20,7 @@ from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.posture import settle
+from humanclaw.motion.setting_out import set_out
 from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
 
 
@@ -35,8 +36,9 @@ class _Branch:
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    corrections: hold standing feet still (humanclaw.motion.foot_locking) and let small errors of posture not add up
-    (humanclaw.motion.posture); without them the motion is as the model wrote it.
+    corrections: hold standing feet still (humanclaw.motion.foot_locking), let small errors of posture not add up
+    (humanclaw.motion.posture), and draw first steps on which both feet slide again (humanclaw.motion.setting_out);
+    without them the motion is as the model first wrote it.
     """
 
     def __init__(self, base: Base, solver: Solver, corrections: bool = True) -> None:
@@ -95,6 +97,22 @@ class DiTGenerator:
         """Many bodies at once, one skill for all of them; otherwise as generate."""
         frames = [Pose2D.of_history(_checked(history)) for history in histories]
         local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
+
+        def draw(bodies: Sequence[int], attempt: int) -> list[Motion]:
+            drawn = [(*keys[body], attempt) if attempt else keys[body] for body in bodies]
+            return self._drawn([local[body] for body in bodies], adapter, [values[body] for body in bodies], drawn)
+
+        futures = set_out(local, draw) if self.corrections else draw(range(len(local)), 0)
+        return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
+
+    def _drawn(
+        self,
+        local: Sequence[Motion],
+        adapter: Path | None,
+        values: Sequence[Mapping[str, float]],
+        keys: Sequence[Sequence[int]],
+    ) -> list[Motion]:
+        """Futures in the frames of their histories."""
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
         with self._one_thread():
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
@@ -102,7 +120,7 @@ class DiTGenerator:
         if self.corrections:
             settled = [settle(*pair, self._usual) for pair in zip(local, futures, strict=True)]
             futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
-        return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
+        return futures
 
     def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:
         model = self.base.model
