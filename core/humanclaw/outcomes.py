@@ -3,12 +3,11 @@ acknowledged."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Container, Sequence, Set
 from typing import Final
 
+from humanclaw._sighting import acknowledges as acknowledges
 from humanclaw.records import Contact, EpisodeSpec, RecordedEpisode, StepRecord
-from humanclaw.tasks import ALIASES
 
 SEEN_PIXELS: Final = 100
 """Pixels of the 512 x 512 view from which on a target counts as seen."""
@@ -16,35 +15,6 @@ REACHED: Final = 0.2
 """Metres from the body to a target's bounding box within which it counts as reached."""
 FLOOR_THRESHOLD: Final = 0.0205
 """Contacts lower than this over the floor of the start are steps on the ground, metres."""
-_CLAUSE: Final = re.compile(
-    r"[.!?](?=\s|$)|[;\n]|,?\s+(?:but|while|whereas|although|though|however|because|so)\s+"
-    r"|,?\s+and\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its)\b)"
-    r"|,\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its|with|without)\b)"
-)
-"""Where a clause ends: at a full stop, a semicolon, a contrast, and where "and" or a comma begins a new subject."""
-_NEGATION: Final = re.compile(
-    r"\b(?:no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|absent|missing|invisible|unseen|hidden|false)\b"
-    r"|n['\u2019]t\b|\bout of (?:view|sight)\b"
-)
-_SEEKING: Final = re.compile(
-    r"\b(?:look|looks|looking|search|searches|searching|seek|seeks|seeking|hunt|hunting)\b(?!\s+at\b)"
-    r"|\b(?:need|needs|want|wants|try|trying|have|going|hope|hoping)\s+to\s+(?:find|locate|reach|see|get)\b"
-    r"|\b(?:to|must|should|will)\s+(?:find|locate)\b|\b(?:might|may|could|probably|perhaps|maybe|likely)\b"
-)
-"""Words of who has not seen it yet: a search or a guess is no sighting."""
-
-
-def acknowledges(text: str, category: str) -> bool:
-    """Whether a text says that the target is in view.
-
-    A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A
-    negation that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of
-    it.
-    """
-    names = (*ALIASES.get(category, (category.replace("_", " "),)), "target")
-    named = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})(?:e?s)?\b")
-    clauses = _CLAUSE.split(text.lower().replace("_", " "))
-    return any(named.search(clause) and not (_NEGATION.search(clause) or _SEEKING.search(clause)) for clause in clauses)
 
 
 def in_view(step: StepRecord) -> bool:

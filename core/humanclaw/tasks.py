@@ -22,8 +22,8 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "chair": ("chair", "armchair", "seat", "stool"),
     "couch": ("couch", "sofa", "settee", "loveseat", "sectional"),
     "bed": ("bed", "mattress"),
-    "potted_plant": ("potted plant", "plant", "flowerpot"),
-    "tv": ("tv", "television", "tv screen", "screen", "monitor"),
+    "potted_plant": ("potted plant", "plant", "houseplant", "flowerpot"),
+    "tv": ("tv", "television", "tv screen", "screen", "flatscreen", "monitor"),
     "toilet": ("toilet", "lavatory", "wc", "commode"),
 }
 """Words by which a sentence names what is to be found, by its category; a category without any is named by itself."""
