@@ -1,6 +1,8 @@
 """The splits: what the paper says of its episodes holds of ours, and every one of them can be solved."""
 
 import itertools
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -205,6 +207,27 @@ def test_distances_and_tiers_are_spread_as_in_the_paper():
     )
     assert np.median(metres) == pytest.approx(4.4, abs=0.2)
     assert np.quantile(metres, 0.9) < 12.8
+
+
+@shipped
+def test_the_readme_tells_the_figures_of_the_split_that_is_shipped():
+    readme = " ".join((Path(__file__).parents[1] / "README.md").read_text("utf-8").split())
+    val = load_split("val")
+    ways = np.array([spec.difficulty.distance for spec in val])
+    found = [overall(spec.difficulty) for spec in val]
+    share = ", ".join(f"{100 * found.count(tier) / len(val):.1f}" for tier in ("easy", "medium", "hard"))
+    thirds = np.histogram(ways, [0, 3.5 + 1e-9, 8 + 1e-9, 99])[0] / len(val)
+    couches = Counter(spec.scene for spec in val if spec.target_category == "couch").values()
+    for words in (
+        f"| easy, medium, hard | {share} % |",
+        "| distance of the three tiers | " + ", ".join(f"{100 * one:.0f}" for one in thirds) + " % |",
+        f"| {np.median(ways):.1f} m; {np.quantile(ways, 0.9):.1f} m |",
+        f"over 20 m ({ways.max():.1f} m the longest)",
+    ):
+        assert words in readme
+    assert (ways > 20).sum() == 5  # "Five ways"
+    counts = Counter(couches)
+    assert (min(counts), max(counts), counts[4], counts[7]) == (4, 7, 13, 16)
 
 
 @shipped
