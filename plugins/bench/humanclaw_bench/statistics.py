@@ -22,6 +22,10 @@ RESAMPLES: Final = 2000
 SIGNIFICANT: Final = 0.05
 FEW: Final = 5
 """Fewer houses or episodes than this cannot tell how they vary."""
+RARE: Final = 10
+"""Fewer successes, or failures, than this do not tell either how much houses differ: none would say "not at all"."""
+ALIKE: Final = 0.13
+"""Intraclass correlation of the episodes of a house that is then assumed: that of the agents that were looked at."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,8 @@ def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
     """Estimate a share of episodes, with Wilson's interval for as many episodes as these are worth.
 
     What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), with
-    Student's t for the number of houses. Wilson's plain interval without houses, or with fewer than FEW.
+    Student's t for the number of houses; where RARE is not reached they are taken to be ALIKE. Wilson's plain interval
+    without houses, or with fewer than FEW.
     """
     drawn = units(np.stack([np.asarray(met, float), np.ones(len(met))], -1), houses)
     plain = wilson(sum(met), len(met))
@@ -79,6 +84,8 @@ def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
     spread = len(drawn) / (len(drawn) - 1) * float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum()) / count**2
     alone = share * (1 - share) / count
     worth = count * min(1.0, alone / spread) if spread > 0 else float(count)
+    if min(sum(met), count - sum(met)) < RARE:
+        worth = min(worth, count / (1 + (count / len(drawn) - 1) * ALIKE))
     return Estimate(share, *_score_interval(share, worth, _student_quantile(len(drawn) - 1)), count)
 
 
