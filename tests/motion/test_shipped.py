@@ -170,6 +170,20 @@ def test_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, 
         assert 0.5 * most < min(coasted) <= max(coasted) <= most
 
 
+@pytest.mark.parametrize("skill", ["turn_in_place", "side_step"])
+def test_after_a_step_back_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, skill):
+    (most,) = _told("step_back", r"coast (\d+) cm more")
+    for back in (0.25, 0.45):
+        coasted = [-_ahead(generator, ("step_back", {"z": back}), (skill, COMMANDS[skill]), seed=one) for one in (0, 1)]
+        assert 0.3 * most < min(coasted) <= max(coasted) <= most
+
+
+def test_the_hips_go_furthest_back_to_sit_after_a_step_back(generator):
+    _, most = _told("sit_in_place", r"(\d+) to (\d+) cm back")
+    for height in (0.2, 0.54):
+        assert -_ahead(generator, ("step_back", {"z": 0.45}), ("sit_in_place", {"h": height}), seed=1) <= most
+
+
 @pytest.mark.parametrize("height", [0.2, 0.35, 0.5, 0.54, 0.65, 0.8])
 def test_the_hips_go_as_far_back_to_sit_as_the_description_says(generator, height):
     low, high = _told("sit_in_place", r"(\d+) to (\d+) cm back")

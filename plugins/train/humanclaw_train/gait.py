@@ -3,7 +3,8 @@
 The phase counts steps: at an even number the right foot passes the left one, at an odd number the left foot passes the
 right one, as in humanclaw_train.augment. A chunk advances it by what real walkers do at that speed, so that chunks
 begin anywhere in a cycle; a foot in the air is led on towards a landing that is planned anew from each command. Numbers
-were read off the real walks of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s). Needs numpy alone.
+were read off the real walks of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s), the last of which is held out since.
+Needs numpy alone.
 """
 
 from __future__ import annotations
