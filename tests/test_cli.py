@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from humanclaw import HumanclawError
+from humanclaw import HumanclawError, PluginError
 from humanclaw.cli import check_options, main
 from humanclaw.plugins import Plugins
 
@@ -293,6 +293,12 @@ def test_options_of_the_agent_of_its_verifier_and_of_an_agent_that_does_not_tell
     check_options(options, "deep", part(history=1, model=""), None)
     check_options({**options, "miss": 0.5}, "deep", part(history=1, model=""), part(miss=0.0))
     check_options({"anything": 1}, "of somebody else", object(), None)
+
+
+def test_an_agent_that_breaks_as_it_is_asked_for_its_settings_is_named():
+    broken = type("Broken", (), {"settings": property(lambda self: 1 / 0)})()
+    with pytest.raises(PluginError, match=rf"^{__name__.partition('.')[0]} raised ZeroDivisionError: .*its settings"):
+        check_options({}, "broken", broken, None)
 
 
 def test_an_option_of_the_command_is_told_to_stand_by_itself(cli, tmp_path):

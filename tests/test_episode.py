@@ -1,15 +1,19 @@
 """An episode in the hands of somebody who makes mistakes: nothing lost, nobody asked in vain, nothing mixed up."""
 
+import asyncio
+from dataclasses import replace
+
 import pytest
 
-from humanclaw import Call, HumanclawError
+from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode
 from humanclaw.episode import Episode
-from humanclaw.errors import PluginRunError, RecordError, ReplayError
-from humanclaw.records import Decision, RecordedEpisode
+from humanclaw.errors import PluginRunError, ProviderError, RecordError, ReplayError
+from humanclaw.records import Answer, Decision, RecordedEpisode, Usage
 from humanclaw.tasks import free_episode
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))
 STOP = Decision((Call("stop"),))
+HERE = __name__.partition(".")[0]
 
 
 class Agent:
@@ -26,9 +30,42 @@ class Agent:
 
     def decide(self, observation, history):
         self.asked += 1
-        if isinstance(self.answer, Exception):
+        if isinstance(self.answer, BaseException):
             raise self.answer
         return self.answer
+
+
+class Verifier:
+    """Says what it is told to."""
+
+    name = "judge"
+
+    def __init__(self, says):
+        self.says = says
+
+    def begin(self, context):
+        pass
+
+    def verify(self, observation, call, skill, goal):
+        if isinstance(self.says, BaseException):
+            raise self.says
+        return self.says
+
+
+class Unspeakable:
+    def __str__(self):
+        raise ValueError("no words")
+
+    __repr__ = __str__
+
+
+class Unlistable(dict):
+    def items(self):
+        raise RuntimeError("no items")
+
+
+def nested(levels):
+    return {"deeper": nested(levels - 1)} if levels else {}
 
 
 @pytest.fixture
@@ -73,6 +110,135 @@ def test_an_answer_that_is_no_decision_is_its_plugins_error(body, spec):
     with pytest.raises(PluginRunError, match="returned None and no Decision"):
         episode.ask()
     assert episode.outcome == "plugin_error"
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (Decision((Call("walk", {"z_cm": Unspeakable()}),)), "ValueError: no words"),
+        (Decision((Call("walk", Unlistable(z_cm=40)),)), "RuntimeError: no items"),
+        (Decision((Call("walk", [1, 2]),)), "calls.0.params: Input should be a valid dictionary; got [1, 2]"),
+        (Decision((Call("stop", None),)), "calls.0.params: Input should be a valid dictionary; got None"),
+        (Decision(({"skill": "walk"},)), "calls.0: Input should be an instance of Call; got {'skill': 'walk'}"),
+        (Decision(None), "calls: Input should be a valid tuple; got None"),
+        (replace(WALK, usage=None), "usage: Input should be an instance of Usage; got None"),
+        (replace(WALK, usage={"tokens_in": 1}), "usage: Input should be an instance of Usage; got {'tokens_in': 1}"),
+        (replace(WALK, usage=Usage(2.5)), "usage.tokens_in: Input should be a valid integer"),
+        (replace(WALK, visible_state=None), "visible_state: Input should be a valid string; got None"),
+        (replace(WALK, visible_state=7), "visible_state: Input should be a valid string; got 7"),
+        (replace(WALK, raw=["couch"]), "raw: Input should be a valid string"),
+    ],
+)
+def test_a_decision_that_is_wrong_inside_is_its_plugins_error_and_leaves_a_record_that_can_be_read(
+    body, spec, tmp_path, answer, told
+):
+    record = run_episode(body, spec, Agent(answer), folder=tmp_path)
+    assert (record.outcome, record.steps) == ("plugin_error", 0)
+    assert record.error.startswith(f"{HERE} raised ")
+    assert told in record.error
+    assert RecordedEpisode(tmp_path).record.error == record.error
+
+
+@pytest.mark.parametrize(
+    ("says", "told"),
+    [
+        (None, "verify() of judge returned None and no Verdict"),
+        (Verdict(True, usage=None), "usage: Input should be an instance of Usage"),
+        (Verdict(False, {"skill": "walk"}), "replacement: Input should be an instance of Call"),
+        (Verdict(True, answers=({"check": "x"},)), "answers.0: Input should be an instance of Answer"),
+        (Verdict(True, answers=(Answer("x", None),)), "answers.0.passed: Input should be a valid boolean; got None"),
+        (asyncio.CancelledError(), "CancelledError"),
+    ],
+)
+def test_a_verdict_that_is_wrong_inside_is_its_plugins_error(body, spec, tmp_path, says, told):
+    record = run_episode(body, spec, Agent(WALK), Verifier(says), folder=tmp_path)
+    assert record.outcome == "plugin_error"
+    assert told in record.error
+    assert RecordedEpisode(tmp_path).steps == ()
+
+
+class Withdrawn(BaseException):
+    """Of a framework that ends its tasks by raising."""
+
+
+@pytest.mark.parametrize(
+    "raised",
+    [asyncio.CancelledError(), Withdrawn("x"), GeneratorExit(), CallError("mend it"), HumanclawError("I say so.")],
+    ids=lambda raised: type(raised).__name__,
+)
+def test_whatever_an_agent_raises_is_its_plugins_error(body, spec, tmp_path, raised):
+    record = run_episode(body, spec, Agent(raised), folder=tmp_path)
+    assert record.outcome == "plugin_error"
+    assert record.error.startswith(f"{HERE} raised {type(raised).__name__}")
+
+
+@pytest.mark.parametrize("raised", [PluginError("no key.", "Set one."), KeyboardInterrupt()])
+def test_an_agent_that_cannot_be_used_and_a_person_who_has_had_enough_end_more_than_the_episode(body, spec, raised):
+    with pytest.raises(type(raised)), Episode(body, spec, Agent(raised)) as episode:
+        episode.ask()
+    assert episode.outcome == "interrupted"
+
+
+@pytest.mark.parametrize(
+    ("raised", "outcome"),
+    [(ValueError("cannot parse \ud83d\x1b[2J"), "plugin_error"), (ProviderError("\ud800 503\x1b[2J"), "infra_error")],
+)
+def test_an_error_that_quotes_half_a_character_is_recorded(body, spec, tmp_path, raised, outcome):
+    run_episode(body, spec, Agent(raised), folder=tmp_path)
+    record = RecordedEpisode(tmp_path).record
+    assert record.outcome == outcome
+    assert "\ufffd" in record.error
+    assert "\x1b" not in record.error
+
+
+def test_an_agent_that_breaks_as_it_begins_leaves_a_record(body, spec, tmp_path):
+    class Late(Agent):
+        def begin(self, context):
+            raise Withdrawn("half \ud800")
+
+    record = run_episode(body, spec, Late(WALK), folder=tmp_path)
+    assert (record.outcome, RecordedEpisode(tmp_path).record.error) == ("plugin_error", record.error)
+    assert "Withdrawn: half \ufffd" in record.error
+
+
+def raising(self):
+    raise ValueError("not now")
+
+
+@pytest.mark.parametrize(
+    ("about", "told"),
+    [
+        ({"settings": property(raising)}, "ValueError: not now"),
+        ({"settings": {"o": object()}}, "settings are a mapping that JSON can hold"),
+        ({"settings": nested(300)}, "settings are a mapping that JSON can hold"),
+        ({"settings": {"o": "\ud800"}}, "settings are a mapping that JSON can hold"),
+        ({"settings": [1]}, "settings are a mapping that JSON can hold"),
+        ({"name": property(raising)}, "ValueError: not now"),
+        ({"name": None}, "name: Input should be a valid string; got None"),
+        ({"name": "a\x1b[2J"}, "name: String should match"),
+    ],
+)
+def test_what_an_agent_says_of_itself_and_no_record_can_hold_is_its_plugins_error(body, spec, tmp_path, about, told):
+    agent = type("Odd", (Agent,), about)(WALK)
+    record = run_episode(body, spec, agent, folder=tmp_path)
+    assert (record.outcome, record.steps, agent.asked) == ("plugin_error", 0, 0)
+    assert told in record.error
+    assert RecordedEpisode(tmp_path).record.error == record.error
+
+
+def test_a_script_that_breaks_while_its_episode_is_taken_up_again_is_its_plugins_error(body, recorded):
+    script = Agent(ValueError("a bug"))
+    script.privileged = True
+    with Episode(body, recorded.record.spec, script, folder=recorded.folder, replay=recorded.steps) as episode:
+        assert episode.outcome == "plugin_error"
+    assert RecordedEpisode(recorded.folder).record.outcome == "plugin_error"
+
+
+def test_a_decision_that_is_wrong_inside_is_handed_back_to_whoever_submits_it_and_nothing_is_lost(body, spec):
+    episode = Episode(body, spec)
+    with pytest.raises(TypeError, match="visible_state: Input should be a valid string; got None"):
+        episode.submit(replace(WALK, visible_state=None))
+    assert episode.submit(WALK).status == "executed"
 
 
 def test_an_episode_whose_body_has_begun_another_one_takes_no_decision(body, spec):

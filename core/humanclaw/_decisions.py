@@ -5,20 +5,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, TypeVar
+
+from humanclaw._words import legible
 
 STRICT = {"extra": "forbid", "ser_json_inf_nan": "strings"}
 """For pydantic, which reads these classes from records: an unknown field is an error, and what is no number is written
 as a word that can be read back."""
 DEEPEST: Final = 16
 """Levels of nesting in a parameter; what lies deeper no schema asks for."""
-LONGEST: Final = 100_000
-"""Letters of one text, or of an answer."""
 LARGEST: Final = 2**53
 """Of an integer: what every reader of JSON keeps exactly."""
-_CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\t\n\r"}
-"""What would move the cursor of a terminal, name its window or write to its clipboard."""
+_HELD: Final = STRICT | {"revalidate_instances": "always"}
+"""The same for what plugins make: an instance may hold anything."""
 T = TypeVar("T")
 
 
@@ -26,7 +26,7 @@ T = TypeVar("T")
 class Call:
     """A skill and its parameters, as a model wrote them or after they were checked."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     skill: str
     params: Mapping[str, Any] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Usage:
     """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US
     dollars."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     tokens_in: int = 0
     tokens_out: int = 0
@@ -73,7 +73,7 @@ class Decision:
     """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is
     legal."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     calls: tuple[Call, ...] = ()
     visible_state: str = ""
@@ -91,7 +91,7 @@ class Decision:
 class Attempt:
     """A decision that was submitted, usable or not."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     decision: Decision
     error: str = ""
@@ -110,7 +110,7 @@ class Refusal:
 class Answer:
     """A verifier's answer to one check."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     check: str
     passed: bool
@@ -121,7 +121,7 @@ class Answer:
 class Verdict:
     """Accept the proposed call, or put another one from the same pool in its place."""
 
-    __pydantic_config__: ClassVar = STRICT
+    __pydantic_config__: ClassVar = _HELD
 
     accepted: bool
     replacement: Call | None = None
@@ -136,29 +136,29 @@ class Verdict:
         return tuple(answer for answer in self.answers if not answer.passed)
 
 
-def recordable(value: T) -> T:
+def recordable(value: T, kind: type[T]) -> T:
     """Bring a decision or a verdict, which a model may have written, into what a record can hold.
 
-    Half characters and those that control a terminal become U+FFFD, texts and nesting are bounded. What a schema would
-    refuse it still refuses.
+    Texts become legible, texts and nesting are bounded. What a schema would refuse it still refuses.
     """
-    changed = {part.name: _bounded(getattr(value, part.name)) for part in fields(value)}  # type: ignore[arg-type]
-    return replace(value, **changed)  # type: ignore[type-var]
+    found = {part.name: getattr(value, part.name) for part in fields(kind)}  # type: ignore[arg-type]
+    listed = {name: tuple(part) if isinstance(part, list) else part for name, part in found.items()}
+    return kind(**{name: _bounded(part) for name, part in listed.items()})
 
 
 def _bounded(value: Any, depth: int = 0) -> Any:
     if isinstance(value, str):
-        return value[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace").translate(_CONTROLS)
+        return legible(value)
     if isinstance(value, int) and abs(value) > LARGEST:
         return float("inf") if value > 0 else float("-inf")  # A reader of the record would stumble over its digits.
-    if value is None or isinstance(value, bool | int | float | Usage):
+    if value is None or isinstance(value, bool | int | float):
         return value
     if depth > DEEPEST:
         return "..."
     if isinstance(value, Call):
         return Call(_bounded(str(value.skill)), _bounded(value.params))
-    if isinstance(value, Answer):
-        return recordable(value)
+    if kind := next((kind for kind in (Answer, Usage) if isinstance(value, kind)), None):
+        return recordable(value, kind)
     if isinstance(value, Mapping):
         return {_bounded(str(key)): _bounded(inner, depth + 1) for key, inner in value.items()}
     if isinstance(value, tuple):

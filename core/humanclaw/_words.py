@@ -1,9 +1,21 @@
-"""Words that depend on a number, and names that were meant."""
+"""Words that depend on a number, names that were meant, and texts that can be kept and shown."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
+from typing import Final
+
+LONGEST: Final = 100_000
+"""Letters of one text, or of an answer."""
+_CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\t\n\r"}
+"""What would move the cursor of a terminal, name its window or write to its clipboard."""
+
+
+def legible(text: str) -> str:
+    """Bring a text of somebody else into what a file can hold and a terminal can show: half characters and those that
+    control a terminal become U+FFFD, and what is longer than LONGEST is cut."""
+    return text[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace").translate(_CONTROLS)
 
 
 def counted(number: int, noun: str) -> str:

@@ -19,7 +19,8 @@ from types import TracebackType
 from typing import Any, Final, Literal, Self
 
 from humanclaw._calls import check, check_call
-from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict, recordable
+from humanclaw._deciders import admit, name_of, origin, settings_of
+from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Feedback
 from humanclaw._notebook import card
 from humanclaw._pictures import jpeg
@@ -110,20 +111,15 @@ class Episode:
         self._verifier, self._max_attempts = verifier, attempts
         self._meter = meter or Meter()
         self._meter.begin("episode")
-        settings = {
-            "agent": getattr(agent, "settings", {}),
-            "verifier": getattr(verifier, "settings", {}),
-            "limits": self._meter.limits,
-        }
-        name = agent if isinstance(agent, str) else agent.name
-        record = begin_record(body, spec, name, verifier.name if verifier else "", options or {}, settings)
+        self.fault: PluginRunError | None = None
+        """What a plugin raised, if that ended the episode."""
+        settings = {"agent": self._settings(agent), "verifier": self._settings(verifier), "limits": self._meter.limits}
+        record = begin_record(body, spec, self._name(agent), self._name(verifier), options or {}, settings)
         self._distance = (
             distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
         )
         self._record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written: what they refuse leaves nothing behind.
-        self.fault: PluginRunError | None = None
-        """What a plugin raised, if that ended the episode."""
         self._begin_deciders()
         self._folder = folder
         self._writer: EpisodeWriter | None = None
@@ -138,9 +134,8 @@ class Episode:
         """When the open question was put; None if none is open."""
         self._begin_step()
         with self._closing():
-            for step in () if self.fault else replay:
-                self._replay_step(step)
-            self._open(folder, replay)
+            self._replay(replay)
+            self._open(folder)
         if self.fault:
             self._end_by(self.fault)
         elif self._is_over():
@@ -207,29 +202,19 @@ class Episode:
         if self._agent is None:
             raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
         seen = self.observe()
-        with self._closing(), blaming(_origin(self._agent)):
-            decision = self._agent.decide(seen, self.history)
-            if not isinstance(decision, Decision):
-                raise TypeError(f"decide() of {self._agent.name} returned {decision!r} and no Decision")
-        return self.submit(decision)
+        with self._closing():
+            return self._take(self._decide(self._agent, seen))
 
     def submit(self, decision: Decision) -> StepRecord | Refusal:
         """Take a step. A decision that holds no legal call is refused; the last of several in a row costs the step.
 
-        Raises HumanclawError if the episode has ended, LimitError if a limit was crossed, which ends it.
+        Raises HumanclawError if the episode has ended, TypeError for what is no Decision or is malformed, which changes
+        nothing, LimitError if a limit was crossed, which ends it.
         """
         self._check_open()
-        self._look()
-        decision = recordable(decision)
+        decision = admit(decision, Decision, "submit() was given")
         with self._closing():
-            self._answered("decide", decision.usage)
-            try:
-                call = check(decision, self.body.skills)
-            except CallError as fault:
-                return self._refuse(decision, str(fault))
-            self._attempts.append(Attempt(decision))
-            verdict, call = self._verify(decision, call)
-            return self._keep(self._execute(call, verdict))
+            return self._take(decision)
 
     def _repr_html_(self) -> str:
         """How it stands, and what the eyes see now, for a notebook."""
@@ -294,10 +279,10 @@ class Episode:
         self._drawn[name] = data
         return f"frames/{name}"
 
-    def _open(self, folder: Path | None, replay: Sequence[StepRecord]) -> None:
+    def _open(self, folder: Path | None) -> None:
         """Begin the record on disk. Not before the replay: one that fails leaves the folder as it was."""
         if folder:
-            self._writer = EpisodeWriter(folder, self._record, () if self.fault else replay)
+            self._writer = EpisodeWriter(folder, self._record, self._steps)
             for name, data in self._drawn.items():
                 self._writer.frame(name, data)
             self._drawn.clear()
@@ -306,6 +291,23 @@ class Episode:
         """Open the account of one question to a model. Raises LimitError if a limit has been crossed."""
         self._meter.begin("call")
         self._meter.check()
+
+    def _decide(self, agent: Agent, seen: Observation) -> Decision:
+        """Return what an agent decides. Raises PluginRunError for what breaks there, a malformed decision included."""
+        with blaming(origin(agent)):
+            return admit(agent.decide(seen, self.history), Decision, f"decide() of {self._record.agent} returned")
+
+    def _take(self, decision: Decision) -> StepRecord | Refusal:
+        """Enter a decision, and carry it out if it holds a legal call."""
+        self._look()
+        self._answered("decide", decision.usage)
+        try:
+            call = check(decision, self.body.skills)
+        except CallError as fault:
+            return self._refuse(decision, str(fault))
+        self._attempts.append(Attempt(decision))
+        verdict, call = self._verify(decision, call)
+        return self._keep(self._execute(call, verdict))
 
     def _answered(self, part: str, usage: Usage) -> None:
         """Enter what an answer took. Raises LimitError if it has crossed a limit."""
@@ -330,8 +332,9 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        with blaming(_origin(self._verifier)):
-            verdict = recordable(self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal))
+        with blaming(origin(self._verifier)):
+            verdict = self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal)
+            verdict = admit(verdict, Verdict, f"verify() of {self._record.verifier} returned")
         self._answered("verify", verdict.usage)
         if verdict.accepted or verdict.replacement is None:
             return verdict, call
@@ -419,6 +422,12 @@ class Episode:
         return self._natural_outcome() != "interrupted"
 
     # -- replay --------------------------------------------------------------------------------------------------------
+    def _replay(self, steps: Sequence[StepRecord]) -> None:
+        """Carry out recorded steps again, up to where a plugin breaks."""
+        with self._noting():
+            for step in () if self.fault else steps:
+                self._replay_step(step)
+
     def _replay_step(self, step: StepRecord) -> None:
         """Carry out a recorded step again, so that body, history and trajectory are as they were after it."""
         self._look()
@@ -439,13 +448,13 @@ class Episode:
     def _replay_decisions(self, step: StepRecord) -> None:
         """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
         through its decisions too."""
-        if self._agent and self._agent.privileged:
+        if self._agent and getattr(self._agent, "privileged", False):
             feedback = self._feedback
             for attempt in step.attempts:
                 seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
-                if recordable(self._agent.decide(seen, self.history)) != attempt.decision:
+                if self._decide(self._agent, seen) != attempt.decision:
                     raise ReplayError(
-                        f"{self._agent.name} now decides otherwise in step {step.step} of episode {self.spec.id}.",
+                        f"{self._record.agent} now decides otherwise in step {step.step} of episode {self.spec.id}.",
                         "Continue it with the versions that it was begun with, or remove its folder.",
                     )
                 feedback = Feedback(refusal=attempt.error)
@@ -479,9 +488,8 @@ class Episode:
         """Write the end of the record, once. outcome: by default what the steps say."""
         if self.outcome != "running":
             return
-        ended = {"outcome": outcome or self._natural_outcome(), "error": error, "limit": limit}
         counted = {"usage": self._meter.episode, "steps": len(self._steps)}
-        record = self._record.model_copy(update=ended | counted)
+        record = self._record.ended(outcome or self._natural_outcome(), error, limit=limit, **counted)
         if self._writer:
             self._writer.end(record, self._trajectory.arrays())
         self._record = record  # Not before: an end that could not be written may be written once there is room.
@@ -494,16 +502,35 @@ class Episode:
         return "out_of_steps" if len(self._steps) >= self.spec.max_steps else "interrupted"
 
     # -- parts ---------------------------------------------------------------------------------------------------------
+    @contextmanager
+    def _noting(self) -> Iterator[None]:
+        """Note what a plugin raises while there is no record yet: it ends the episode once there is one."""
+        try:
+            yield
+        except PluginRunError as fault:
+            self.fault = self.fault or fault
+
+    def _name(self, decider: Agent | Verifier | str | None) -> str:
+        """Return what a decider is called; one that has no name that a record can hold, after its package."""
+        if decider is None or isinstance(decider, str):
+            return decider or ""
+        with self._noting():
+            return name_of(decider)
+        return origin(decider)
+
+    def _settings(self, decider: object) -> Mapping[str, Any]:
+        with self._noting():
+            return settings_of(decider)
+        return {}
+
     def _begin_deciders(self) -> None:
-        """Tell agent and verifier their task. What they refuse is raised; what breaks ends the episode, once it has a
-        record."""
-        for decider in (self._agent, self._verifier):
-            try:
-                with blaming(_origin(decider)):
-                    if decider:
-                        decider.begin(self._context(decider))
-            except PluginRunError as fault:
-                self.fault = fault
+        """Tell agent and verifier their task. Raises PluginError for one that cannot be used; what breaks ends the
+        episode."""
+        deciders: tuple[Agent | Verifier | None, ...] = (self._agent, self._verifier)
+        for decider in deciders:
+            with self._noting(), blaming(origin(decider)):
+                if decider:
+                    decider.begin(self._context(decider))
 
     def _context(self, decider: Agent | Verifier) -> EpisodeContext:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
@@ -524,11 +551,6 @@ def _check_replay(steps: Sequence[StepRecord], spec: EpisodeSpec) -> None:
     if ends and ends[0] < len(steps):
         told = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
         raise ReplayError(told, "Remove its folder, or give back the specification that it was begun with.")
-
-
-def _origin(decider: object) -> str:
-    """Return the package that an agent or a verifier comes from."""
-    return type(decider).__module__.partition(".")[0]
 
 
 def reset(body: Body, spec: EpisodeSpec) -> None:

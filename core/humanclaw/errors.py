@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from humanclaw._words import legible
+
 _LONGEST_REASON: Final = 500
 
 
@@ -19,7 +21,7 @@ class HumanclawError(Exception):
 
 
 class PluginError(HumanclawError):
-    """A plugin that cannot be used, and why."""
+    """A plugin that cannot be used, and why. It stands in the way of every episode: raised in one, it ends the run."""
 
 
 class ContractError(PluginError):
@@ -75,13 +77,16 @@ class ProviderError(Exception):
 
 @contextmanager
 def blaming(plugin: str) -> Iterator[None]:
-    """Name the plugin whose code runs in the block in what it raises; what already says who can mend it goes on as it
-    is."""
+    """Name the plugin whose code runs in the block in what it raises.
+
+    Five kinds go on as they are: a limit, a provider that failed, a record for which there is no room, a plugin that
+    cannot be used at all, and KeyboardInterrupt, which is a person's.
+    """
     try:
         yield
-    except (HumanclawError, CallError, LimitError, ProviderError, PluginRunError):
+    except (PluginError, RecordError, LimitError, ProviderError, PluginRunError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as fault:  # Code of somebody else does not end the program.
+    except BaseException as fault:  # Code of somebody else does not end the program.
         raise PluginRunError(f"{plugin} raised {in_words(fault)}") from fault
 
 
@@ -89,7 +94,7 @@ def in_words(error: BaseException) -> str:
     """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
     them."""
     try:
-        return f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON]
+        return legible(f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON])
     except KeyboardInterrupt:
         raise
     except BaseException:

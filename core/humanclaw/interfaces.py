@@ -220,7 +220,10 @@ class Agent(Protocol):
         """Decide on the next call. Raises ProviderError when no answer can be had; that is never turned into a
         decision.
 
-        Raises LimitError when the meter of the episode leaves no time to wait for one.
+        Raises LimitError when the meter of the episode leaves no time to wait for one, and PluginError, here or in
+        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run. Whatever
+        else it raises is its own error, and so is a decision whose fields are not of their types: the episode has
+        failed.
         """
 
 

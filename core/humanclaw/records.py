@@ -27,7 +27,7 @@ from humanclaw._decisions import STRICT, Answer, Attempt, Call, Decision, Refusa
 from humanclaw._feedback import Displacement, Feedback, Proprioception, Touch
 from humanclaw._files import within, write_atomically
 from humanclaw._notebook import card, spread, table
-from humanclaw._words import counted
+from humanclaw._words import counted, legible
 from humanclaw.body import BodyGroup
 from humanclaw.errors import RecordError
 from humanclaw.pose import FUTURE, Array, Motion, Pose2D
@@ -61,7 +61,7 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
 
-_Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 """What a terminal prints and does not obey."""
 
 
@@ -260,8 +260,8 @@ class EpisodeRecord(Record):
     format: Literal[2] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
-    agent: _Name
-    verifier: _Name = ""
+    agent: Name
+    verifier: Name = ""
     options: dict[str, Any] = {}
     """As they were given."""
     settings: dict[str, dict[str, Any]] = {}
@@ -294,6 +294,10 @@ class EpisodeRecord(Record):
     """SHA-256 of every other file of the record, by path in its folder; none as long as it is being written."""
     seal: str = ""
     """SHA-256 of this record without this line."""
+
+    def ended(self, outcome: Outcome, error: str = "", **also: Any) -> EpisodeRecord:
+        """Return the same with its end. error: may quote what a model or a plugin wrote, whatever that is."""
+        return self.model_copy(update={"outcome": outcome, "error": legible(error)} | also)
 
     @property
     def sealed(self) -> EpisodeRecord:

@@ -17,9 +17,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
-from humanclaw._decisions import DEEPEST, LARGEST, LONGEST
+from humanclaw._decisions import DEEPEST, LARGEST
 from humanclaw._pairs import once
 from humanclaw._pictures import jpeg
+from humanclaw._words import LONGEST
 from humanclaw.contract import Skill
 from humanclaw.contract import bounds as bounds
 from humanclaw.errors import CallError, PluginError

@@ -13,7 +13,7 @@ import click
 
 from humanclaw._backends import SENSORS, Backends, check_sensors
 from humanclaw._words import did_you_mean
-from humanclaw.errors import HumanclawError
+from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.limits import Meter, check_limits
 
 if TYPE_CHECKING:
@@ -148,17 +148,28 @@ def decider_options(function: F) -> F:
 def check_options(options: Mapping[str, Any], name: str, agent: object, verifier: object | None) -> None:
     """Raise HumanclawError for an option that concerns neither: what is passed over in silence was meant.
 
-    Their `settings` name what each of them knows; where one has none, nobody can tell.
+    Their `settings` name what each of them knows; where one has none, nobody can tell. Raises PluginError for one that
+    breaks as it is asked for them.
     """
     parts = [part for part in (agent, verifier) if part is not None]
-    if not all(hasattr(part, "settings") for part in parts):
+    found = [_settings(part) for part in parts]
+    if None in found:
         return
-    known = {"profile", *(key for part in parts for key in part.settings)}  # type: ignore[attr-defined]
+    known = {"profile", *(key for names in found for key in names or ())}
     known |= {f"verifier_{key}" for key in known}  # Also where the verifier is left out: that is one switch.
     for key in options:
         if key not in known:
             whose = f"agent {name}" + (" and its verifier" if verifier else "")
             raise HumanclawError(f"there is no option {key!r} for {whose}.", _nearest(key, known))
+
+
+def _settings(decider: object) -> tuple[str, ...] | None:
+    """Return the names of a decider's settings; None if it has none."""
+    try:
+        with blaming(type(decider).__module__.partition(".")[0]):
+            return tuple(map(str, decider.settings)) if hasattr(decider, "settings") else None
+    except PluginRunError as fault:
+        raise PluginError(f"{fault}, when it was asked for its settings.", "Give it a mapping as settings.") from fault
 
 
 def _nearest(key: str, known: Collection[str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Final, TextIO
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, PluginError, Skill
 from humanclaw_human.commands import forms, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
@@ -142,7 +142,7 @@ def _opened(settings: Settings, submit: Callable[[str | None], None], skills: Ma
     try:
         window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     except OSError as error:
-        raise HumanclawError(
+        raise PluginError(
             f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."
         ) from error
     if settings.browser:

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
 
-from humanclaw import HumanclawError
+from humanclaw import PluginError
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
@@ -39,7 +39,7 @@ _OURS: Final = frozenset(
 """What every request says already. A response_format may be given, for a server that knows a better one."""
 
 
-class ModelError(HumanclawError):
+class ModelError(PluginError):
     """The model cannot be used as it was asked for, and what to do about it."""
 
 

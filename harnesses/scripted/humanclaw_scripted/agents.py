@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Scene, Skill
+from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation, PluginError, Scene, Skill
 from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
 from humanclaw.interfaces import WorldState, ego_camera
 from humanclaw.measures import Parameter, Role, from_si, suited
@@ -119,22 +119,22 @@ def ending(skills: Mapping[str, Skill]) -> str:
     """Name of the skill that ends an episode."""
     found = [name for name, skill in skills.items() if skill.role == "stop"]
     if not found:
-        raise HumanclawError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
+        raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
     return found[0]
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
     """Return the skill that commands these measures and least besides: of role sit for SIT, else of locomotion.
 
-    Raises HumanclawError if there is none, or if its adapter is not trained.
+    Raises PluginError if there is none, or if its adapter is not trained.
     """
     role: Role = "sit" if measures == SIT else "locomotion"
     found = suited((skill.declaration for skill in skills.values()), *measures, role=role)
     if found is None:
         wanted = f"a skill of role {role} that commands {', '.join(measures)}"
-        raise HumanclawError(f"the oracle needs {wanted}.", "Install the first-party skills.")
+        raise PluginError(f"the oracle needs {wanted}.", "Install the first-party skills.")
     if not skills[found.skill].trained:
-        raise HumanclawError(
+        raise PluginError(
             f"the oracle needs the skill {found.skill}, whose adapter is not trained.",
             f"Train it with `humanclaw train adapter {found.skill}`.",
         )
@@ -222,7 +222,7 @@ class OracleAgent:
 
     def begin(self, context: EpisodeContext) -> None:
         if context.scene is None or context.state is None:
-            raise HumanclawError("the oracle needs the scene and the state.", "Run it through the loop.")
+            raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
         self._stop = ending(context.skills)
         for needed in (WALK, TURN, SIDE, BACK, *([SIT] if context.spec.interact else [])):

@@ -16,7 +16,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord
+from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord, Verdict
 from humanclaw.body import BODY_GROUPS
 from humanclaw.outcomes import (
     acknowledges,
@@ -211,7 +211,8 @@ class Scores:
     error: str = ""
     """What ended it, if it was no decision: a plugin that failed is named in it."""
     verified: int = 0
-    """Steps whose call went to a verifier."""
+    """Steps whose call a verifier should have checked: those of a skill without checks, of which nothing is asked, are
+    none."""
     unasked: int = 0
     """Of those, steps whose call was let through without an answer of the verifier that could be used."""
     tier: str = ""
@@ -271,7 +272,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         soft_spl=spls[1],
         limit=record.limit,
         error=record.error,
-        verified=sum(step.verdict is not None for step in steps),
+        verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
@@ -279,6 +280,12 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         sequences=sum(len(step.parts) > 1 for step in steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _asked(verdict: Verdict) -> bool:
+    """Whether a verdict tells of anything that was to be asked: an answer, why there is none, another call or what it
+    took."""
+    return verdict != Verdict(True)
 
 
 def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:

@@ -188,8 +188,7 @@ def mark(folder: Path, outcome: Outcome, error: str) -> None:
     except RecordError:
         return
     if found:
-        changed = {"outcome": outcome, "error": error, "steps": len(found.steps)}
-        close_record(folder, found.record.model_copy(update=changed))
+        close_record(folder, found.record.ended(outcome, error, steps=len(found.steps)))
 
 
 # -- a record on its way -----------------------------------------------------------------------------------------------

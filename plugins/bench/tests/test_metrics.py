@@ -14,7 +14,7 @@ from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import JOINTS, OFFSETS, PARENTS
 from humanclaw.interfaces import Execution
 from humanclaw.pose import FPS, HISTORY, Pose2D, rest_pose, root_jerk
-from humanclaw.records import Attempt, Contact, PlayedPart, Usage
+from humanclaw.records import Answer, Attempt, Contact, PlayedPart, Usage
 from humanclaw.testing import contacts, touches
 from humanclaw_bench.metrics import (
     ALL,
@@ -432,6 +432,13 @@ def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp
     assert (scores.tokens_in, scores.tokens_out, scores.cost) == (207, 23, 1.25)
     assert (scores.steps, scores.invalid) == (3, 1)
     assert estimate(METRIC["in tok/step"], [scores]).value == pytest.approx(69.0)
+
+
+def test_a_call_of_which_nothing_is_asked_is_none_that_should_have_been_checked(tmp_path: Path) -> None:
+    dead = Verdict(True, failed_open="the verifier does not answer")
+    asked = Verdict(True, answers=(Answer("clear", True),))
+    scores = score(rollout(tmp_path, [step(verdict=each) for each in (dead, asked, Verdict(True), Verdict(True))]))
+    assert (scores.unasked, scores.verified) == (1, 2)
 
 
 def test_an_episode_that_the_provider_broke_is_in_no_number(tmp_path: Path) -> None:

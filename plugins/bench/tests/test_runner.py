@@ -25,7 +25,7 @@ from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split
-from humanclaw_bench.worker import Job, Worker, unpack
+from humanclaw_bench.worker import Job, Worker, mark, unpack
 
 TOY = Backends("toy", "toy", "toy")
 
@@ -278,6 +278,19 @@ def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play
     assert (scores.finished, scores.nav) == (True, False)
     assert attribute(recorded) is None
     assert "in befall" in capsys.readouterr().err
+
+
+def test_a_decision_that_no_record_can_hold_fails_its_own_episode_and_the_run_can_be_read(play):
+    status, _, folder = play(toy_world.specs(3), blank="toy-1")
+    assert (status.done, status.failed) == (3, 0)
+    assert [episode.record.outcome for episode in load_run(folder)] == ["stopped", "plugin_error", "stopped"]
+    assert play(toy_world.specs(3), blank="toy-1")[1] == []
+
+
+def test_an_error_of_the_machine_that_no_file_can_hold_is_written_as_far_as_it_can(play):
+    _, _, folder = play(toy_world.specs(1))
+    mark(folder / "toy-0", "infra_error", "half \ud83d")
+    assert RecordedEpisode(folder / "toy-0").record.error == "half \ufffd"
 
 
 def test_an_agent_that_exits_fails_its_own_episode_alone(play, tmp_path):

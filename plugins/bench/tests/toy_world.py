@@ -109,7 +109,7 @@ class Renderer:
 
 class Walker:
     """Walks, and stops with its fourth call. options: what befalls it once, in which episode; told by a file that it
-    leaves."""
+    leaves. blank: the episode in which a text of its decisions is none."""
 
     name = "walker"
     privileged = False
@@ -129,7 +129,8 @@ class Walker:
             with Path(log).open("a") as stream:
                 stream.write(f"{self._episode} {step}\n")
         call = Call("stop") if step == 3 else Call("walk", {"z_cm": 20 + 10 * step})
-        return Decision((call,), visible_state="A wall.", usage=Usage(100, 10, 0.25))
+        seen = None if self._options.get("blank") == self._episode else "A wall."
+        return Decision((call,), visible_state=seen, usage=Usage(100, 10, 0.25))
 
     def _first(self) -> bool:
         """Whether it has not befallen yet; always, if no file is named."""
