@@ -135,7 +135,8 @@ def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     asked = _asked(run, told, [one.record.spec for one in episodes])
     if not asked:
         of = f"{counted(told.episodes, 'episode')} of split {told.split[:12]}"
-        yield f"{run / MANIFEST} names {of}, and the {counted(len(episodes), 'record')} here are of another."
+        here = f"neither the {counted(len(episodes), 'record')} here nor a {SPLIT} beside it"
+        yield f"{run / MANIFEST} names {of}; {here} nor a split of the benchmark is that one."
     elif len(asked) != told.episodes:
         split = f"split {told.split[:12]} has {len(asked)}"
         yield f"{run / MANIFEST} says that the run is of {counted(told.episodes, 'episode')}; {split}."

@@ -231,7 +231,7 @@ def _entry(path: Path, one: Submission) -> Entry:
     try:
         wrong = contradictions(one, run) if run.is_dir() else (*_inconsistencies(one),)
     except RecordError as error:
-        return Entry(path.name, one, "cannot be checked", f"its records cannot be checked: {error.message}")
+        return Entry(path.name, one, "damaged, or not of this run", error.message)
     if wrong:
         told = f"contradicted: {wrong[0]}" + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else "")
         return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
