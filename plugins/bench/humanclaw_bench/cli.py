@@ -19,9 +19,10 @@ from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
+from humanclaw_bench.integrity import check, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.runner import damage, run_split
+from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
     HOUSES,
     STARTS,
@@ -37,7 +38,6 @@ from humanclaw_bench.tables import (
     WRITERS,
     Result,
     all_tables,
-    asked_of,
     compare_table,
     main_table,
     named,
@@ -48,7 +48,7 @@ from humanclaw_bench.tables import (
 from humanclaw_bench.worker import Job
 
 RUN = click.Path(path_type=Path)
-PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing.")
+PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing or may be.")
 NAMES = ("main", "repeats", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
 
 
@@ -101,6 +101,7 @@ def run_command(
     step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
+    metrics_of(plugins)  # A name that is taken is told before hours are spent.
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
     if not resume and (out / "run.json").exists():
         raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
@@ -183,6 +184,9 @@ def table(
     if as_json:
         _print_json({name: plain(tables[name]) for name in chosen})
         return
+    if form == "csv":
+        for result in filter(lambda result: result.faults, results):
+            click.echo(result.note, err=True)
     for name in chosen:
         if form == "terminal":
             _print(terminal(tables[name], Console().width))
@@ -226,12 +230,13 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Score a run again from its records: a line an episode with every number and the root cause."""
     out = out or run / "scores.jsonl"
-    found = scored(load_run(run), metrics_of(Plugins.discover(files)), run.name)
+    episodes = load_run(run)
+    found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
     try:
         out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
-    scores = main_table(named({run.name: found}, {run.name: asked_of(run)}), paper=False)
+    scores = main_table(named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
     if as_json:
         _print_json(plain(scores) | {"scores": str(out)})
         return
@@ -243,9 +248,10 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @click.argument("run", type=RUN)
 @click.option("--submission", type=RUN, help="Also score the records again and hold this file to them.")
 def verify(run: Path, submission: Path | None) -> None:
-    """Hold every file of a run to the digests in its records, and name what is damaged."""
-    count, faults = damage(run)
-    told = f"{len(faults)} damaged." if faults else "all whole."
+    """Hold every file of a run to the digests in its records, and the records to the split and settings in run.json;
+    name what is damaged or of another run."""
+    count, faults = check(run)
+    told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
     if submission and not faults:
         faults = submissions.contradictions(submissions.read(submission), run)
         told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
@@ -292,16 +298,20 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
     extra = metrics_of(Plugins.discover(files))
-    return named(
-        {str(run): scored(load_run(run), extra, run.name) for run in runs}, {str(run): asked_of(run) for run in runs}
-    )
+    episodes = {run: load_run(run) for run in runs}
+    known = {str(run): standing(run, found) for run, found in episodes.items()}
+    return named({str(run): scored(found, extra, run.name) for run, found in episodes.items()}, known)
 
 
 def _require_whole(results: Sequence[Result], partial: bool) -> None:
-    """Raise RecordError for a run with missing episodes, unless they were asked for."""
+    """Raise RecordError for a run with records that are not its own, and for one that is not known to be whole unless
+    that was asked for."""
     for result in results:
+        if result.faults:
+            raise RecordError(result.faults[0], "`humanclaw bench verify` names all that is wrong with the run.")
         if result.partial and not partial:
-            raise RecordError(f"the run is not complete: {result.note}", "Go on with it, or say --partial.")
+            known = "" if result.asked else "known to be "
+            raise RecordError(f"the run is not {known}complete: {result.note}", "Go on with it, or say --partial.")
 
 
 def _one(run: Path) -> Result:

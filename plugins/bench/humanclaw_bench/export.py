@@ -10,7 +10,7 @@ import importlib
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
+from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.pose import HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
@@ -29,11 +29,22 @@ if TYPE_CHECKING:
 
 Scored = tuple[Scores, Cause | None]
 DECISIONS_A_SECOND: Final = 2
+OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "stage", "cause", "capability"})
+"""Names of the numbers in a row of scores."""
+_COLLISIONS: Final = "collisions_"
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics that plugins brought, by name. Each is waited for as long as its plugin asks, no longer."""
-    return {one.name: plugins.bounded(one) for one in plugins.registered("metrics")}
+    """Return the metrics that plugins brought, by name. Each is waited for as long as its plugin asks, no longer.
+
+    Raises PluginError for one that has the name of what the benchmark measures itself: it would stand in its place.
+    """
+    metrics = plugins.registered("metrics")
+    for one in metrics:
+        if one.name in OWN or one.name.startswith(_COLLISIONS):
+            told = f"metric {one.name!r} of plugin {one.owner!r} has the name of a number of the benchmark's own."
+            raise PluginError(told, "Register it under another name, or leave the plugin out.")
+    return {one.name: plugins.bounded(one) for one in metrics}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
@@ -53,9 +64,10 @@ def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
     """Return an episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a
     body group."""
-    values = asdict(scores)
+    values = asdict(replace(scores, spec=None))
+    del values["spec"]
     collisions, extra = values.pop("collisions"), values.pop("extra")
-    values |= {f"collisions_{group}": share for group, share in collisions.items()}
+    values |= {_COLLISIONS + group: share for group, share in collisions.items()}
     values |= {"success": scores.success} | extra
     values |= {"stage": cause.stage, "cause": cause.name, "capability": cause.capability} if cause else {}
     return {

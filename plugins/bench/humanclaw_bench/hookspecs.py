@@ -76,7 +76,8 @@ def humanclaw_metrics(register: Register[MetricFunction]) -> None:
     """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not
     apply.
 
-    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load.
+    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load. A name that
+    a row of these has already, such as nav or success, is refused.
     """
 
 

@@ -16,7 +16,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw import Motion, RecordedEpisode, RecordError, StepRecord, Verdict
+from humanclaw import EpisodeSpec, Motion, RecordedEpisode, RecordError, StepRecord, Verdict
 from humanclaw.body import BODY_GROUPS
 from humanclaw.outcomes import (
     acknowledges,
@@ -219,6 +219,8 @@ class Scores:
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
     """What moved the world, by name; empty where the record does not tell."""
+    spec: EpisodeSpec | None = None
+    """What was asked."""
     chunks: int = 0
     """Half-seconds of motion: more than the steps where calls play sequences."""
     sequences: int = 0
@@ -276,6 +278,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
+        spec=spec,
         chunks=sum(step.chunks for step in steps),
         sequences=sum(len(step.parts) > 1 for step in steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
@@ -471,13 +474,26 @@ def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Score
     if not pairs:
         raise RecordError("the two runs share no finished episode.", "Compare runs of the same split.")
     for one, two in pairs:
-        if (one.scene_digest, one.category) != (two.scene_digest, two.category):
+        if unlike := _unlike(one, two):
             raise RecordError(
-                f"episode {one.episode} is not the same in both runs: {one.category} in {one.scene} "
-                f"({one.scene_digest[:12]}), {two.category} in {two.scene} ({two.scene_digest[:12]}).",
+                f"episode {one.episode} is not the same in both runs: {', '.join(unlike)}.",
                 "Compare runs of the same split and the same version of its scenes.",
             )
     return pairs
+
+
+def _unlike(one: Scores, two: Scores) -> list[str]:
+    """In what two runs were not asked the same, such as 'seed (0 and 99)'."""
+    pairs: dict[str, tuple[object, object]] = {}
+    if one.spec and two.spec:
+        pairs = {name: (getattr(one.spec, name), getattr(two.spec, name)) for name in EpisodeSpec.model_fields}
+    pairs |= {name: (getattr(one, name), getattr(two, name)) for name in ("category", "scene_digest")}
+    return [f"{name} ({_short(a)} and {_short(b)})" for name, (a, b) in pairs.items() if a != b]
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:12]}..."
 
 
 def _by_episode(scores: Sequence[Scores]) -> dict[str, Scores]:

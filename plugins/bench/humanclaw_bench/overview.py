@@ -10,9 +10,10 @@ from typing import Protocol
 from humanclaw import RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw_bench.export import Scored, metrics_of, scored
+from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, COST, Metric, common, compare
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, asked_of, compared, named, texts
+from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, compared, named, texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
 DRAWN = ("funnel", "causes")
@@ -38,7 +39,8 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
     found = {run: scored(episodes, extra, run.name) for run, episodes in runs.items()}
     for run, pairs in found.items():
         _tell_episodes(run, pairs, page)
-    results = named({str(run): pairs for run, pairs in found.items()}, {str(run): asked_of(run) for run in runs})
+    known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
+    results = named({str(run): pairs for run, pairs in found.items()}, known)
     tables = all_tables(results, paper=False)
     tables["causes"] = _happened(tables["causes"])
     for name in SHOWN:

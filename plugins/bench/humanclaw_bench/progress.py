@@ -90,8 +90,12 @@ def foresight(status: RunStatus) -> str:
     hours, minutes = divmod(round(status.seconds_left / 60), 60)
     time = f"{hours} h {minutes} min" if hours else f"{max(1, minutes)} min"
     money = f" and ${status.cost_left:.2f}" if status.cost else ""
+    tokens = status.tokens and not status.cost
+    unknown = (
+        f" No price is known of the {status.tokens:,} tokens so far, nor what the rest will cost." if tokens else ""
+    )
     others = "the other takes" if status.left == 1 else f"the other {status.left} take"
-    return f"By its first {status.played} episodes {others} about {time}{money}."
+    return f"By its first {status.played} episodes {others} about {time}{money}.{unknown}"
 
 
 def _spent(status: RunStatus) -> str:

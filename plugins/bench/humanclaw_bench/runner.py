@@ -1,4 +1,5 @@
-"""Running a split: what was run and how is in run.json, every episode in a folder of its own, and nothing is run twice.
+"""Running a split: what was run and how is in run.json and split.jsonl, every episode in a folder of its own, and
+nothing is run twice.
 
 A run may be ended at any moment, by whatever means, and taken up again: finished episodes are kept, others continue
 from their last recorded step.
@@ -21,11 +22,13 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
+from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.hookspecs import noun
 from humanclaw.storage import within, write_atomically
+from humanclaw.tasks import write_episodes
 from humanclaw_bench.executors import EpisodeQueue, Executor
+from humanclaw_bench.integrity import MANIFEST, SPLIT, read_manifest, split_digest
 from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
@@ -69,7 +72,7 @@ class RunStatus:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
-OWN: Final = frozenset({"run.json", "journal.jsonl", "logs", "scores.jsonl", "report.html", "submission.json"})
+OWN: Final = frozenset({MANIFEST, SPLIT, "journal.jsonl", "logs", "scores.jsonl", "report.html", "submission.json"})
 """What lies in the folder of a run beside its episodes."""
 PILOT: Final = 3
 """Episodes from which what a run will take is foreseen."""
@@ -95,7 +98,8 @@ def run_split(
     _check_ids(specs)
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
-        _agree(out / "run.json", manifest(specs, job, plugins))
+        _agree(out, manifest(specs, job, plugins))
+        write_episodes(out / SPLIT, specs)
         todo = [spec for spec in specs if not has_ended(out / spec.id)]
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
@@ -130,30 +134,6 @@ def has_ended(folder: Path) -> bool:
     except RecordError:
         return False  # The worker that begins it anew says why.
     return found is not None and ended(found.record.outcome, found.record.limit)
-
-
-def damage(run: Path) -> tuple[int, tuple[str, ...]]:
-    """How many records a run holds, and what is wrong with them: a line each that is damaged.
-
-    Raises RecordError if there is none.
-    """
-    folders = sorted({path.parent for name in ("episode.json", "steps.jsonl") for path in run.rglob(name)})
-    if not folders:
-        raise RecordError(f"there is no episode record in {run}.", "Name a folder that `humanclaw bench run` wrote.")
-    return len(folders), tuple(filter(None, map(_damage, folders)))
-
-
-def _damage(folder: Path) -> str:
-    """Return what is wrong with one record; empty if nothing is."""
-    try:
-        record = RecordedEpisode(folder).record
-    except RecordError as error:
-        return error.message
-    if not record.seal:
-        return f"{folder / 'episode.json'} has no seal: nothing tells whether it has been changed."
-    if (folder.parent / "run.json").exists() and folder.name != record.spec.id:
-        return f"{folder} holds the record of {record.spec.id!r}."
-    return ""
 
 
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
@@ -196,11 +176,10 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
-    episodes = "\n".join(spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
     return {
         "format": FORMAT,
         "episodes": len(specs),
-        "split": _digest(episodes.encode()),
+        "split": split_digest(specs),
         **{key: value for key, value in asdict(job).items() if key not in ("files", "limits", "choice")},
         "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
         "versions": _versions(specs, job, plugins),
@@ -230,25 +209,17 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _agree(path: Path, wanted: dict[str, Any]) -> None:
+def _agree(out: Path, wanted: dict[str, Any]) -> None:
     """Write run.json, or hold an earlier one to what is wanted now."""
     wanted = json.loads(json.dumps(wanted))
-    if not path.exists():
-        write_atomically(path, json.dumps(wanted, indent=1).encode())
+    if not (out / MANIFEST).exists():
+        write_atomically(out / MANIFEST, json.dumps(wanted, indent=1).encode())
         return
-    found = _read_manifest(path)
+    found = read_manifest(out).content
     differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
     if differing:
         told = "; ".join(_difference(key, found.get(key), wanted.get(key)) for key in differing)
-        raise RecordError(f"{path.parent} holds a run with other settings: {told}.", "Name another folder with --out.")
-
-
-def _read_manifest(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_bytes())
-    except ValueError as error:
-        raise RecordError(f"{path} is damaged: {error}.", "Name another folder with --out.") from error
-    return found if isinstance(found, dict) else {}
+        raise RecordError(f"{out} holds a run with other settings: {told}.", "Name another folder with --out.")
 
 
 def _difference(key: str, found: Any, wanted: Any) -> str:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import html
-import json
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -20,7 +21,8 @@ from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.cli import counted
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, Scores, estimate
+from humanclaw_bench.integrity import faults, read_manifest, split_name
+from humanclaw_bench.metrics import FIND, INTERACT, NAV, Scores, ended, estimate
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.tables import Column
 
@@ -83,8 +85,11 @@ class Submission(_Value):
 
 
 def submit(run: Path, who: str, model_date: str = "") -> Submission:
-    """Make the submission of a run from its records. Raises RecordError unless it is one whole run of one agent."""
-    episodes, manifest = load_run(run), _manifest(run)
+    """Make the submission of a run from its records. Raises RecordError unless they are those of one run of one agent,
+    whole and sealed."""
+    manifest, episodes = read_manifest(run), load_run(run)
+    if wrong := faults(episodes):
+        raise RecordError(wrong[0], f"`humanclaw bench verify {run}` names all that is wrong.")
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
@@ -97,19 +102,10 @@ def submit(run: Path, who: str, model_date: str = "") -> Submission:
         who=who, made=datetime.now(UTC).date().isoformat(), agent=agents[0], model_date=model_date,
         temperature=None if temperature is None else float(temperature),
         engine=str(settings.get("body", {}).get("simulator", "")), seeds=tuple(sorted({one.seed for one in results})),
-        asked=max(int(manifest.get("episodes", 0)), len(episodes)), cost=sum(one.cost for one in scores),
-        tokens=sum(one.tokens_in + one.tokens_out for one in scores), run=manifest, rates=_rates(scores),
+        asked=manifest.episodes, cost=sum(one.cost for one in scores),
+        tokens=sum(one.tokens_in + one.tokens_out for one in scores), run=manifest.content, rates=_rates(scores),
         episodes=results,
     ).sealed  # fmt: skip
-
-
-def _manifest(run: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads((run / "run.json").read_bytes()))
-    except (OSError, ValueError) as error:
-        raise RecordError(
-            f"{run / 'run.json'} cannot be read: {error}.", "Name a folder of `humanclaw bench run`."
-        ) from error
 
 
 def _result(recorded: RecordedEpisode, numbers: Mapping[str, Any]) -> EpisodeResult:
@@ -138,15 +134,26 @@ def read(path: Path) -> Submission:
 def contradictions(claimed: Submission, run: Path) -> tuple[str, ...]:
     """Score a run again from its records, and tell in what a submission says something else; a line each.
 
-    The records themselves have to be whole: humanclaw_bench.runner.damage tells.
+    Raises RecordError if the records themselves are damaged or of another run: humanclaw_bench.integrity.check tells.
     """
     found = submit(run, claimed.who, claimed.model_date)
-    told = [f"{key} is {getattr(found, key)!r}, not {getattr(claimed, key)!r}" for key in _differing(claimed, found)]
+    told = [*_inconsistencies(claimed)]
+    told += [f"{key} is {getattr(found, key)!r}, not {getattr(claimed, key)!r}" for key in _differing(claimed, found)]
     ours, theirs = ({one.id: one for one in of.episodes} for of in (found, claimed))
     told += [f"episode {name} is in one of the two alone" for name in sorted(ours.keys() ^ theirs.keys())]
     for name in sorted(ours.keys() & theirs.keys()):
         told += [f"episode {name}: {what}" for what in _unlike(ours[name], theirs[name])]
     return tuple(told)
+
+
+def _inconsistencies(claimed: Submission) -> Iterator[str]:
+    """Yield what a submission says against itself, which it takes no records to tell."""
+    counts = Counter(one.id for one in claimed.episodes)
+    yield from (f"episode {name} is there {count} times" for name, count in sorted(counts.items()) if count > 1)
+    if {one.seed for one in claimed.episodes} != set(claimed.seeds):
+        yield "seeds are not those of its episodes"
+    if claimed.run.get("episodes") != claimed.asked:
+        yield f"asked is {claimed.asked}, and its run is of {claimed.run.get('episodes')}"
 
 
 def _differing(claimed: Submission, found: Submission) -> list[str]:
@@ -161,6 +168,8 @@ def _differing(claimed: Submission, found: Submission) -> list[str]:
 def _unlike(ours: EpisodeResult, theirs: EpisodeResult) -> list[str]:
     if ours.digest != theirs.digest:
         return ["its record is another one"]
+    if ours.seed != theirs.seed:
+        return [f"seed is {ours.seed}, not {theirs.seed}"]
     keys = ours.scores.keys() | theirs.scores.keys()
     wrong = sorted(key for key in keys if not _alike(ours.scores.get(key), theirs.scores.get(key)))
     return [f"{key} is {ours.scores.get(key)!r}, not {theirs.scores.get(key)!r}" for key in wrong]
@@ -173,30 +182,92 @@ def _alike(a: Any, b: Any) -> bool:
 
 
 # -- the page ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Entry:
+    """A submission on the page."""
+
+    file: str
+    submission: Submission
+    records: str
+    """What its records say of it: agree, not here, or in what they do not."""
+    apart: str = ""
+    """Why it is not ranked; empty if it is."""
+
+
 def leaderboard(folder: Path) -> Path:
     """Write index.html of all submissions in a folder, a table a split, the best InteractSR first; returns its path.
 
-    Raises RecordError if there is none, or if one is damaged.
+    One of a partial run, one that its records contradict, and one whose records cannot be read is listed apart. Raises
+    RecordError if there is none.
     """
-    found = [(path, read(path)) for path in sorted(folder.glob("*.json"))]
-    if not found:
+    found, unread = _entries(folder)
+    if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
-    splits: dict[str, list[tuple[Path, Submission]]] = {}
-    for path, one in found:
-        splits.setdefault(str(one.run.get("split", "")), []).append((path, one))
+    splits: dict[str, list[Entry]] = {}
+    for one in found:
+        if not one.apart:
+            splits.setdefault(str(one.submission.run.get("split", "")), []).append(one)
     body = "".join(_section(split, entries) for split, entries in sorted(splits.items()))
+    body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
     write_atomically(folder / "index.html", page.encode())
     return folder / "index.html"
 
 
-def _section(split: str, entries: Sequence[tuple[Path, Submission]]) -> str:
-    ordered = sorted(entries, key=lambda entry: _rank(entry[1]), reverse=True)
-    head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in _TITLES)
-    rows = "".join("<tr>" + "".join(_cells(path, one)) + "</tr>" for path, one in ordered)
-    asked = max(one.asked for _, one in entries)
-    caption = f"{counted(asked, 'episode')}, split {html.escape(split[:12])}"
-    return f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
+    """Return the submissions in a folder, and what is wrong with the files that are none."""
+    found, unread = [], []
+    for path in sorted(folder.glob("*.json")):
+        try:
+            found.append(_entry(path, read(path)))
+        except RecordError as error:
+            unread.append(error.message)
+    return found, unread
+
+
+def _entry(path: Path, one: Submission) -> Entry:
+    """Hold a submission to its records, if they lie here."""
+    run = path.with_suffix("")
+    try:
+        wrong = contradictions(one, run) if run.is_dir() else (*_inconsistencies(one),)
+    except RecordError as error:
+        return Entry(path.name, one, "damaged, or not of this run", error.message)
+    if wrong:
+        told = f"contradicted: {wrong[0]}" + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else "")
+        return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
+    missing = one.asked - _ended(one)
+    apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
+    return Entry(path.name, one, "agree" if run.is_dir() else "not here", apart)
+
+
+def _ended(one: Submission) -> int:
+    return sum(ended(str(e.scores.get("outcome")), str(e.scores.get("limit", ""))) for e in one.episodes)
+
+
+def _section(split: str, entries: Sequence[Entry]) -> str:
+    ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
+    asked = max(entry.submission.asked for entry in entries)
+    name = split_name(split) or "not one of the benchmark's"
+    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name})", _TITLES, map(_cells, ordered))
+
+
+def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
+    """Those that say nothing beside the others, each with the reason."""
+    rows = [(*_cells(entry), entry.file, entry.apart) for entry in entries]
+    table = _table("Not ranked", (*_TITLES, "file", "why"), rows) if rows else ""
+    return table + "".join(f"<p>Not read: {html.escape(reason)}</p>" for reason in unread)
+
+
+def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in titles)
+    body = "".join(f"<tr>{_row(texts)}</tr>" for texts in rows)
+    caption = f"<caption>{html.escape(caption)}</caption>"
+    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _row(texts: Sequence[str]) -> str:
+    first, *rest = map(html.escape, texts)
+    return f"<th scope='row'>{first}</th>" + "".join(f"<td>{text}</td>" for text in rest)
 
 
 def _rank(one: Submission) -> tuple[float, ...]:
@@ -209,29 +280,19 @@ _TITLES: Final = (
 )  # fmt: skip
 
 
-def _cells(path: Path, one: Submission) -> list[str]:
-    ended = sum(bool(episode.scores.get("outcome") not in ("infra_error", "interrupted")) for episode in one.episodes)
+def _cells(entry: Entry) -> tuple[str, ...]:
+    one = entry.submission
     rates = [_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES]
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
-    texts = [
-        one.agent, one.model_date or "-", one.who, *rates, f"{ended} of {one.asked}", f"{one.cost:.2f}", warmth,
-        one.engine, one.made, _checked(path, one),
-    ]  # fmt: skip
-    first, *rest = (html.escape(text) for text in texts)
-    return [f"<th scope='row'>{first}</th>", *(f"<td>{text}</td>" for text in rest)]
+    return (
+        one.agent, one.model_date or "-", one.who, *rates, f"{_ended(one)} of {one.asked}", f"{one.cost:.2f}", warmth,
+        one.engine, one.made, entry.records,
+    )  # fmt: skip
 
 
 def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:
     found = Estimate(*values) if values else Estimate(float("nan"))
     return f"{column.number(found.value)} {column.interval(found)}".strip()
-
-
-def _checked(path: Path, one: Submission) -> str:
-    run = path.with_suffix("")
-    if not (run / "run.json").exists():
-        return "not here"
-    wrong = contradictions(one, run)
-    return f"contradict it: {wrong[0]}" if wrong else "agree"
 
 
 _PAGE: Final = """<!doctype html>
@@ -241,7 +302,7 @@ body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 80re
 table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; }} caption {{ text-align: left; font-weight: 600; }}
 th, td {{ padding: .3rem .6rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
 </style></head><body><h1>HumanCLAW-Bench</h1>
-<p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same. Rows
-of different splits are no comparison. Made {made}.</p>
+<p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
+that nobody invented them they cannot say. Rows of different splits are no comparison. Made {made}.</p>
 {body}</body></html>
 """

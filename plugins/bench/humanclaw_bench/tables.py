@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -20,6 +18,7 @@ from rich.text import Text
 from humanclaw.cli import counted
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
+from humanclaw_bench.integrity import Standing
 from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
 from humanclaw_bench.splits import CATEGORIES, repeat_of
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
@@ -48,6 +47,8 @@ class Column:
     digits: int = 1
     percent: bool = False
     better: Literal["higher", "lower", ""] = ""
+    counts: tuple[int, int] | None = None
+    """Of a column that is an agent's: Result.counts."""
 
     @classmethod
     def of(cls, metric: Metric) -> Column:
@@ -82,6 +83,8 @@ class Row:
     name: str
     cells: tuple[Estimate, ...]
     paper: bool = False
+    counts: tuple[int, int] | None = None
+    """Of a row that is an agent's: Result.counts."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,8 @@ class Result:
     """One a score; None for an episode that did not fail."""
     asked: int = 0
     """Episodes of the run, as its run.json says; 0 if there is none."""
+    faults: tuple[str, ...] = ()
+    """What contradicts its run.json, or leaves it open whether a record was changed."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -123,9 +128,14 @@ class Result:
 
     @property
     def partial(self) -> bool:
-        """Whether episodes are missing: not run yet, cut short by a limit of the run, or broken by the
-        infrastructure."""
-        return len(self.finished) < self.total
+        """Whether episodes are missing, or nothing tells that none is: not run yet, cut short by a limit of the run, or
+        broken by the infrastructure."""
+        return not self.asked or len(self.finished) < self.total
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Episodes that the numbers are of, and those that there should be; 0 if nothing tells."""
+        return len(self.finished), self.total if self.asked else 0
 
     @property
     def note(self) -> str:
@@ -133,8 +143,14 @@ class Result:
         asked."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
-        of = f"{len(self.finished)} of " if self.partial else ""
-        return f"{self.name}: {of}{counted(self.total, 'episode')}{left_out}.{self._broken}{self._unasked}"
+        of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
+        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
+        return f"{self.name}: {told}{left_out}.{self._broken}{self._unasked}{self._foreign}"
+
+    @property
+    def _foreign(self) -> str:
+        more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
+        return f" Warning: {self.faults[0]}{more}" if self.faults else ""
 
     @property
     def _broken(self) -> str:
@@ -152,17 +168,10 @@ class Result:
         return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
 
 
-def asked_of(run: Path) -> int:
-    """Return how many episodes a run is of; 0 if its folder does not tell."""
-    path = run / "run.json"
-    return int(json.loads(path.read_bytes()).get("episodes", 0)) if path.exists() else 0
-
-
 def named(
-    runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], asked: Mapping[str, int] | None = None
+    runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
 ) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent, verifier and simulator. asked: how many episodes each run is
-    of.
+    """Scored episodes by run to one result a run, agent, verifier and simulator. known: what each run's folder tells.
 
     The simulator's name is told only where there are several, and a run's only where the rest repeats.
     """
@@ -179,9 +188,11 @@ def named(
             agent if repeated[agent] == 1 else f"{agent} ({run})",
             tuple(scores for scores, _ in found),
             tuple(cause for _, cause in found),
-            (asked or {}).get(run, 0),
+            standing.asked,
+            standing.faults,
         )
         for (agent, run), found in groups.items()
+        for standing in [(known or {}).get(run, Standing())]
     )
 
 
@@ -209,7 +220,7 @@ def _result_table(
     title: str, metrics: Sequence[Metric], results: Sequence[Result], paper: Mapping[str, tuple[float, ...]], seed: int
 ) -> ResultTable:
     columns = tuple(map(Column.of, metrics))
-    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
+    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics), counts=r.counts) for r in results]
     rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items()]
     return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
 
@@ -225,14 +236,15 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
 def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    rows = [Row(r.name, tuple(rate(met, houses) for met, houses in Funnel.of(r.scores).shares)) for r in results]
-    notes = ("The last column is of the reached episodes whose task is to sit.",)
-    return ResultTable("Funnel", "agent", columns, tuple(rows), notes)
+    shares = [tuple(rate(met, houses) for met, houses in Funnel.of(r.scores).shares) for r in results]
+    rows = tuple(Row(r.name, cells, counts=r.counts) for r, cells in zip(results, shares, strict=True))
+    notes = ("The last column is of the reached episodes whose task is to sit.", *(r.note for r in results))
+    return ResultTable("Funnel", "agent", columns, rows, notes)
 
 
 def causes_table(results: Sequence[Result]) -> ResultTable:
     """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
-    columns = tuple(Column(result.name, percent=True) for result in results)
+    columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
     failed = [
         {
             stage: [(c, s.scene) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage]
@@ -247,6 +259,7 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
         f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
         for result, failures in zip(results, failed, strict=True)
     )
+    notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
@@ -271,7 +284,11 @@ def _broken_down(
     """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
     rows = tuple(
-        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
+        Row(
+            f"{result.name}, {group.replace('_', ' ')}",
+            tuple(estimate(m, chosen, seed=seed) for m in MAIN),
+            counts=result.counts,
+        )
         for result, group, chosen in parts
         if chosen
     )
@@ -281,7 +298,8 @@ def _broken_down(
 def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Tell the rates of every repeat, and how much they vary between seeds; no row for a run without repeats."""
     rows = tuple(row for result in results for row in _repeats(result, seed))
-    notes = ("The last row of an agent: standard deviation between its repeats, which differ in their seeds alone.",)
+    told = "The last row of an agent: standard deviation between its repeats, which differ in their seeds alone."
+    notes = (told, *(result.note for result in results))
     return ResultTable("Repeats", "agent", tuple(map(Column.of, MAIN[:4])), rows, notes)
 
 
@@ -293,9 +311,9 @@ def _repeats(result: Result, seed: int) -> Iterator[Row]:
     for number in numbers:
         chosen = [s for s in result.finished if repeat_of(s.episode) == number]
         found.append(tuple(estimate(m, chosen, seed=seed) for m in MAIN[:4]))
-        yield Row(f"{result.name}, repeat {number}", found[-1])
+        yield Row(f"{result.name}, repeat {number}", found[-1], counts=result.counts)
     spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
-    yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)))
+    yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)), counts=result.counts)
 
 
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
@@ -380,15 +398,37 @@ def markdown(table: ResultTable) -> str:
 
 
 def comma_separated(table: ResultTable) -> str:
-    """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none."""
+    """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none.
+
+    Columns episodes and of tell of how many of its run's episodes an agent's row is, or column, where each is an agent.
+    """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    parts = ("", " low", " high", " n")
-    writer.writerow([table.corner, "source", *(c.title + part for c in table.columns for part in parts)])
+    writer.writerow([table.corner, "source", *_OF, *(name for column in table.columns for name in _titles(column))])
     for row in table.rows:
-        numbers = [_plain(n) for cell in row.cells for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
-        writer.writerow([row.name.removesuffix(f" {MARK}"), "paper" if row.paper else "run", *numbers])
+        pairs = zip(table.columns, row.cells, strict=True)
+        numbers = [number for column, cell in pairs for number in _numbers(column, cell)]
+        source = "paper" if row.paper else "run"
+        writer.writerow([row.name.removesuffix(f" {MARK}"), source, *_counts(row.counts), *numbers])
     return out.getvalue()
+
+
+_OF: Final = ("episodes", "of")
+
+
+def _titles(column: Column) -> list[str]:
+    parts = ("", " low", " high", " n", *(f" {name}" for name in _OF if column.counts))
+    return [column.title + part for part in parts]
+
+
+def _numbers(column: Column, cell: Estimate) -> list[str]:
+    found = [_plain(n) for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
+    return found + (_counts(column.counts) if column.counts else [])
+
+
+def _counts(counts: tuple[int, int] | None) -> list[str]:
+    finished, total = counts or ("", "")
+    return [str(finished), str(total or "")]
 
 
 def _plain(value: float) -> str:

@@ -508,6 +508,14 @@ def test_runs_of_different_episodes_are_refused(base: Scores, change: dict, word
         compare([base], [replace(base, **change)])
 
 
+@pytest.mark.parametrize(("name", "value"), [("start", Pose2D(x=1, z=1, yaw=0)), ("seed", 99), ("max_steps", 2)])
+def test_an_episode_that_was_asked_otherwise_is_told_with_what_differs(base: Scores, name: str, value: object) -> None:
+    assert base.spec
+    other = replace(base, spec=base.spec.model_copy(update={name: value}))
+    with pytest.raises(RecordError, match=rf"episode one is not the same in both runs: {name} \("):
+        compare([base], [other])
+
+
 def test_an_episode_that_is_there_twice_cannot_be_paired(base: Scores) -> None:
     with pytest.raises(RecordError, match="twice"):
         compare([base, base], [base])

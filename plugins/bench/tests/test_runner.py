@@ -95,6 +95,12 @@ def test_foresight_counts_time_and_money_at_the_rate_so_far():
     assert foresight(status) == "By its first 4 episodes the other 96 take about 4 h 0 min and $48.00."
 
 
+def test_a_price_that_is_not_known_is_said_to_be_so():
+    status = RunStatus(100, 4, played=4, seconds=600.0, tokens=12_000)
+    assert "No price is known of the 12,000 tokens so far" in foresight(status)
+    assert "price" not in foresight(RunStatus(100, 4, played=4, seconds=600.0))
+
+
 # -- who plays ---------------------------------------------------------------------------------------------------------
 def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
     specs = toy_world.specs(6)

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
 from click.testing import CliRunner, Result
+from manifests import tell
 from rollouts import COUCH, rollout, step
 
-from humanclaw import RecordError
+from humanclaw import RecordError, load_run
+from humanclaw.pose import Pose2D
 from humanclaw.records import EpisodeRecord, write_record
+from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission
 from humanclaw_bench.cli import bench
+from humanclaw_bench.integrity import split_digest
+from humanclaw_bench.splits import load_split
 
 SAT = [
     step(says="A couch is 2 m ahead.", pixels=500),
@@ -31,8 +40,7 @@ def run(tmp_path: Path) -> Path:
         warm = {"agent": {"temperature": 0.2}, "body": {"simulator": "bullet"}}
         record = EpisodeRecord.model_validate_json((recorded.folder / "episode.json").read_bytes())
         write_record(recorded.folder, record.model_copy(update={"settings": warm}))
-    (folder / "run.json").write_text(json.dumps({"episodes": 4, "split": "abc", "agent": "model"}))
-    return folder
+    return tell(folder, agent="model")
 
 
 def invoke(*words: object) -> Result:
@@ -55,7 +63,7 @@ def test_a_submission_holds_what_was_run_and_what_came_of_it(run: Path) -> None:
         "2026-11",
         0.2,
     )
-    assert (found.engine, found.asked, found.run["split"]) == ("bullet", 4, "abc")
+    assert (found.engine, found.asked, found.run["agent"]) == ("bullet", 4, "model")
     assert found.rates["NavSR"][0] == 0.75
     assert [one.scores["interact"] for one in found.episodes] == [False, True, True, True]
 
@@ -86,6 +94,131 @@ def test_a_number_that_was_changed_and_sealed_again_contradicts_the_records(run:
     assert "rates" in result.output
 
 
+def forged(run: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    """Change a submission and seal it again."""
+    path = submitted(run)
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(submission.Submission.model_validate(content).sealed.model_dump_json())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda it: it["episodes"].append(it["episodes"][0]), "episode e0 is there 2 times"),
+        (lambda it: it["episodes"][0].update(seed=5), "episode e0: seed is 0, not 5"),
+        (lambda it: it["episodes"][0].update(seed=5), "seeds are not those of its episodes"),
+        (lambda it: it.update(asked=3), "asked is 4, not 3"),
+    ],
+)
+def test_an_episode_that_is_there_twice_or_with_another_seed_contradicts(run: Path, change: Any, words: str) -> None:
+    result = invoke("verify", run, "--submission", forged(run, change))
+    assert (result.exit_code, words in result.output) == (1, True)
+
+
+# -- a run that is not what it says ------------------------------------------------------------------------------------
+def keep_successes(run: Path) -> None:
+    """Take the failures out, and say in run.json that the rest is all."""
+    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    shutil.rmtree(run / "e0")
+    say(run, episodes=3)
+
+
+def keep_successes_alone(run: Path) -> None:
+    keep_successes(run)
+    (run / "split.jsonl").unlink()
+
+
+def say(run: Path, **what: Any) -> None:
+    told = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(told | what))
+
+
+def rewrite(run: Path, name: str, spec: dict[str, Any] | None = None, **changes: Any) -> None:
+    """Change a record as if it had been written so."""
+    record = EpisodeRecord.model_validate_json((run / name / "episode.json").read_bytes())
+    write_record(run / name, record.model_copy(update={"spec": record.spec.model_copy(update=spec or {}), **changes}))
+
+
+def unseal(run: Path) -> None:
+    path = run / "e1" / "episode.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"seal": "", "files": {}}))
+
+
+def another_start(run: Path) -> None:
+    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    rewrite(run, "e1", {"start": Pose2D(x=1.5, z=1.2, yaw=2.0), "seed": 99, "max_steps": 2})
+
+
+def other_options(run: Path) -> None:
+    say(run, options={"history": 4})
+
+
+def another_engine(run: Path) -> None:
+    say(run, backends={"simulator": "mujoco"})
+
+
+TAMPERED = [
+    (keep_successes, "run.json says that the run is of 3 episodes; split"),
+    (keep_successes_alone, "run.json names 3 episodes of split"),
+    (unseal, "e1/episode.json has no seal"),
+    (another_start, "e1 is not of this run: start, max_steps, seed."),
+    (other_options, "e0 is not of this run: options."),
+    (another_engine, "e0 is not of this run: backends simulator."),
+]
+
+
+@pytest.mark.parametrize(("tamper", "words"), TAMPERED)
+def test_a_run_that_is_not_what_it_says_is_named_everywhere(run: Path, tamper: Any, words: str) -> None:
+    honest = submitted(run)
+    tamper(run)
+    verified = invoke("verify", run, "--submission", honest)
+    assert (verified.exit_code, words in verified.output.replace("\\", "/")) == (1, True)
+    for refused in (("submit", run, "--who", "x"), ("table", run, "--format", "latex", "--partial")):
+        result = invoke(*refused)
+        assert isinstance(result.exception, RecordError)
+        assert words in str(result.exception).replace("\\", "/")
+    shown = invoke("table", run, "--format", "markdown", "--only", "main").output.replace("\\", "/")
+    assert re.search(rf"Warning: \S*{re.escape(words)}", shown)
+    invoke("leaderboard", run.parent)
+    ranked, apart = page(run)
+    assert "Ada" not in ranked
+    assert words in apart
+
+
+def page(run: Path) -> tuple[str, str]:
+    """Return what the leaderboard beside a run ranks, and the rest."""
+    text = (run.parent / "index.html").read_text().replace("\\", "/")
+    ranked, _, apart = text.partition("<caption>Not ranked")
+    return ranked, apart
+
+
+@pytest.mark.parametrize("name", ["val", "val-400", "mini", "smoke"])
+def test_a_part_of_a_split_of_the_benchmark_is_held_to_it_without_a_file(tmp_path: Path, name: str) -> None:
+    split = load_split(name)
+    rollout(tmp_path, FAR, name=split[2].id)
+    rewrite(tmp_path, split[2].id, dict(split[2]))
+    (tmp_path / "run.json").write_text(json.dumps({"episodes": len(split), "split": split_digest(split)}))
+    assert invoke("verify", tmp_path).exit_code == 0
+    rewrite(tmp_path, split[2].id, {"seed": 10_000})
+    assert "is not of this run: seed." in invoke("verify", tmp_path).output
+
+
+ODD = ["{", "[1]", "null", "{}", "[" * 100_000, '{"episodes": 4}', '{"split": "a", "episodes": 4, "options": 1}']
+ODD += [f'{{"split": "a", "episodes": {odd}}}' for odd in ('"many"', "null", "-5", "true", "1e400")]
+
+
+@pytest.mark.parametrize("text", ODD)
+@pytest.mark.parametrize("command", [("table",), ("submit", "--who", "x"), ("verify",)])
+def test_an_odd_run_json_is_named(run: Path, command: tuple[str, ...], text: str) -> None:
+    (run / "run.json").write_text(text)
+    result = invoke(command[0], run, *command[1:])
+    assert isinstance(result.exception, RecordError)
+    assert "run.json is damaged" in str(result.exception)
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
 def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> None:
     submitted(run)
     assert invoke("leaderboard", run.parent).exit_code == 0
@@ -93,7 +226,7 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert "Ada &lt;ada@example.org&gt;" in page
     assert "75.0% [30.1, 95.4]" in page
     assert "<td>agree</td>" in page
-    (run / "run.json").unlink()
+    shutil.rmtree(run)
     invoke("leaderboard", run.parent)
     assert "<td>not here</td>" in (run.parent / "index.html").read_text()
 
@@ -101,3 +234,40 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
         submission.leaderboard(tmp_path)
+
+
+def test_a_partial_run_and_one_that_its_records_contradict_are_listed_apart_and_unranked(run: Path) -> None:
+    honest = submitted(run)
+    shutil.copytree(run, run.parent / "part")
+    write_episodes(run.parent / "part" / "split.jsonl", [one.record.spec for one in load_run(run)])
+    shutil.rmtree(run.parent / "part" / "e0")
+    made = invoke("submit", run.parent / "part", "--who", "Bob", "--partial", "--out", run.parent / "part.json")
+    assert made.exit_code == 0
+    better = submission.read(honest).model_copy(update={"who": "Eve", "cost": 9.0}).sealed
+    (run.parent / "eve.json").write_text(better.model_dump_json())
+    shutil.copytree(run, run.parent / "eve")
+    assert invoke("leaderboard", run.parent).exit_code == 0
+    ranked, apart = page(run)
+    assert ("Ada" in ranked, "Bob" in ranked, "Eve" in ranked) == (True, False, False)
+    assert "partial: 1 episode missing" in apart
+    assert "contradicted: cost is 0.0, not 9.0" in apart
+
+
+def test_damaged_records_and_a_file_that_is_no_submission_are_named_and_the_others_shown(run: Path) -> None:
+    submitted(run)
+    shutil.copytree(run, run.parent / "hurt")
+    shutil.copy(run.parent / "mine.json", run.parent / "hurt.json")
+    (run.parent / "hurt" / "e0" / "steps.jsonl").write_text("x\n")
+    (run.parent / "list.json").write_text("[]")
+    assert invoke("leaderboard", run.parent).exit_code == 0
+    ranked, apart = page(run)
+    assert ranked.count("Ada") == 1
+    assert "e0/steps.jsonl has been changed" in apart
+    assert "list.json is no submission" in apart
+
+
+def test_the_page_names_the_split(run: Path) -> None:
+    forged(run, lambda it: it["run"].update(split=split_digest(load_split("smoke"))))
+    shutil.rmtree(run)
+    invoke("leaderboard", run.parent)
+    assert "(smoke)" in page(run)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 import sys
 import threading
 from dataclasses import replace
@@ -14,11 +15,14 @@ from typing import Any
 import click
 import pytest
 from click.testing import CliRunner, Result
+from manifests import tell
 from rich.console import Console
 from rollouts import COUCH, rollout, step
 
-from humanclaw import Plugins, hookimpl, load_run
+from humanclaw import PluginError, Plugins, hookimpl, load_run
 from humanclaw.cli import Commands
+from humanclaw.records import StepRecord, Verdict
+from humanclaw.tasks import write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import metrics_of
@@ -53,7 +57,7 @@ def write_run(folder: Path, sat: int, far: int, broken: int = 0, **more: object)
     for k in range(sat + far + broken):
         steps = SAT if k < sat else FAR
         rollout(folder, steps, name=f"e{k:02}", outcome="infra_error" if k >= sat + far else "", **more)  # type: ignore[arg-type]
-    return folder
+    return tell(folder)
 
 
 @pytest.fixture
@@ -79,14 +83,16 @@ def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(b
     assert [column.title for column in table.columns] == [metric.name for metric in MAIN]
     assert table.rows[0].cells[1] == wilson(3, 4)
     assert texts(table)[1][0][:3] == ("model", "100.0% [51.0, 100.0]", "75.0% [30.1, 95.4]")
-    assert "model: 4 episodes." in table.notes
+    assert "model: 4 episodes, of how many no run.json tells." in table.notes
 
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
     table = main_table(named({"run": scores}), paper=False)
     assert table.rows[0].cells[1] == wilson(1, 1)
-    assert table.notes == ("model: 1 of 2 episodes; apart from every number: 1 infra_error.",)
+    assert table.notes == (
+        "model: 1 of 2 episodes, of how many no run.json tells; apart from every number: 1 infra_error.",
+    )
 
 
 def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(base: Scores) -> None:
@@ -95,7 +101,8 @@ def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(ba
     table = main_table(named({"run": [(s, None) for s in (base, broken, *spent)]}), paper=False)
     assert table.rows[0].cells[1] == wilson(1, 4)
     assert table.notes == (
-        "model: 4 of 5 episodes; apart from every number: 1 limit_reached. Failed by a plugin, and counted: 1 "
+        "model: 4 of 5 episodes, of how many no run.json tells; apart from every number: 1 limit_reached. Failed by a "
+        "plugin, and counted: 1 "
         "(humanclaw_nod raised ValueError: no).",
     )
 
@@ -112,11 +119,77 @@ def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int,
 
 def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: Path) -> None:
     whole, part = write_run(tmp_path / "a", 2, 1), write_run(tmp_path / "b", 2, 1)
-    (part / "run.json").write_text(json.dumps({"episodes": 5}))
-    assert "3 of 5 episodes" in invoke("table", part).output.replace("\n", " ")
+    write_episodes(part / "split.jsonl", [one.record.spec for one in load_run(part)])
+    shutil.rmtree(part / "e01")
+    assert "2 of 3 episodes" in invoke("table", part).output.replace("\n", " ")
     for command in (("table", part, "--format", "latex"), ("compare", whole, part)):
-        assert "not complete: model: 3 of 5 episodes" in invoke(*command).output.replace("\n", " ")
+        assert "not complete: model: 2 of 3 episodes" in invoke(*command).output.replace("\n", " ")
         assert invoke(*command, "--partial").exit_code == 0
+
+
+def test_a_run_without_a_run_json_is_not_taken_for_whole(tmp_path: Path) -> None:
+    run = write_run(tmp_path, 2, 1)
+    (run / "run.json").unlink()
+    assert "3 episodes, of how many no run.json tells" in invoke("table", run).output.replace("\n", " ")
+    refused = invoke("table", run, "--format", "latex")
+    assert refused.exit_code == 2
+    assert "not known to be complete" in refused.output.replace("\n", " ")
+    assert invoke("table", run, "--format", "latex", "--partial").exit_code == 0
+
+
+TABLES = ("main", "repeats", "variants", "body", "difficulty", "category", "funnel", "causes")
+
+
+@pytest.fixture
+def part(tmp_path: Path) -> Path:
+    """A run of 8 episodes, one of which is not there, and whose verifier was not asked."""
+    for k in range(8):
+        told = replace_verdict(SAT if k % 2 else FAR)
+        rollout(tmp_path, told, name=f"e{k // 2}" + ".r1" * (k % 2), verifier="llm")
+    write_episodes(tmp_path / "split.jsonl", [one.record.spec for one in load_run(tell(tmp_path))])
+    shutil.rmtree(tmp_path / "e3")
+    return tmp_path
+
+
+def replace_verdict(steps: list[StepRecord]) -> list[StepRecord]:
+    return [one.model_copy(update={"verdict": Verdict(True, failed_open="dead")}) for one in steps]
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("form", ["terminal", "markdown", "latex", "json"])
+def test_every_table_says_n_of_n_and_what_is_to_be_known_of_the_row(part: Path, name: str, form: str) -> None:
+    words = ("--json",) if form == "json" else ("--format", form)
+    shown = " ".join(invoke("table", part, "--only", name, *words, "--partial").output.split())
+    assert "7 of 8 episodes" in shown
+    assert "Let through unasked: 100.0 %. Warning" in shown
+
+
+@pytest.mark.parametrize("name", [name for name in TABLES if name != "difficulty"])  # That of these is not known.
+def test_csv_has_columns_for_n_of_n(part: Path, name: str) -> None:
+    result = invoke("table", part, "--only", name, "--format", "csv", "--no-paper")
+    rows = list(csv.DictReader(io.StringIO(result.stdout.rstrip("\n") + "\n")))
+    prefix = "model + llm " if name == "causes" else ""
+    assert rows
+    assert {(row[f"{prefix}episodes"], row[f"{prefix}of"]) for row in rows} == {("7", "8")}
+
+
+class TakenName:
+    """A metric with a name that is the benchmark's own."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    @hookimpl(optionalhook=True)
+    def humanclaw_metrics(self, register: Any) -> None:
+        register(self.name, lambda recorded: 1.0)
+
+
+@pytest.mark.parametrize("name", ["nav", "find", "outcome", "episode", "success", "cause", "collisions_any"])
+def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(name: str) -> None:
+    plugins = Plugins.discover()
+    plugins.add(TakenName(name), "taker")
+    with pytest.raises(PluginError, match=rf"metric '{name}' of plugin 'taker' has the name"):
+        metrics_of(plugins)
 
 
 class OddMetrics:

@@ -1,0 +1,198 @@
+"""Whether a run is what it says it is: its records whole, and its episodes those that run.json names.
+
+run.json holds the digest of the split. The episodes that belong to it are known from the records of a whole run, from
+split.jsonl beside run.json, or from the benchmark's own splits; each record is then held to its episode, field by
+field.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
+from humanclaw.cli import counted
+from humanclaw.records import EpisodeRecord
+from humanclaw.tasks import read_episodes
+from humanclaw_bench.splits import SPLITS, load_split, repeated
+
+MANIFEST: Final = "run.json"
+SPLIT: Final = "split.jsonl"
+"""The episodes that a run is of, in its folder."""
+_MOST: Final = 100_000
+"""Episodes of a run; more are a mistake."""
+
+
+# -- what a run says of itself -----------------------------------------------------------------------------------------
+class Manifest(BaseModel):
+    """What is read of run.json; it holds more."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True)
+
+    episodes: Annotated[int, Field(ge=1, le=_MOST)]
+    split: str
+    """SHA-256 of its episodes (split_digest)."""
+    options: dict[str, Any] | None = None
+    verifier: str | None = None
+    backends: dict[str, Any] = {}
+    versions: dict[str, str] = {}
+    weights: dict[str, str] = {}
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All of run.json, as it is there."""
+        return self.model_dump(exclude_unset=True)
+
+
+def read_manifest(run: Path) -> Manifest:
+    """Read run.json of a run. Raises RecordError if it is missing, damaged, or says something odd."""
+    path = run / MANIFEST
+    try:
+        return Manifest.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise RecordError(
+            f"{path} cannot be read: {error.strerror}.", "Name a folder of `humanclaw bench run`."
+        ) from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = "".join(f" {name}:" for name in first["loc"])
+        told = f"{path} is damaged:{where} {first['msg']}."
+        raise RecordError(told, "Run the split again in another folder.") from None
+
+
+def split_digest(specs: Iterable[EpisodeSpec]) -> str:
+    """Return the SHA-256 of episodes, in whatever order they come."""
+    lines = (spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def split_name(digest: str) -> str:
+    """Return the name of the benchmark's split with a digest; empty if it is none of them."""
+    return next((name for name in SPLITS if split_digest(load_split(name)) == digest), "")
+
+
+# -- what contradicts it -----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Standing:
+    """What is known of a run besides its episodes' scores."""
+
+    asked: int = 0
+    """Episodes that it is of, as its run.json says; 0 if there is none."""
+    faults: tuple[str, ...] = ()
+    """What contradicts that, or leaves it open whether a record was changed; a line each."""
+
+
+def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
+    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that is damaged."""
+    asked = read_manifest(run).episodes if (run / MANIFEST).exists() else 0
+    return Standing(asked, faults(episodes))
+
+
+def check(run: Path) -> tuple[int, tuple[str, ...]]:
+    """How many records a run holds, and what is wrong with them: a line each.
+
+    Raises RecordError if there is none, or if run.json is damaged.
+    """
+    folders = sorted({path.parent for name in ("episode.json", "steps.jsonl") for path in run.rglob(name)})
+    if not folders:
+        raise RecordError(f"there is no episode record in {run}.", "Name a folder that `humanclaw bench run` wrote.")
+    whole, damaged = [], []
+    for folder in folders:
+        try:
+            whole.append(RecordedEpisode(folder))
+        except RecordError as error:
+            damaged.append(error.message)
+    return len(folders), (*damaged, *faults(whole))
+
+
+def faults(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
+    """Tell which records have no seal, and which are not of the run in whose folder they lie.
+
+    Raises RecordError if a run.json is damaged.
+    """
+    unsealed = [
+        f"{one.folder / 'episode.json'} has no seal: nothing tells whether it has been changed."
+        for one in episodes
+        if not one.record.seal
+    ]
+    runs: dict[Path, list[RecordedEpisode]] = defaultdict(list)
+    for one in episodes:
+        if (one.folder.parent / MANIFEST).exists():
+            runs[one.folder.parent].append(one)
+    return (*unsealed, *chain.from_iterable(_foreign(run, found) for run, found in runs.items()))
+
+
+def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
+    """Yield what the records of a run say otherwise than its run.json."""
+    told = read_manifest(run)
+    asked = _asked(run, told, [one.record.spec for one in episodes])
+    if not asked:
+        of = f"{counted(told.episodes, 'episode')} of split {told.split[:12]}"
+        here = f"neither the {counted(len(episodes), 'record')} here nor a {SPLIT} beside it"
+        yield f"{run / MANIFEST} names {of}; {here} nor a split of the benchmark is that one."
+    elif len(asked) != told.episodes:
+        split = f"split {told.split[:12]} has {len(asked)}"
+        yield f"{run / MANIFEST} says that the run is of {counted(told.episodes, 'episode')}; {split}."
+    for one in episodes:
+        if differing := [*_other_episode(one, asked), *_other_settings(one.record, told)]:
+            yield f"{one.folder} is not of this run: {', '.join(differing)}."
+
+
+def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
+    """Return the episodes of the split that run.json names, by id; none if they are nowhere to be found."""
+    for specs in chain([found], _splits(run, told)):
+        if split_digest(specs) == told.split:
+            return {spec.id: spec for spec in specs}
+    return {}
+
+
+def _splits(run: Path, told: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
+    """Yield what the split of a run may be: the one beside its run.json, and the benchmark's own, repeated or not."""
+    if (run / SPLIT).exists():
+        try:
+            yield read_episodes(run / SPLIT)
+        except HumanclawError as error:
+            raise RecordError(error.message, error.remedy) from error
+    for name in SPLITS:
+        specs = load_split(name)
+        yield specs
+        if told.episodes > len(specs) and told.episodes % len(specs) == 0:
+            yield repeated(specs, told.episodes // len(specs))
+
+
+def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> list[str]:
+    """In what the episode of a record is another one than the split's."""
+    spec = one.record.spec
+    if spec.id != one.folder.name:
+        return [f"it holds the record of {spec.id!r}"]
+    if not asked:
+        return []
+    wanted = asked.get(spec.id)
+    if not wanted:
+        return ["the split has no such episode"]
+    return [name for name in EpisodeSpec.model_fields if getattr(spec, name) != getattr(wanted, name)]
+
+
+def _other_settings(record: EpisodeRecord, told: Manifest) -> list[str]:
+    """In what a record was played otherwise than run.json says, as far as both tell."""
+    pairs = {
+        "backends": (record.settings.get("body", {}), told.backends),
+        "versions": (record.versions, told.versions),
+        "weights": (record.weights, told.weights),
+    }
+    wrong = [
+        f"{kind} {name}"
+        for kind, (found, wanted) in pairs.items()
+        for name in sorted(found.keys() & wanted.keys())
+        if found[name] != wanted[name]
+    ]
+    options = [] if told.options in (None, record.options) else ["options"]
+    verifier = [] if told.verifier is None or bool(told.verifier) == bool(record.verifier) else ["verifier"]
+    return options + verifier + wrong
