@@ -43,10 +43,11 @@ _NEGATION: Final = _words(
 )
 """It is not there, not here, or not now."""
 _SEEKING: Final = _words(
-    r"looking (?!at|to|straight)(?:\w+ ){0,3}for|looks? (?:for|around)|look(?:s|ing)? (?:around|about|everywhere|elsewhere)",
+    r"looking (?!at|to|straight)(?:\w+ ){0,3}for|looks? for|look(?:s|ing)? (?:around|about|everywhere|elsewhere)",
     r"search(?:es|ing)?|seek(?:s|ing)?|hunt(?:ing)?|yet to (?:see|find)",
     r"(?:need|want|try|trying|have|going|hope|hoping|has)s? to (?:be found|find|locate|reach|see|get)",
-    r"(?:to|must|should|will) (?:find|locate)|(?:must|should|will) see|wants? (?:an?|the)|my (?:goal|task|mission|aim|objective)",
+    r"(?:to|must|should|will) (?:find|locate)|(?:must|should|will) see|wants? (?:an?|the)",
+    r"my (?:goal|task|mission|aim|objective)",
     r"might|may|could|probably|perhaps|maybe|likely|possibly|(?:must|should) be",
     r"assum(?:e|es|ing)|suspect|expect(?:s|ing)?|guess|suppose|presum(?:e|ably)",
 )
