@@ -17,10 +17,11 @@ import numpy as np
 
 from humanclaw import HumanclawError, Motion, Plugins
 from humanclaw.motion import DiTGenerator
-from humanclaw.outcomes import ALIASES, REACHED, in_view
+from humanclaw.outcomes import REACHED, in_view
 from humanclaw.pose import HISTORY, Pose2D, root_jerk
 from humanclaw.records import RecordedEpisode
 from humanclaw.scene import distance_to_nearest
+from humanclaw.tasks import ALIASES
 from humanclaw_bench.metrics import Scores, disturbed, generated_trajectory, score
 
 NEW_ALIASES = {"sectional", "screen", "commode"}
