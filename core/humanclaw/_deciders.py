@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import functools
+import json
 import reprlib
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
-from pydantic_core import from_json, to_json
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from humanclaw._decisions import recordable
 from humanclaw.errors import blaming
 from humanclaw.records import Name
 
 T = TypeVar("T")
+_SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
 
 
 def origin(decider: object) -> str:
@@ -43,8 +44,7 @@ def settings_of(decider: object) -> dict[str, Any]:
     with blaming(origin(decider)):
         found = getattr(decider, "settings", None) or {}
         try:
-            kept = to_json({"settings": {"agent": dict(found)}}, by_alias=False, inf_nan_mode="strings")
-            read: dict[str, Any] = from_json(kept)["settings"]["agent"]
+            read: dict[str, Any] = json.loads(_SETTINGS.dump_json(dict(found)))
         except (TypeError, ValueError) as error:
             raise TypeError(f"settings are a mapping that JSON can hold; got {reprlib.repr(found)}") from error
         return read

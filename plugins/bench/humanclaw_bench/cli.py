@@ -215,7 +215,7 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
         return
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
     for result in (one, two):
-        click.echo(result.note)
+        _print(Text(result.note, style="dim"))
     left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
     if left_out:
         many = "episodes have" if left_out > 1 else "episode has"

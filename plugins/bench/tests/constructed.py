@@ -54,7 +54,7 @@ _SAYING: Final = (
     "A {} is 2 m ahead.",
     "I see the {} on my left. There is no door.",
     "Two {}s; a wall behind.",
-    "TARGET: {}",
+    "TARGET in view: {}",
 )
 _DENYING: Final = (
     "No {} is visible.",
