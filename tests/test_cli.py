@@ -122,6 +122,24 @@ def test_a_provider_that_cannot_be_reached_is_an_infra_error_and_exits_with_1(cl
     assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "infra_error"
 
 
+def test_an_agent_that_raises_is_a_plugin_error_and_exits_with_1(cli, tmp_path):
+    (tmp_path / "broken.py").write_text(
+        "from humanclaw import hookimpl\n"
+        "class Broken:\n"
+        "    name = 'broken'\n"
+        "    privileged = False\n"
+        "    def begin(self, context): pass\n"
+        "    def decide(self, observation, history): raise ZeroDivisionError('of its own')\n"
+        "@hookimpl\n"
+        "def humanclaw_agents(register): register('broken', lambda options: Broken(), 'raises')\n"
+    )
+    done = cli("run", "--plugin", "broken.py", "--agent", "broken", "--out", "r", "--film", "none")
+    assert done.returncode == 1
+    assert "a plugin failed: " in done.stderr
+    assert "ZeroDivisionError: of its own" in done.stderr
+    assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "plugin_error"
+
+
 def test_a_record_is_never_overwritten(cli, tmp_path):
     folder = tmp_path / "r/house-0-0"
     folder.mkdir(parents=True)

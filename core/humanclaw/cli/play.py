@@ -176,6 +176,8 @@ def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film:
 def _exit(record: EpisodeRecord) -> None:
     if record.outcome == "infra_error":
         raise click.ClickException(f"the provider failed: {record.error}")
+    if record.outcome == "plugin_error":
+        raise click.ClickException(f"a plugin failed: {record.error}")
     if record.outcome == "limit_reached":
         raise click.ClickException(f"a limit was reached: {record.error}")
     if record.outcome in ("interrupted", "running"):  # Running: Ctrl-C came again before its end was written.
