@@ -165,8 +165,10 @@ def check_options(options: Mapping[str, Any], name: str, agent: object, verifier
 
 def _settings(decider: object) -> tuple[str, ...] | None:
     """Return the names of a decider's settings; None if it has none."""
+    from humanclaw._deciders import origin  # Not where the command line starts: pydantic takes its time.
+
     try:
-        with blaming(type(decider).__module__.partition(".")[0]):
+        with blaming(origin(decider)):
             return tuple(map(str, decider.settings)) if hasattr(decider, "settings") else None
     except PluginRunError as fault:
         raise PluginError(f"{fault}, when it was asked for its settings.", "Give it a mapping as settings.") from fault

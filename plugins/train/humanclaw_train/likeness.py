@@ -51,23 +51,19 @@ class NaturalnessRow:
     """The held-out clips, which nothing was trained on. None: `frechet` is the distance to half of what was."""
 
 
-def naturalness_of(
-    skill: Declaration, source: str, root: Array, rotations: Array, frechet: float = _NAN, free: float = _NAN
-) -> NaturalnessRow:
+def naturalness_of(skill: Declaration, source: str, root: Array, rotations: Array) -> NaturalnessRow:
     """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
-    return _row(skill.skill, source, root, rotations, skill.climbs, frechet, free)
+    return _row(skill.skill, source, root, rotations, skill.climbs)
 
 
-def _row(
-    name: str, source: str, root: Array, rotations: Array, stairs: bool, frechet: float = _NAN, free: float = _NAN
-) -> NaturalnessRow:
+def _row(name: str, source: str, root: Array, rotations: Array, stairs: bool) -> NaturalnessRow:
     joints, _ = forward_kinematics(root, rotations)
     future = joints[:, HISTORY - 1 :]
     return NaturalnessRow(
         name, source, len(root),
         _NAN if stairs else measures.skate(future), measures.slower_toe(future),
         _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()), frechet, free,
+        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
     )  # fmt: skip
 
 
@@ -117,8 +113,8 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
     made, true, other = (_arrays(part) for part in (whole, held, rest))
     distance, least = (measures.frechet(features(*part), features(*true)) for part in (made, other))
     rows = (("generated", made, distance), ("held-out", true, least))
-    measured = [_row(PRIOR, source, *part, False, frechet) for source, part, frechet in rows]
-    return [replace(row, unseen=found[0].clips) for row in measured]
+    unseen = found[0].clips
+    return [replace(_row(PRIOR, name, *part, False), frechet=frechet, unseen=unseen) for name, part, frechet in rows]
 
 
 def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
