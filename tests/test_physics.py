@@ -9,6 +9,7 @@ from humanclaw import Backends, default_simulator
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
 from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.half_physics.swing import swings
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
 from humanclaw.testing.physics import Finding, skill_with, table
@@ -44,6 +45,22 @@ def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first
     assert [obj.movable for obj in scene.objects] == [False, True, False, True, False]
     assert [obj.id for obj in scene.objects] == [1, 2, 3, 4, 5]
     assert [obj.position[0] for obj in scene.objects] == [0, 1, 40, 41, 80]
+
+
+def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
+    builder = SceneBuilder()
+    leaf = builder.door()
+    (swing,) = swings(builder.scene()).values()
+    still = swing.motion(0.0, 0.0)
+    assert swing.motion(0.0, 0.0) is still
+    turning = swing.motion(-np.pi / 2, -2.0)
+    # The leaf hangs at x -0.45, z 0.8, and its middle is 0.45 m from there: at a right angle it has come round to +Z.
+    assert swing.obj.id == leaf
+    np.testing.assert_allclose(turning.position[[0, 2]], [-0.45, 1.25], atol=1e-6)
+    np.testing.assert_allclose(turning.velocity, [-0.9, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(swing.motion(0.0, 0.0).position, still.position)
+    with pytest.raises(ValueError, match="read-only"):
+        still.position[0] = 1.0
 
 
 def test_quartiles_are_those_of_the_numbers():

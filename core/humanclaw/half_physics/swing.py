@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,11 @@ class Swing:
     """(3,) its centre of mass in its asset's frame."""
     inertia: float
     """About the hinge, kg m2."""
+    _last: Callable[[float, float], ObjectMotion] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        # Engines ask at every step, and most doors hang still: then the answer is the one before.
+        object.__setattr__(self, "_last", lru_cache(maxsize=1)(self._computed))
 
     @classmethod
     def of(cls, scene: Scene, obj: SceneObject) -> Swing:
@@ -51,10 +57,16 @@ class Swing:
         return self.obj.at(angle)
 
     def motion(self, angle: float, speed: float) -> ObjectMotion:
-        """Return how the object moves that turns so fast, rad/s, through an angle."""
+        """Return how the object moves that turns so fast, rad/s, through an angle. The arrays are not for writing."""
+        return self._last(angle, speed)
+
+    def _computed(self, angle: float, speed: float) -> ObjectMotion:
         place, spin = self.place(angle), speed * _UP
         centre = place[:3] + matrix_from_quaternion(place[3:]) @ self.centre
-        return ObjectMotion(centre, place[3:], np.cross(spin, centre - self.axis), spin)
+        motion = ObjectMotion(centre, place[3:], np.cross(spin, centre - self.axis), spin)
+        for array in vars(motion).values():
+            array.flags.writeable = False
+        return motion
 
     def angle(self, quaternion: Array) -> float:
         """Return the angle of an object that is turned like this, the one in the hinge's range or nearest to it."""
