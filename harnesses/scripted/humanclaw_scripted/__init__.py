@@ -22,6 +22,7 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("seeing", _seeing, "depth and ids of its own view, no map and no pose: what perfect eyes can do")
+    register("seeing-colour", _seeing_colour, "as seeing, but a detector of your own tells what is where, and no ids")
     register("wanderer", _wanderer, "walks and turns at random and never stops: what luck brings")
     register("still", _still, "stops at once")
     register(
@@ -55,9 +56,17 @@ def _random(options: Mapping[str, Any]) -> Agent:
 
 
 def _seeing(options: Mapping[str, Any]) -> Agent:
+    from humanclaw_scripted.eyes import PerfectEyes
     from humanclaw_scripted.seeing import SeeingAgent
 
-    return SeeingAgent()
+    return SeeingAgent("seeing", PerfectEyes())
+
+
+def _seeing_colour(options: Mapping[str, Any]) -> Agent:
+    from humanclaw_scripted.eyes import DetectorEyes, Options
+    from humanclaw_scripted.seeing import SeeingAgent
+
+    return SeeingAgent("seeing-colour", DetectorEyes(Options.of(options)))
 
 
 def _wanderer(options: Mapping[str, Any]) -> Agent:

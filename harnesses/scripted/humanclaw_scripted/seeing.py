@@ -1,6 +1,6 @@
 """An agent that sees and knows nothing else: no map, no pose; and one that does not even see.
 
-The eyes of the first are perfect: it has the depth of its own view, and the ids of the things in it.
+The first has the depth of its own view, and eyes (humanclaw_scripted.eyes) that tell it where its target is.
 
 It keeps a map of what it has seen, goes to the edge of it until a target comes into view (frontier exploration,
 Yamauchi 1997), then up to the target, and sits down if that is the task. It knows where it is by what it asked its
@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
-from humanclaw.interfaces import View
 from humanclaw.measures import to_si
 from humanclaw.navigation import MultiFloorMap, OccupancyGrid, Routes
 from humanclaw.outcomes import SEEN_PIXELS
@@ -35,6 +34,7 @@ from humanclaw_scripted.agents import (
     asking,
     ending,
 )
+from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
 
 TOUCHING_DISTANCE = 0.27
@@ -99,23 +99,24 @@ class SeeingAgent:
     """Finds its way by eye. Privileged in one thing: it is handed depth and ids of its own view, never scene or
     state."""
 
-    name = "seeing"
     privileged = True
+
+    def __init__(self, name: str, eyes: Eyes) -> None:
+        self.name, self._eyes, self.settings = name, eyes, eyes.settings
 
     def begin(self, context: EpisodeContext) -> None:
         if context.view is None:
             raise HumanclawError("the seeing agent needs its view with depth and ids.", "Run it through the loop.")
         self._view, self._skills, self._spec = context.view, context.skills, context.spec
-        self._targets = frozenset(context.spec.target_ids)
+        self._eyes.begin(context.spec)
         self._stop = ending(context.skills)
         self._memory = SeeingMemory()
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        view = self._view()
-        sight = Sight.of(view)
+        sight = self._eyes.look(self._view())
         self._locate(sight, history[-1].executed if history else None)
-        self._memory.map.add(sight, self._memory.pose, self._targets)
-        said = self._say(view, sight)
+        self._memory.map.add(sight, self._memory.pose)
+        said = self._say(sight)
         call, reason = self._act()
         goal = f"Get to the {self._noun}." if self._memory.seen else f"Find a {self._noun}."
         return Decision((call,), said, "", goal, "keep", reason)
@@ -281,10 +282,9 @@ class SeeingAgent:
     def _noun(self) -> str:
         return self._spec.target_category.replace("_", " ") or "target"
 
-    def _say(self, view: View, sight: Sight) -> str:
-        mine = np.isin(sight.ids, list(self._targets))
-        if not self._targets or np.isin(view.ids, list(self._targets)).sum() < SEEN_PIXELS or not mine.any():
+    def _say(self, sight: Sight) -> str:
+        if sight.pixels < SEEN_PIXELS or not sight.mine.any():
             return f"No {self._noun} is in view."
         self._memory.seen = True
-        away = float(np.hypot(sight.points[mine][:, 0], sight.points[mine][:, 2]).min())
+        away = float(np.hypot(sight.points[sight.mine][:, 0], sight.points[sight.mine][:, 2]).min())
         return f"A {self._noun} is in view, about {away:.1f} m away."

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt, label
 from scipy.spatial import cKDTree
 
-from humanclaw.interfaces import BODY_ID, GAZE_PITCH, View, ego_camera
+from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
 from humanclaw.navigation import CELL, RADIUS, OccupancyGrid
 from humanclaw.pose import Array, Pose2D, rest_pose, wrap_angle
 
@@ -32,6 +32,8 @@ SEAT_HEIGHTS: Final = (0.25, 0.62)
 """Heights over the floor at which one can sit, metres."""
 CERTAIN: Final = 4
 """So many views at most count for or against an obstacle, so that a few later ones can change its mind."""
+LIMBS: Final = 0.6
+"""So near to the hips a hand or a foot may be, metres."""
 FEW_CELLS: Final = 8
 """An edge of the known with fewer cells leads nowhere."""
 Mask = NDArray[np.bool_]
@@ -39,16 +41,24 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """One view as points. points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. ids: (N,)."""
+    """One view as points.
+
+    points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. mine: (N,) which are of what is
+    looked for. pixels: of the view that show it.
+    """
 
     points: Array
-    ids: NDArray[np.int32]
+    mine: Mask
+    pixels: int
 
     @classmethod
-    def of(cls, view: View) -> Sight:
-        """Back-project a view of the ego camera; how high the eyes are is read off the floor."""
-        depth, ids = view.depth[::STRIDE, ::STRIDE].astype(float), view.ids[::STRIDE, ::STRIDE]
-        drawn = (ids != 0) & (ids != BODY_ID) & (depth > 0.05) & np.isfinite(depth)
+    def of(cls, view: View, shown: Mask, mine: Mask) -> Sight:
+        """Back-project a view of the ego camera; how high the eyes are is read off the floor.
+
+        shown: (H, W) pixels that show the surroundings. mine: (H, W) those that show what is looked for.
+        """
+        depth = view.depth[::STRIDE, ::STRIDE].astype(float)
+        drawn = shown[::STRIDE, ::STRIDE] & (depth > 0.05) & np.isfinite(depth)
         rows, columns = np.nonzero(drawn)
         half, ahead = len(view.depth) / 2, depth[drawn]
         right, up = ((STRIDE * columns + 0.5) / half - 1) * ahead, (1 - (STRIDE * rows + 0.5) / half) * ahead
@@ -58,7 +68,13 @@ class Sight:
         points = np.stack([-right, eye[1] + ahead * sine + up * cosine, eye[2] + ahead * cosine - up * sine], -1)
         floor = (np.abs(points[:, 1]) < 2 * LEVEL) & (points[:, 2] < 3.0)
         points[:, 1] -= np.median(points[floor, 1]) if floor.sum() > 100 else 0.0
-        return cls(points, ids[drawn])
+        return cls(points, mine[::STRIDE, ::STRIDE][drawn], int(mine.sum()))
+
+    def apart(self) -> Sight:
+        """Leave out one's own limbs, whatever is not floor and within their reach, and take no floor for the target."""
+        high = self.points[:, 1] > LEVEL
+        own = high & (np.hypot(self.points[:, 0], self.points[:, 2]) < LIMBS)
+        return Sight(self.points[~own], (self.mine & high)[~own], self.pixels)
 
     def near(self, most: float = FAR) -> Mask:
         """Return (N,) which points are near enough to be believed."""
@@ -152,8 +168,8 @@ class SeenMap:
         inside: NDArray[np.int64] = np.clip(index, 40, len(self.known) - 41)
         return inside
 
-    def add(self, sight: Sight, pose: Pose2D, targets: frozenset[int]) -> None:
-        """Enter a view that was seen from a pose. targets: ids of what is looked for."""
+    def add(self, sight: Sight, pose: Pose2D) -> None:
+        """Enter a view that was seen from a pose."""
         cells = self.cell(placed(pose, sight.points[:, [0, 2]]))
         heights, near = sight.points[:, 1], sight.near()
         floor, blocked = (np.zeros(self.known.shape, bool) for _ in range(2))
@@ -162,7 +178,7 @@ class SeenMap:
         self.known |= floor
         change = blocked.astype(np.int8) - (floor & ~blocked).astype(np.int8)
         self.evidence = np.clip(self.evidence + change, -CERTAIN, CERTAIN)
-        mine = np.isin(sight.ids, list(targets)) & sight.near(2 * FAR)
+        mine = sight.mine & sight.near(2 * FAR)
         np.maximum.at(self.target, tuple(cells[mine].T), np.maximum(heights[mine], 0.01))
 
     def bump(self, point: Array) -> None:

@@ -10,16 +10,20 @@ from rooms import two_rooms
 from scipy.spatial import cKDTree
 from walker import PICTURE, SKILLS, Walker
 
-from humanclaw import Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
+from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
 from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
 from humanclaw.pose import Pose2D, rest_pose
 from humanclaw.records import Feedback
 from humanclaw.scene import distance_to_box
-from humanclaw_scripted.seeing import SeeingAgent, WanderingAgent
+from humanclaw_scripted.seeing import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
 WALL = 3.0
 """Distance of a wall across the way from the eyes, metres."""
+
+
+def seeing() -> Agent:
+    return Plugins.discover().make("agents", "seeing", {})
 
 
 def before_a_wall() -> View:
@@ -36,17 +40,22 @@ def before_a_wall() -> View:
     return View(np.zeros((size, size, 3), np.uint8), rows[0].astype(np.float32), rows[1].astype(np.int32))
 
 
+def sight_of(view: View) -> Sight:
+    """What one makes of it who looks for the wall."""
+    return Sight.of(view, view.ids != 0, view.ids == 2)
+
+
 def test_depth_becomes_points_on_the_floor_and_on_the_wall() -> None:
-    sight = Sight.of(before_a_wall())
+    sight = sight_of(before_a_wall())
     offset = float(ego_camera(rest_pose()).position[2])
-    assert np.abs(sight.points[sight.ids == 1][:, 1]).max() < 1e-3
-    assert sight.points[sight.ids == 2][:, 2] == pytest.approx(WALL + offset, abs=1e-3)
+    assert np.abs(sight.points[~sight.mine][:, 1]).max() < 1e-3
+    assert sight.points[sight.mine][:, 2] == pytest.approx(WALL + offset, abs=1e-3)
     assert sight.obstacles()[:, 1] == pytest.approx(WALL + offset, abs=0.03)
 
 
 def test_the_map_knows_the_floor_up_to_the_wall_and_nothing_behind_it() -> None:
     seen = SeenMap.empty()
-    seen.add(Sight.of(before_a_wall()), Pose2D(), frozenset({2}))
+    seen.add(sight_of(before_a_wall()), Pose2D())
     grid = seen.grid()
     at = lambda values, x, z: values[tuple(grid.cell(np.array([x, z])))]  # noqa: E731
     assert at(np.isfinite(grid.ground), 0.0, 2.0)
@@ -74,7 +83,7 @@ def test_a_view_of_a_corner_tells_how_far_the_body_really_went() -> None:
 def test_it_needs_its_view_and_nothing_else() -> None:
     spec = EpisodeSpec(id="x", instruction="Find a tv.", scene="test:rooms", target_category="tv", target_ids=(21,))
     with pytest.raises(HumanclawError, match="needs its view"):
-        SeeingAgent().begin(EpisodeContext(spec, SKILLS, 0))
+        seeing().begin(EpisodeContext(spec, SKILLS, 0))
 
 
 @pytest.mark.skipif("HUMANCLAW_SLOW" not in os.environ, reason="draws its views; set HUMANCLAW_SLOW=1 to run it")
@@ -92,7 +101,7 @@ def test_it_finds_a_seat_in_another_room_without_map_or_pose(category: str, targ
         target_ids=(target,),
         interact=True,
     )
-    agent, history = SeeingAgent(), []
+    agent, history = seeing(), []
     agent.begin(EpisodeContext(spec, SKILLS, 0, view=look))
     for step in range(60):
         decision = agent.decide(Observation(step, spec.instruction, PICTURE), history)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from recognise import CLASSES, OUT, SCORES, Target, detect, score, standing, targets
+from recognise import CATEGORIES, OUT, SCORES, Target, detected, score, standing, targets
 
 from humanclaw import Plugins, Renderer, Scene
 from humanclaw.interfaces import ego_camera
@@ -68,9 +68,9 @@ def line(name: str, category: str, scores: Sequence[float]) -> str:
 def main(folder: str, drawn_by: str = "raster-2x") -> None:
     library, renderer = Library(Path(folder)), Plugins.discover().make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
-    entries = [entry for entry in library.entries if entry.category in CLASSES]
+    entries = [entry for entry in library.entries if entry.category in CATEGORIES]
     views = [looked_at(library.asset(entry), renderer) for entry in entries]
-    boxes = iter(detect([picture for seen in views for picture, _ in seen]))
+    boxes = iter(detected([picture for seen in views for picture, _ in seen]))
     for entry, seen in zip(entries, views, strict=True):
         print(line(entry.id, entry.category, [score(target, next(boxes)) for _, target in seen]))
 

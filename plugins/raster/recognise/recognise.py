@@ -11,10 +11,9 @@ build/recognise, and two hits and two misses of each category to build/recognise
 
 from __future__ import annotations
 
-import json
-import subprocess
+import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,9 +24,10 @@ from humanclaw import Plugins, Renderer, Scene
 from humanclaw.interfaces import WorldState, ego_camera
 from humanclaw.navigation import MultiFloorMap
 from humanclaw.pose import Pose2D, rest_pose
+from humanclaw_scripted.eyes import Box, Detector
 
 HERE, OUT = Path(__file__).parent, Path("build/recognise")
-CLASSES = {"chair": 56, "couch": 57, "potted_plant": 58, "bed": 59, "toilet": 61, "tv": 62}
+CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
 EACH, VIEWS = 2, 2
 """Targets of a category that are looked at in a house, and views of each."""
@@ -56,7 +56,7 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
     places = np.concatenate(floors.starts(start, room=0.35))
     renderer.load(scene)
-    for category in CLASSES:
+    for category in CATEGORIES:
         objects = list(scene.of_category(category))
         for k in rng.permutation(len(objects))[:EACH]:
             obj, left = objects[k], VIEWS
@@ -76,7 +76,7 @@ def targets(scene: Scene, ids: np.ndarray, share: float = SHARE) -> list[Target]
     found = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
         obj = scene.by_id.get(int(key))
-        if obj is not None and obj.category in CLASSES and count > share * ids.size:
+        if obj is not None and obj.category in CATEGORIES and count > share * ids.size:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
@@ -91,21 +91,17 @@ def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return shared / max(sum(area) - shared, 1e-9)
 
 
-def score(target: Target, boxes: list[list[float]]) -> float:
+def score(target: Target, boxes: Sequence[Box]) -> float:
     """Return the highest score of a box of the right class over a target."""
-    fitting = [box[4] for box in boxes if box[5] == CLASSES[target.category] and overlap(target.box, box) >= OVERLAP]
+    name = target.category.replace("_", " ")
+    fitting = [box[4] for box in boxes if box[5] == name and overlap(target.box, box[:4]) >= OVERLAP]
     return max(fitting, default=0.0)
 
 
-def detect(pictures: list[np.ndarray]) -> list[list[list[float]]]:
-    """(x0, y0, x1, y1, score, class) of everything that the detector sees in each picture."""
-    raw = OUT / "pictures.raw"
-    raw.write_bytes(b"".join(np.ascontiguousarray(picture).tobytes() for picture in pictures))
-    models = HERE / "node_modules/@vladmandic/human/models"
-    call = ["node", str(HERE / "detect.mjs"), str(models), str(raw), str(len(pictures))]
-    done = subprocess.run(call, check=True, capture_output=True, text=True)
-    raw.unlink()
-    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+def detected(pictures: Sequence[np.ndarray]) -> list[Sequence[Box]]:
+    """Return what the detector sees in each of (512, 512, 3) pictures."""
+    detector = Detector(shlex.join(["node", str(HERE / "detect.mjs")]))
+    return [detector(picture) for picture in pictures]
 
 
 def table(scores: list[tuple[Target, float]]) -> str:
@@ -113,7 +109,7 @@ def table(scores: list[tuple[Target, float]]) -> str:
     lines = [f"{'':<14}{'all':>9}{'':<18}{'whole':>9}", f"{'category':<14}{heads}"]
     for source in ("generated", "imported"):
         kept = [(t, s) for t, s in scores if (t.source == "generated") == (source == "generated")]
-        for name in (*CLASSES, "all") if kept else ():
+        for name in (*CATEGORIES, "all") if kept else ():
             of = [(t, s) for t, s in kept if name in (t.category, "all")]
             lines.append(f"{name:<14}{_shares([s for _, s in of])}{_shares([s for t, s in of if t.whole])}  {source}")
     return "\n".join(lines)
@@ -135,8 +131,8 @@ def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image
 
 def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.Image:
     """Return two hits and two misses of each category, a column each; what there is none of stays white."""
-    whole = Image.new("RGB", (len(CLASSES) * TILE, 4 * TILE), "white")
-    for column, category in enumerate(CLASSES):
+    whole = Image.new("RGB", (len(CATEGORIES) * TILE, 4 * TILE), "white")
+    for column, category in enumerate(CATEGORIES):
         shown = [(drawn(p, [pair]), pair[1] >= SCORES[0]) for p, found in judged for pair in found[:1]
                  if pair[0].category == category]  # fmt: skip
         for first, kind in ((0, True), (2, False)):
@@ -160,7 +156,7 @@ def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> Non
     numbers = numbers_of(houses)
     scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
     shown = [view for number, scene in zip(numbers, scenes, strict=True) for view in views(scene, renderer, number)]
-    boxes = detect([picture for picture, _ in shown])
+    boxes = detected([picture for picture, _ in shown])
     judged = [[(t, score(t, seen)) for t in found] for (_, found), seen in zip(shown, boxes, strict=True)]
     looked_at = [(picture, found) for (picture, _), found in zip(shown, judged, strict=True)]
     for number, (picture, found) in enumerate(looked_at):

@@ -1,0 +1,161 @@
+"""What tells an agent where its target is in a view: the ids of what is drawn, or a detector that sees colours alone.
+
+A detector is any program. It reads pictures from its input, 512 x 512 x 3 bytes each, rows from the top, red, green and
+blue, and answers each with one line of JSON, a list of [x0, y0, x1, y1, score, name]: corners in pixels, a score from
+0 to 1, and COCO's name of what is there ("chair", "couch", "potted plant", "bed", "toilet", "tv").
+"""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import IO, Any, Final, Protocol
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from humanclaw import EpisodeSpec, HumanclawError
+from humanclaw.interfaces import BODY_ID, View
+from humanclaw_scripted.sight import Mask, Sight
+
+THICK: Final = (0.2, 1.0)
+"""Things are taken to be half as deep as they are wide, but for these bounds, metres."""
+_BOXES: Final = TypeAdapter(list[tuple[float, float, float, float, float, str]])
+Box = tuple[float, float, float, float, float, str]
+
+
+class Eyes(Protocol):
+    """What an agent sees with."""
+
+    settings: Mapping[str, Any]
+
+    def begin(self, spec: EpisodeSpec) -> None:
+        """Get to know what is looked for."""
+
+    def look(self, view: View) -> Sight:
+        """Say where things are, and which of them are looked for."""
+
+
+class PerfectEyes:
+    """Know every pixel of the target by its id."""
+
+    settings: Mapping[str, Any] = {}
+
+    def begin(self, spec: EpisodeSpec) -> None:
+        self._targets = list(spec.target_ids)
+
+    def look(self, view: View) -> Sight:
+        return Sight.of(view, (view.ids != 0) & (view.ids != BODY_ID), np.isin(view.ids, self._targets))
+
+
+class Options(BaseModel):
+    """Of `--agent seeing-colour`."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    detector: str = Field(min_length=1)
+    """The command line of a program that knows things in pictures."""
+    score: float = Field(0.3, ge=0, le=1)
+    """From which on it is believed."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Options:
+        """Check options. Raises HumanclawError that says which is wrong."""
+        if not given.get("detector"):
+            told = "the agent 'seeing-colour' needs a program that knows things in pictures, and none was given."
+            raise HumanclawError(
+                told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
+            )
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise HumanclawError(
+                f"--option {first['loc'][0]}: {first['msg']}.", "detector is a command, score 0 to 1."
+            ) from None
+
+
+class DetectorEyes:
+    """Know a target by a detector's boxes: depth says what in a box is thing and what is background."""
+
+    def __init__(self, options: Options) -> None:
+        self.settings: Mapping[str, Any] = options.model_dump()
+        self._options, self._detector = options, Detector(options.detector)
+
+    def begin(self, spec: EpisodeSpec) -> None:
+        self._name = spec.target_category.replace("_", " ")
+
+    def look(self, view: View) -> Sight:
+        boxes = [box for box in self._detector(view.rgb) if box[5] == self._name and box[4] >= self._options.score]
+        return Sight.of(view, np.isfinite(view.depth), filled(boxes, view)).apart()
+
+
+def filled(boxes: Sequence[Box], view: View) -> Mask:
+    """Return (H, W) which pixels in boxes are no more than half a box's width before or behind its middle."""
+    mask = np.zeros(view.depth.shape, bool)
+    for x0, y0, x1, y1, *_ in boxes:
+        part = slice(max(0, round(y0)), max(0, round(y1))), slice(max(0, round(x0)), max(0, round(x1)))
+        depth = view.depth[part]
+        high, wide = (side // 4 for side in depth.shape)
+        inner = depth[high : len(depth) - high, wide : depth.shape[1] - wide]
+        if inner.size:
+            middle = float(np.median(inner))
+            half = middle * depth.shape[1] / len(mask)  # The camera sees 90 degrees: as wide as twice the depth.
+            mask[part] |= np.abs(depth - middle) < np.clip(half, *THICK)
+    return mask
+
+
+@dataclass(frozen=True)
+class _Running:
+    process: subprocess.Popen[bytes]
+    to: IO[bytes]
+    answers: IO[bytes]
+
+
+class Detector:
+    """A program of somebody else's that is asked for boxes. It is started with the first picture, and ends with the
+    object that asks."""
+
+    def __init__(self, command: str) -> None:
+        self._command = command
+        self._running: _Running | None = None
+
+    def __call__(self, picture: np.ndarray[Any, np.dtype[np.uint8]]) -> Sequence[Box]:
+        """Return what it sees in an (H, W, 3) picture.
+
+        Raises HumanclawError where it cannot be started, ends, or answers with something else.
+        """
+        running = self._running = self._running or self._started()
+        try:
+            running.to.write(np.ascontiguousarray(picture).tobytes())
+            running.to.flush()
+            line = running.answers.readline()
+        except OSError:
+            line = b""
+        if not line:
+            raise self._wrong(f"ended with exit status {running.process.wait()} instead of answering")
+        try:
+            return _BOXES.validate_json(line)
+        except ValidationError:
+            raise self._wrong(f"answered {line[:80]!r}") from None
+
+    def _started(self) -> _Running:
+        try:
+            process = subprocess.Popen(
+                shlex.split(self._command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+            )
+        except (OSError, ValueError) as error:
+            raise self._wrong(f"cannot be started ({error})") from None
+        weakref.finalize(self, process.kill)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        return _Running(process, process.stdin, process.stdout)
+
+    def _wrong(self, told: str) -> HumanclawError:
+        return HumanclawError(
+            f"the detector {self._command!r} {told}.",
+            "It must answer every picture with one line of JSON: a list of [x0, y0, x1, y1, score, name].",
+        )

@@ -1,0 +1,108 @@
+"""Who sees colours alone: it is told by a program of somebody else's what is where in a picture."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from walker import PICTURE, SKILLS
+
+from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw.interfaces import View, ego_camera
+from humanclaw.pose import rest_pose
+
+# What is red is a couch, and what is blue one that the program is not sure of.
+DETECTOR = """
+import json, sys
+while picture := sys.stdin.buffer.read(512 * 512 * 3):
+    boxes = []
+    for channel, score in ((0, 0.9), (2, 0.2)):
+        places = [at // 3 for at in range(channel, len(picture), 3) if picture[at] > 200]
+        if places:
+            rows, columns = [at // 512 for at in places], [at % 512 for at in places]
+            boxes.append([min(columns), min(rows), max(columns) + 1, max(rows) + 1, score, "couch"])
+    print(json.dumps(boxes), flush=True)
+"""
+COUCH = EpisodeSpec(
+    id="x", instruction="Find a couch.", scene="test:rooms", target_category="couch", target_ids=(7,), interact=True
+)
+AWAY = 2.0
+
+
+def written(tmp_path: Path, program: str) -> str:
+    path = tmp_path / "detector.py"
+    path.write_text(program)
+    return shlex.join([sys.executable, str(path)])
+
+
+def view_of(colour: tuple[int, int, int]) -> View:
+    """A wall 2 m before the eyes with a square of a colour, 60 pixels to a side, and ids that tell of nothing."""
+    rgb = np.full((512, 512, 3), 90, np.uint8)
+    rgb[100:160, 300:360] = colour
+    return View(rgb, np.full((512, 512), AWAY, np.float32), np.zeros((512, 512), np.int32))
+
+
+def begun(command: str, view: View, **options: float) -> Agent:
+    agent = Plugins.discover().make("agents", "seeing-colour", {"detector": command, **options})
+    agent.begin(EpisodeContext(COUCH, SKILLS, 0, view=lambda: view))
+    return agent
+
+
+def says(agent: Agent) -> str:
+    return agent.decide(Observation(0, COUCH.instruction, PICTURE), ()).visible_state
+
+
+def test_it_sees_what_the_program_knows_and_how_far_away_that_is(tmp_path: Path) -> None:
+    agent = begun(written(tmp_path, DETECTOR), view_of((255, 0, 0)))
+    # Along the optical axis the wall is 2 m away, and the axis points 20 degrees down. The square is 130 of 256 pixels
+    # over the axis at its middle: ahead of the eyes by 2 (cos 20 + .508 sin 20) = 2.23 m, 100 at its bottom (2.13).
+    eye = float(ego_camera(rest_pose()).position[2])
+    left = AWAY * (300 - 256) / 256
+    least = np.hypot(left, AWAY * (np.cos(np.radians(20)) + (256 - 160) / 256 * np.sin(np.radians(20))) + eye)
+    assert says(agent) == f"A couch is in view, about {least:.1f} m away."
+
+
+def test_it_does_not_see_what_the_program_does_not_know(tmp_path: Path) -> None:
+    command = written(tmp_path, DETECTOR)
+    assert says(begun(command, view_of((0, 255, 0)))) == "No couch is in view."
+    assert says(begun(command, view_of((0, 0, 255)))) == "No couch is in view."
+    assert says(begun(command, view_of((0, 0, 255)), score=0.1)).startswith("A couch is in view")
+
+
+def test_a_picture_is_asked_about_once_and_the_program_started_once(tmp_path: Path) -> None:
+    agent = begun(written(tmp_path, DETECTOR), view_of((255, 0, 0)))
+    assert says(agent) == says(agent)
+
+
+def test_its_settings_are_recorded(tmp_path: Path) -> None:
+    command = written(tmp_path, DETECTOR)
+    agent = begun(command, view_of((0, 0, 0)), score=0.4)
+    assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4}
+
+
+def test_without_a_program_it_says_what_to_give() -> None:
+    with pytest.raises(HumanclawError, match="needs a program that knows things") as raised:
+        Plugins.discover().make("agents", "seeing-colour", {})
+    assert "--option detector=" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("program", "told"),
+    [
+        ("raise SystemExit(3)", "ended with exit status 3"),
+        ("print('[[1, 2]]', flush=True); input()", r"answered b'\[\[1, 2\]\]"),
+        ("import time; print('none', flush=True); time.sleep(60)", "answered b'none"),
+    ],
+)
+def test_a_program_that_does_not_answer_is_told_of(tmp_path: Path, program: str, told: str) -> None:
+    agent = begun(written(tmp_path, program), view_of((255, 0, 0)))
+    with pytest.raises(HumanclawError, match=told):
+        says(agent)
+
+
+def test_a_program_that_is_not_there_is_told_of() -> None:
+    with pytest.raises(HumanclawError, match="cannot be started"):
+        says(begun("no-such-program-anywhere", view_of((255, 0, 0))))
