@@ -380,12 +380,12 @@ class OracleAgent:
         return self._walk(0.0, 0.3, 0.0), f"I do not sit on the {self._noun}: I get up and try another place on it."
 
     def _on_seat(self, state: WorldState, target: int) -> bool:
-        """Whether the hips are over a target and down on its seat."""
+        """Whether some of the hips is over a target and down on its seat."""
         low, high = _box(self._scene, state, target)
         obj = self._scene.by_id[target]
         seat = self._scene.assets[obj.asset].seat_height
-        point = state.body.root[-1]
-        inside = (point > low)[[0, 2]].all() and (point < high)[[0, 2]].all()
+        across = np.array([*_hip_ends(state), state.body.root[-1]])[:, [0, 2]]
+        inside = ((across > low[[0, 2]]) & (across < high[[0, 2]])).all(axis=1).any()
         return bool(seat is not None and inside and _hip_bottom(state) <= obj.position[1] + seat + TOUCHING)
 
     def _arrived(self, pose: PelvisPose, stand: Viewpoint, tolerance: float) -> bool:
@@ -579,12 +579,18 @@ def _box(scene: Scene, state: WorldState, target: int) -> tuple[Array, Array]:
     return scene.aabb(target, state.objects.get(target))
 
 
+(_HIPS,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
+
+
+def _hip_ends(state: WorldState) -> Array:
+    """(2, 3) ends of the axis of the pelvis link, world frame."""
+    turn = matrix_from_vector(state.body.rotations[-1, 0])
+    return np.asarray(state.body.root[-1] + np.array([_HIPS.a, _HIPS.b]) @ turn.T)
+
+
 def _hip_bottom(state: WorldState) -> float:
     """Height of the lowest point of the pelvis link, metres."""
-    (shape,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
-    turn = matrix_from_vector(state.body.rotations[-1, 0])
-    ends = state.body.root[-1] + np.array([shape.a, shape.b]) @ turn.T
-    return float(ends[:, 1].min() - shape.radius)
+    return float(_hip_ends(state)[:, 1].min() - _HIPS.radius)
 
 
 def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:

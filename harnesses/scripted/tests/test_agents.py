@@ -11,8 +11,19 @@ import pytest
 from rooms import STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Scene
+from humanclaw import (
+    Agent,
+    Call,
+    Decision,
+    EpisodeContext,
+    EpisodeSpec,
+    HistoryEntry,
+    HumanclawError,
+    Observation,
+    Scene,
+)
 from humanclaw.navigation import OccupancyGrid
+from humanclaw.records import Feedback
 from humanclaw.scene import distance_to_box
 from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
 
@@ -45,6 +56,21 @@ def test_the_oracle_sits_down_on_the_target_and_stops(category: str, target: int
     assert low[0] < walker.x < high[0]
     assert low[2] < walker.z < high[2]
     assert len(log) < 40
+
+
+@pytest.mark.parametrize(("beside", "stops"), [(-0.05, True), (0.05, True), (0.08, False)])
+def test_the_oracle_takes_hips_that_rest_on_the_side_of_a_seat_for_seated(beside: float, stops: bool) -> None:
+    """The pelvis is 13 cm from end to end of its axis, so that half of that may be beside the seat."""
+    walker = Walker(two_rooms(), (20,))
+    agent = OracleAgent()
+    agent.begin(EpisodeContext(episode(walker.scene, "couch", 20, sit=True), SKILLS, 0, walker.scene, walker.state))
+    low, high = walker.scene.aabb(20)
+    walker.x, walker.z, walker.yaw = float(low[0] + high[0]) / 2, float(high[2]) + beside, np.pi / 2
+    walker.height = 0.54
+    call = Call("sit_in_place", {"h_cm": 50})
+    sat = HistoryEntry(0, Decision((call,)), Feedback(call), PICTURE)
+    decision = agent.decide(Observation(1, "Find a couch.", PICTURE), (sat,))
+    assert (decision.calls[0].skill == "stop") is stops
 
 
 @pytest.mark.parametrize("seed", range(4))
