@@ -181,6 +181,10 @@ def _alike(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
+AGREE: Final = "agree"
+"""What is said of records that lie beside a submission and lead to its numbers."""
+
+
 # -- the page ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Entry:
@@ -195,19 +199,21 @@ class Entry:
 
 
 def leaderboard(folder: Path) -> Path:
-    """Write index.html of all submissions in a folder, a table a split, the best InteractSR first; returns its path.
+    """Write index.html of all submissions in a folder, the best InteractSR first; returns its path.
 
-    One of a partial run, one that its records contradict, and one whose records cannot be read is listed apart. Raises
-    RecordError if there is none.
+    A split has a table of those whose records lie here and agree, and one of those that are only told. One of a partial
+    run, one that its records contradict, and one whose records cannot be read is listed apart. Raises RecordError if
+    there is none.
     """
     found, unread = _entries(folder)
     if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
-    splits: dict[str, list[Entry]] = {}
+    ranked: dict[tuple[str, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
-            splits.setdefault(str(one.submission.run.get("split", "")), []).append(one)
-    body = "".join(_section(split, entries) for split, entries in sorted(splits.items()))
+            told = one.records != AGREE
+            ranked.setdefault((str(one.submission.run.get("split", "")), told), []).append(one)
+    body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
     write_atomically(folder / "index.html", page.encode())
@@ -237,18 +243,19 @@ def _entry(path: Path, one: Submission) -> Entry:
         return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
     missing = one.asked - _ended(one)
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
-    return Entry(path.name, one, "agree" if run.is_dir() else "not here", apart)
+    return Entry(path.name, one, AGREE if run.is_dir() else "not here", apart)
 
 
 def _ended(one: Submission) -> int:
     return sum(ended(str(e.scores.get("outcome")), str(e.scores.get("limit", ""))) for e in one.episodes)
 
 
-def _section(split: str, entries: Sequence[Entry]) -> str:
+def _section(split: str, told: bool, entries: Sequence[Entry]) -> str:
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
     asked = max(entry.submission.asked for entry in entries)
     name = split_name(split) or "not one of the benchmark's"
-    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name})", _TITLES, map(_cells, ordered))
+    how = "as told: nobody here has the records" if told else "scored again from the records"
+    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, map(_cells, ordered))
 
 
 def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
@@ -303,6 +310,6 @@ table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; }} caption {{
 th, td {{ padding: .3rem .6rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
 </style></head><body><h1>HumanCLAW-Bench</h1>
 <p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
-that nobody invented them they cannot say. Rows of different splits are no comparison. Made {made}.</p>
+that nobody invented them they cannot say. Rows of different tables are no comparison. Made {made}.</p>
 {body}</body></html>
 """

@@ -231,6 +231,18 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert "<td>not here</td>" in (run.parent / "index.html").read_text()
 
 
+def test_numbers_that_are_only_told_have_a_table_of_their_own(run: Path) -> None:
+    honest = submitted(run)
+    told = submission.read(honest).model_copy(update={"who": "Eve"}).sealed
+    (run.parent / "eve.json").write_text(told.model_dump_json())
+    invoke("leaderboard", run.parent)
+    first, second = page(run)[0].split("</table>")[:2]
+    assert ("Ada" in first, "Eve" in first) == (True, False)
+    assert "scored again from the records" in first
+    assert ("Ada" in second, "Eve" in second) == (False, True)
+    assert "as told: nobody here has the records" in second
+
+
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
         submission.leaderboard(tmp_path)
