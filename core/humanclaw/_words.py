@@ -8,8 +8,9 @@ from typing import Final
 
 LONGEST: Final = 100_000
 """Letters of one text, or of an answer."""
-_CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\t\n\r"}
-"""What would move the cursor of a terminal, name its window or write to its clipboard."""
+_ORDER: Final = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
+_CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0), *_ORDER) if chr(code) not in "\t\n\r"}
+"""What would move the cursor of a terminal, name its window, write to its clipboard, or turn the order of letters."""
 
 
 def legible(text: str) -> str:

@@ -18,7 +18,7 @@ import click
 import humanclaw
 from humanclaw._distributions import bringing, install, table
 from humanclaw._lazy import lazy
-from humanclaw._words import counted, nearest
+from humanclaw._words import counted, legible, nearest
 from humanclaw.errors import HumanclawError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Commands", "Deciders", "LazyCommand", "build", "check_options", "counted", "decider_options", "engine_options",
-    "main", "plugin_files", "plugin_options", "show_markdown",
+    "legible", "main", "plugin_files", "plugin_options", "show_markdown",
 ]  # fmt: skip
 __getattr__ = lazy(
     __name__,

@@ -19,7 +19,7 @@ from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
-from humanclaw_bench.integrity import check, standing
+from humanclaw_bench.integrity import MANIFEST, check, played_again, read_manifest, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
@@ -140,11 +140,15 @@ def run_command(
     "--secret",
     type=click.IntRange(0),
     metavar="SEED",
-    help="Make a hidden test instead: test.jsonl, in houses and from starts that this number alone leads to.",
+    help="Make a hidden test instead: test.jsonl, in houses and from starts that this number alone leads to. Draw it "
+    "from 64 random bits or more: a small one is found by trying.",
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
     """Make the splits from seeds: 1,218 episodes in 41 houses, and samples of them; or a hidden test."""
+    given = click.get_current_context().get_parameter_source("seed")
+    if secret is not None and given is not click.core.ParameterSource.DEFAULT:
+        raise click.UsageError("--secret leads to everything itself, so --seed has nothing to say: leave it out.")
     houses = HOUSES if secret is None else secret_houses(secret)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         drawn_from = (seed,) if secret is None else (secret, 2)
@@ -251,13 +255,17 @@ def verify(run: Path, submission: Path | None) -> None:
     """Hold every file of a run to the digests in its records, and the records to the split and settings in run.json;
     name what is damaged or of another run."""
     count, faults = check(run)
+    asked = read_manifest(run).episodes if (run / MANIFEST).exists() else count
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
     if submission and not faults:
         faults = submissions.contradictions(submissions.read(submission), run)
         told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
     for fault in faults:
         click.echo(fault)
-    click.echo(f"{counted(count, 'record')} in {run}: {told}")
+    for name in played_again(run):
+        click.echo(f"{run / name} was played again after it had ended.")
+    of = f"{count} of " if count < asked else ""
+    click.echo(f"{of}{counted(max(count, asked), 'record')} in {run}: {told}")
     if faults:
         raise SystemExit(1)
 

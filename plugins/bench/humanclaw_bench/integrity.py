@@ -8,7 +8,8 @@ field.
 from __future__ import annotations
 
 import hashlib
-from collections import defaultdict
+import json
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -21,11 +22,14 @@ from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord
 from humanclaw.tasks import read_episodes
+from humanclaw_bench.metrics import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
 MANIFEST: Final = "run.json"
 SPLIT: Final = "split.jsonl"
 """The episodes that a run is of, in its folder."""
+JOURNAL: Final = "journal.jsonl"
+"""A line for every episode that ended while it was run."""
 _MOST: Final = 100_000
 """Episodes of a run; more are a mistake."""
 
@@ -87,12 +91,15 @@ class Standing:
     """Episodes that it is of, as its run.json says; 0 if there is none."""
     faults: tuple[str, ...] = ()
     """What contradicts that, or leaves it open whether a record was changed; a line each."""
+    again: int = 0
+    """Episodes that were played again after they had ended."""
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
-    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that is damaged."""
+    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that or the journal is
+    damaged."""
     asked = read_manifest(run).episodes if (run / MANIFEST).exists() else 0
-    return Standing(asked, faults(episodes))
+    return Standing(asked, faults(episodes, run), len(played_again(run)))
 
 
 def check(run: Path) -> tuple[int, tuple[str, ...]]:
@@ -109,13 +116,13 @@ def check(run: Path) -> tuple[int, tuple[str, ...]]:
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    return len(folders), (*damaged, *faults(whole))
+    return len(folders), (*damaged, *faults(whole, run))
 
 
-def faults(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
+def faults(episodes: Sequence[RecordedEpisode], root: Path) -> tuple[str, ...]:
     """Tell which records have no seal, and which are not of the run in whose folder they lie.
 
-    Raises RecordError if a run.json is damaged.
+    root: the folder under which they were found. Raises RecordError if a run.json is damaged.
     """
     unsealed = [
         f"{one.folder / 'episode.json'} has no seal: nothing tells whether it has been changed."
@@ -124,14 +131,41 @@ def faults(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
     ]
     runs: dict[Path, list[RecordedEpisode]] = defaultdict(list)
     for one in episodes:
-        if (one.folder.parent / MANIFEST).exists():
-            runs[one.folder.parent].append(one)
+        if home := _home(one.folder, root):
+            runs[home].append(one)
     return (*unsealed, *chain.from_iterable(_foreign(run, found) for run, found in runs.items()))
+
+
+def _home(folder: Path, root: Path) -> Path | None:
+    """Return the run to which a record belongs: the nearest folder over it that has a run.json, up to the root."""
+    above = (parent for parent in folder.parents if parent in (folder.parent, root) or root in parent.parents)
+    return next((parent for parent in above if (parent / MANIFEST).exists()), None)
+
+
+def played_again(run: Path) -> tuple[str, ...]:
+    """Return the episodes of which the journal of a run has more than one end that would have counted, by name.
+
+    A record that was damaged is begun anew, and so is one that somebody threw away since he did not like it: nothing
+    tells them apart. Raises RecordError if the journal is damaged.
+    """
+    try:
+        told = [json.loads(line) for line in (run / JOURNAL).read_text("utf-8").splitlines()]
+        ends = Counter(str(one["episode"]) for one in told if ended(str(one["outcome"]), str(one["limit"])))
+    except FileNotFoundError:
+        return ()
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        told_of = f"{run / JOURNAL} is damaged: nothing tells whether an episode was played again."
+        raise RecordError(told_of, "Take it away if that does not matter.") from error
+    return tuple(sorted(name for name, count in ends.items() if count > 1))
 
 
 def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     """Yield what the records of a run say otherwise than its run.json."""
     told = read_manifest(run)
+    for one in episodes:
+        if one.folder.parent != run:
+            yield f"{one.folder} lies below the run {run} and not in its folder, where its episodes lie: move it away."
+    episodes = [one for one in episodes if one.folder.parent == run]
     asked = _asked(run, told, [one.record.spec for one in episodes])
     if not asked:
         of = f"{counted(told.episodes, 'episode')} of split {told.split[:12]}"

@@ -399,8 +399,10 @@ COST: Final = (
     UNASKED,
 )  # fmt: skip
 """What asking models takes."""
+FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=True)
+"""What FindSR would be bought with by an agent that always says it sees its target."""
 MAIN: Final = (
-    FIND, NAV, INTERACT, COLLISIONS,
+    FIND, FALSE_CLAIMS, NAV, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.disturbed, 2),
     Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("Jerk", lambda s: s.jerk),
@@ -413,7 +415,6 @@ MAIN: Final = (
 VARIANTS: Final = (
     FIND, _rate("GeoFindSR", "geo_find"), NAV, _rate("GeoNavSR", "geo_nav"), _rate("NavSR@1m", "nav_1m"),
     INTERACT, _rate("GeoInteractSR", "geo_interact"),
-    _mean("false claims", lambda s: s.false_claims, percent=True),
 )  # fmt: skip
 BODY: Final = (
     COLLISIONS, _collision("Arm/Hand", "arm_hand"), _collision("Torso", "torso"), _collision("Leg/Foot", "leg_foot"),

@@ -28,7 +28,7 @@ from humanclaw.hookspecs import noun
 from humanclaw.storage import within, write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.integrity import MANIFEST, SPLIT, read_manifest, split_digest
+from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, read_manifest, split_digest
 from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
@@ -72,7 +72,7 @@ class RunStatus:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
-OWN: Final = frozenset({MANIFEST, SPLIT, "journal.jsonl", "logs", "scores.jsonl", "report.html", "submission.json"})
+OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", "report.html", "submission.json"})
 """What lies in the folder of a run beside its episodes."""
 PILOT: Final = 3
 """Episodes from which what a run will take is foreseen."""
@@ -162,7 +162,7 @@ def _keep(out: Path, report: WorkerReport) -> None:
     if report.outcome == FAILED:
         mark(folder, FAILED, report.error)
     line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
-    with (out / "journal.jsonl").open("a", encoding="utf-8") as stream:
+    with (out / JOURNAL).open("a", encoding="utf-8") as stream:
         stream.write(json.dumps({"time": round(time.time(), 1)} | line) + "\n")
 
 

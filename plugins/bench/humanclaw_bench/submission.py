@@ -15,26 +15,29 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
-from humanclaw.cli import counted
+from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.integrity import faults, read_manifest, split_name
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, Scores, ended, estimate
+from humanclaw_bench.integrity import faults, played_again, read_manifest, split_name
+from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
+from humanclaw_bench.splits import load_split
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.tables import Column
 
 NAME: Final = "submission.json"
-RATES: Final = (FIND, NAV, INTERACT)
+RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
+"""What submissions are ranked by, from the first stage to the last, and where an episode's numbers have it."""
 TOLERANCE: Final = 1e-6
 """By how much a number that is computed again may differ: other processors round otherwise."""
 _UNSCORED: Final = ("agent", "verifier", "error", "extra")
 
 
 class _Value(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class EpisodeResult(_Value):
@@ -69,6 +72,8 @@ class Submission(_Value):
     cost: float
     """US dollars of all episodes, unfinished ones included."""
     tokens: int
+    again: int = 0
+    """Episodes that were played again after they had ended, as far as the run's journal tells."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
     rates: dict[str, tuple[float, float, float, int]]
@@ -88,7 +93,7 @@ def submit(run: Path, who: str, model_date: str = "") -> Submission:
     """Make the submission of a run from its records. Raises RecordError unless they are those of one run of one agent,
     whole and sealed."""
     manifest, episodes = read_manifest(run), load_run(run)
-    if wrong := faults(episodes):
+    if wrong := faults(episodes, run):
         raise RecordError(wrong[0], f"`humanclaw bench verify {run}` names all that is wrong.")
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
@@ -103,8 +108,8 @@ def submit(run: Path, who: str, model_date: str = "") -> Submission:
         temperature=None if temperature is None else float(temperature),
         engine=str(settings.get("body", {}).get("simulator", "")), seeds=tuple(sorted({one.seed for one in results})),
         asked=manifest.episodes, cost=sum(one.cost for one in scores),
-        tokens=sum(one.tokens_in + one.tokens_out for one in scores), run=manifest.content, rates=_rates(scores),
-        episodes=results,
+        tokens=sum(one.tokens_in + one.tokens_out for one in scores), again=len(played_again(run)),
+        run=manifest.content, rates=_rates(scores), episodes=results,
     ).sealed  # fmt: skip
 
 
@@ -124,10 +129,18 @@ def read(path: Path) -> Submission:
     try:
         found = Submission.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        raise RecordError(f"{path} is no submission: {error}.", "Write it with `humanclaw bench submit`.") from error
+        told = f"{path} is no submission: {_first(error)}."  # Never what stands in it: a link may lead anywhere.
+        raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
     return found
+
+
+def _first(error: OSError | ValidationError) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or type(error).__name__
+    first = error.errors(include_url=False, include_input=False)[0]
+    return ": ".join([*(".".join(map(str, first["loc"])),) * bool(first["loc"]), first["msg"]])
 
 
 # -- checking ----------------------------------------------------------------------------------------------------------
@@ -154,10 +167,54 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
         yield "seeds are not those of its episodes"
     if claimed.run.get("episodes") != claimed.asked:
         yield f"asked is {claimed.asked}, and its run is of {claimed.run.get('episodes')}"
+    yield from _off_split(claimed)
+    rows = [one.scores for one in claimed.episodes if _counts(one)]
+    for metric, field in RATES.items():
+        met = [bool(row[field]) for row in rows if row.get(field) is not None]
+        yield from _off_rate(metric.name, met, claimed.rates.get(metric.name))
+    yield from _off_sum("cost is", claimed.cost, claimed, ("cost",))
+    yield from _off_sum("tokens are", claimed.tokens, claimed, ("tokens_in", "tokens_out"))
+
+
+def _off_split(claimed: Submission) -> Iterator[str]:
+    """Yield in what its episodes are not those of the benchmark's split that it names, if it is one of them."""
+    name = split_name(str(claimed.run.get("split", "")))
+    seeds = {spec.id: spec.seed for spec in load_split(name)} if name else {}
+    if name and claimed.asked != len(seeds):
+        yield f"asked is {claimed.asked}, and split {name} has {len(seeds)}"
+    for one in claimed.episodes if name else ():
+        if one.id not in seeds:
+            yield f"episode {one.id} is not of split {name}"
+        elif one.seed != seeds[one.id]:
+            yield f"episode {one.id} has seed {seeds[one.id]} in split {name}, not {one.seed}"
+
+
+def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, int] | None) -> Iterator[str]:
+    share = sum(met) / max(len(met), 1)
+    by_episodes = f"{share:g} of {len(met)} by its episodes"
+    if told is None:
+        if met:
+            yield f"{name} is not among its rates, and {by_episodes}"
+        return
+    value, low, high, count = told
+    if count != len(met) or not _alike(share, value):
+        yield f"{name} is {value:g} of {count} by its rates, and {by_episodes}"
+    elif not 0 <= low <= value + TOLERANCE <= high + 2 * TOLERANCE <= 1 + 3 * TOLERANCE:
+        yield f"the interval of {name}, {low:g} to {high:g}, does not hold {value:g}"
+
+
+def _off_sum(what: str, told: float, claimed: Submission, fields: Sequence[str]) -> Iterator[str]:
+    found = sum(float(one.scores.get(field) or 0) for one in claimed.episodes for field in fields)
+    if not _alike(found, told):
+        yield f"{what} {told:g}, and {found:g} by its episodes"
+
+
+def _counts(one: EpisodeResult) -> bool:
+    return ended(str(one.scores.get("outcome")), str(one.scores.get("limit", "")))
 
 
 def _differing(claimed: Submission, found: Submission) -> list[str]:
-    plain = [key for key in ("agent", "engine", "temperature", "seeds", "asked", "tokens", "run")
+    plain = [key for key in ("agent", "engine", "temperature", "seeds", "asked", "tokens", "again", "run")
              if getattr(claimed, key) != getattr(found, key)]  # fmt: skip
     rates = claimed.rates.keys() == found.rates.keys() and all(
         _alike(a, b) for name, values in found.rates.items() for a, b in zip(values, claimed.rates[name], strict=True)
@@ -247,7 +304,7 @@ def _entry(path: Path, one: Submission) -> Entry:
 
 
 def _ended(one: Submission) -> int:
-    return sum(ended(str(e.scores.get("outcome")), str(e.scores.get("limit", ""))) for e in one.episodes)
+    return sum(map(_counts, one.episodes))
 
 
 def _section(split: str, told: bool, entries: Sequence[Entry]) -> str:
@@ -273,7 +330,7 @@ def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str]]) -
 
 
 def _row(texts: Sequence[str]) -> str:
-    first, *rest = map(html.escape, texts)
+    first, *rest = (html.escape(legible(text)) for text in texts)
     return f"<th scope='row'>{first}</th>" + "".join(f"<td>{text}</td>" for text in rest)
 
 
@@ -282,19 +339,27 @@ def _rank(one: Submission) -> tuple[float, ...]:
 
 
 _TITLES: Final = (
-    "agent", "model of", "by", *(metric.name for metric in RATES), "episodes", "cost ($)", "temperature", "engine",
-    "date", "records",
+    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "cost ($)",
+    "temperature", "engine", "date", "records",
 )  # fmt: skip
 
 
 def _cells(entry: Entry) -> tuple[str, ...]:
     one = entry.submission
-    rates = [_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES]
+    find, nav, interact = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in (FIND, NAV, INTERACT))
+    claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
+    again = f", {one.again} played again" if one.again else ""
+    episodes = f"{_ended(one)} of {one.asked}{again}"
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
     return (
-        one.agent, one.model_date or "-", one.who, *rates, f"{_ended(one)} of {one.asked}", f"{one.cost:.2f}", warmth,
+        one.agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
         one.engine, one.made, entry.records,
     )  # fmt: skip
+
+
+def _false_claims(one: Submission) -> float:
+    told = [e.scores.get("false_claims") for e in one.episodes if _counts(e)]
+    return float(np.mean([share for share in told if isinstance(share, float)] or [np.nan]))
 
 
 def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:

@@ -15,14 +15,28 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from humanclaw.cli import counted
+from humanclaw.cli import counted, legible
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.integrity import Standing
-from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
+from humanclaw_bench.metrics import (
+    BODY,
+    COLLISIONS,
+    FIND,
+    INTERACT,
+    MAIN,
+    NAV,
+    VARIANTS,
+    Metric,
+    Scores,
+    estimate,
+    extra_metric,
+)
 from humanclaw_bench.splits import CATEGORIES, repeat_of
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
 
+REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
+"""Of which metrics it is told how much they vary between repeats."""
 NONE: Final = Estimate(float("nan"))
 MOST_UNASKED: Final = 0.01
 """Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
@@ -116,6 +130,8 @@ class Result:
     """Episodes of the run, as its run.json says; 0 if there is none."""
     faults: tuple[str, ...] = ()
     """What contradicts its run.json, or leaves it open whether a record was changed."""
+    again: int = 0
+    """Episodes that were played again after they had ended."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -145,7 +161,12 @@ class Result:
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
         told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
-        return f"{self.name}: {told}{left_out}.{self._broken}{self._unasked}{self._foreign}"
+        note = f"{self.name}: {told}{left_out}.{self._again}{self._broken}{self._unasked}{self._foreign}"
+        return " ".join(legible(note).split())  # A line, whatever a record of somebody else's holds.
+
+    @property
+    def _again(self) -> str:
+        return f" Played again after they had ended: {self.again}." if self.again else ""
 
     @property
     def _foreign(self) -> str:
@@ -190,6 +211,7 @@ def named(
             tuple(cause for _, cause in found),
             standing.asked,
             standing.faults,
+            standing.again,
         )
         for (agent, run), found in groups.items()
         for standing in [(known or {}).get(run, Standing())]
@@ -199,7 +221,9 @@ def named(
 # -- the tables of the paper -------------------------------------------------------------------------------------------
 def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Success, disturbance, smoothness and cost (paper, table of the full validation results)."""
-    return _result_table("Results", MAIN, results, PAPER_MAIN if paper else {}, seed)
+    # The paper does not tell of false claims, which stand beside FindSR here.
+    printed = {name: (find, float("nan"), *rest) for name, (find, *rest) in PAPER_MAIN.items()} if paper else {}
+    return _result_table("Results", MAIN, results, printed, seed)
 
 
 def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
@@ -300,7 +324,7 @@ def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     rows = tuple(row for result in results for row in _repeats(result, seed))
     told = "The last row of an agent: standard deviation between its repeats, which differ in their seeds alone."
     notes = (told, *(result.note for result in results))
-    return ResultTable("Repeats", "agent", tuple(map(Column.of, MAIN[:4])), rows, notes)
+    return ResultTable("Repeats", "agent", tuple(map(Column.of, REPEATED)), rows, notes)
 
 
 def _repeats(result: Result, seed: int) -> Iterator[Row]:
@@ -310,7 +334,7 @@ def _repeats(result: Result, seed: int) -> Iterator[Row]:
     found = []
     for number in numbers:
         chosen = [s for s in result.finished if repeat_of(s.episode) == number]
-        found.append(tuple(estimate(m, chosen, seed=seed) for m in MAIN[:4]))
+        found.append(tuple(estimate(m, chosen, seed=seed) for m in REPEATED))
         yield Row(f"{result.name}, repeat {number}", found[-1], counts=result.counts)
     spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
     yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)), counts=result.counts)

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from rooms import two_rooms
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
 from humanclaw.records import Difficulty
 from humanclaw.tasks import write_episodes
+from humanclaw_bench.cli import bench
 from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (
     BETWEEN,
@@ -252,3 +254,8 @@ def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, nu
     assert len(ours) >= 28
     unnamed = [spec.model_copy(update={"id": spec.target_category, "seed": 0}) for spec in ours]
     assert set(unnamed) <= set(candidates(scene, number))
+
+
+def test_a_seed_beside_a_secret_is_refused(tmp_path):
+    done = CliRunner().invoke(bench, ["make", "--secret", "5", "--seed", "1", "--out", str(tmp_path)])
+    assert (done.exit_code, "leave it out" in done.output, list(tmp_path.iterdir())) == (2, True, [])

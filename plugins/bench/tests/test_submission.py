@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import shutil
@@ -159,7 +160,13 @@ def another_engine(run: Path) -> None:
     say(run, backends={"simulator": "mujoco"})
 
 
+def deeper(run: Path) -> None:
+    """Records of another run, put away in a folder of this one."""
+    shutil.copytree(run / "e1", run / "old" / "e1")
+
+
 TAMPERED = [
+    (deeper, "old/e1 lies below the run"),
     (keep_successes, "run.json says that the run is of 3 episodes; split"),
     (keep_successes_alone, "run.json names 3 episodes of split"),
     (unseal, "e1/episode.json has no seal"),
@@ -243,6 +250,96 @@ def test_numbers_that_are_only_told_have_a_table_of_their_own(run: Path) -> None
     assert "as told: nobody here has the records" in second
 
 
+def of_mini(it: dict[str, Any]) -> None:
+    it["run"]["split"] = split_digest(load_split("mini"))
+
+
+def of_mini_whole(it: dict[str, Any]) -> None:
+    of_mini(it)
+    it["asked"] = it["run"]["episodes"] = 100
+
+
+def rates(*values: float) -> Callable[[dict[str, Any]], None]:
+    return lambda it: it["rates"].update(InteractSR=[*values, 3])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (rates(1.0, 0.9, 1.0), "InteractSR is 1 of 3 by its rates, and 0.75 of 4 by its episodes"),
+        (lambda it: it["rates"].pop("NavSR"), "NavSR is not among its rates, and 0.75 of 4 by its episodes"),
+        (
+            lambda it: it["rates"].update(NavSR=[0.75, 0.8, 0.9, 4]),
+            "the interval of NavSR, 0.8 to 0.9, does not hold 0.75",
+        ),
+        (lambda it: it.update(cost=-100.0), "cost is -100, and 0 by its episodes"),
+        (lambda it: it.update(tokens=7), "tokens are 7, and 0 by its episodes"),
+        (of_mini, "asked is 4, and split mini has 100"),
+        (of_mini_whole, "episode e0 is not of split mini"),
+        (lambda it: it.update(episodes=[], seeds=[]), "FindSR is 0.75 of 4 by its rates, and 0 of 0 by its episodes"),
+    ],
+)
+def test_numbers_that_contradict_themselves_are_not_ranked_though_nobody_has_the_records(
+    run: Path, change: Any, words: str
+) -> None:
+    forged(run, change)
+    shutil.rmtree(run)
+    assert invoke("leaderboard", run.parent).exit_code == 0
+    ranked, apart = page(run)
+    assert "Ada" not in ranked
+    assert words in html.unescape(apart)
+
+
+@pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999"])
+def test_what_is_no_number_is_no_submission(run: Path, bad: str) -> None:
+    path = submitted(run)
+    path.write_text(re.sub(r'"cost": [0-9.]+,\n "tokens"', f'"cost": {bad},\n "tokens"', path.read_text()))
+    with pytest.raises(RecordError, match="is no submission: cost"):
+        submission.read(path)
+
+
+def test_what_would_steer_a_terminal_is_not_on_the_page(run: Path) -> None:
+    forged(run, lambda it: it.update(who="Eve\x1b[31m\u202e"))
+    invoke("leaderboard", run.parent)
+    text = (run.parent / "index.html").read_text()
+    assert ("Eve" in text, "\x1b" in text, "\u202e" in text) == (True, False, False)
+
+
+def test_the_page_does_not_quote_a_file_that_is_no_submission(run: Path) -> None:
+    submitted(run)
+    (run.parent / "link.json").write_text("root:x:0:0:secret")
+    invoke("leaderboard", run.parent)
+    assert "secret" not in (run.parent / "index.html").read_text()
+
+
+def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywhere(run: Path) -> None:
+    ends = [("e0", "stopped"), ("e1", "interrupted"), ("e1", "stopped"), ("e0", "stopped")]
+    lines = [json.dumps({"episode": name, "outcome": outcome, "limit": ""}) for name, outcome in ends]
+    (run / "journal.jsonl").write_text("\n".join(lines))
+    assert submission.read(submitted(run)).again == 1
+    verified = invoke("verify", run)
+    assert (verified.exit_code, "e0 was played again after it had ended" in verified.output) == (0, True)
+    assert "e1 was" not in verified.output
+    assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
+    invoke("leaderboard", run.parent)
+    assert "4 of 4, 1 played again" in page(run)[0]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000])
+def test_a_damaged_journal_is_named(run: Path, text: str) -> None:
+    (run / "journal.jsonl").write_text(text)
+    result = invoke("table", run)
+    assert isinstance(result.exception, RecordError)
+    assert "journal.jsonl is damaged" in str(result.exception)
+
+
+def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
+    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    shutil.rmtree(run / "e2")
+    result = invoke("verify", run)
+    assert (result.exit_code, "3 of 4 records" in result.output) == (0, True)
+
+
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
         submission.leaderboard(tmp_path)
@@ -262,7 +359,7 @@ def test_a_partial_run_and_one_that_its_records_contradict_are_listed_apart_and_
     ranked, apart = page(run)
     assert ("Ada" in ranked, "Bob" in ranked, "Eve" in ranked) == (True, False, False)
     assert "partial: 1 episode missing" in apart
-    assert "contradicted: cost is 0.0, not 9.0" in apart
+    assert "contradicted: cost is 9, and 0 by its episodes" in apart
 
 
 def test_damaged_records_and_a_file_that_is_no_submission_are_named_and_the_others_shown(run: Path) -> None:
@@ -278,8 +375,13 @@ def test_damaged_records_and_a_file_that_is_no_submission_are_named_and_the_othe
     assert "list.json is no submission" in apart
 
 
-def test_the_page_names_the_split(run: Path) -> None:
-    forged(run, lambda it: it["run"].update(split=split_digest(load_split("smoke"))))
-    shutil.rmtree(run)
-    invoke("leaderboard", run.parent)
-    assert "(smoke)" in page(run)[0]
+def test_the_page_names_the_split(tmp_path: Path) -> None:
+    folder, split = tmp_path / "mine", load_split("smoke")
+    for spec in split:
+        rollout(folder, FAR, name=spec.id)
+        rewrite(folder, spec.id, dict(spec))
+    (folder / "run.json").write_text(json.dumps({"episodes": len(split), "split": split_digest(split)}))
+    submitted(folder)
+    invoke("leaderboard", tmp_path)
+    assert "5 episodes, split" in page(folder)[0]
+    assert "(smoke)" in page(folder)[0]

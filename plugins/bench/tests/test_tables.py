@@ -81,15 +81,15 @@ def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: S
 def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
     table = main_table(results_of(base, "model"), paper=False)
     assert [column.title for column in table.columns] == [metric.name for metric in MAIN]
-    assert table.rows[0].cells[1] == wilson(3, 4)
-    assert texts(table)[1][0][:3] == ("model", "100.0% [51.0, 100.0]", "75.0% [30.1, 95.4]")
+    assert table.rows[0].cells[2] == wilson(3, 4)
+    assert texts(table)[1][0][:4] == ("model", "100.0% [51.0, 100.0]", "0.0%", "75.0% [30.1, 95.4]")
     assert "model: 4 episodes, of how many no run.json tells." in table.notes
 
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
     table = main_table(named({"run": scores}), paper=False)
-    assert table.rows[0].cells[1] == wilson(1, 1)
+    assert table.rows[0].cells[2] == wilson(1, 1)
     assert table.notes == (
         "model: 1 of 2 episodes, of how many no run.json tells; apart from every number: 1 infra_error.",
     )
@@ -99,7 +99,7 @@ def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(ba
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
     table = main_table(named({"run": [(s, None) for s in (base, broken, *spent)]}), paper=False)
-    assert table.rows[0].cells[1] == wilson(1, 4)
+    assert table.rows[0].cells[2] == wilson(1, 4)
     assert table.notes == (
         "model: 4 of 5 episodes, of how many no run.json tells; apart from every number: 1 limit_reached. Failed by a "
         "plugin, and counted: 1 "
@@ -223,13 +223,26 @@ def test_a_metric_that_raises_leaves_hangs_or_babbles_is_not_known_and_harms_not
     assert "'hangs' failed on episode" in caplog.text
 
 
+def test_false_claims_stand_beside_what_they_would_buy(base: Scores) -> None:
+    titles = [column.title for column in main_table(results_of(base, "model")).columns]
+    assert titles[:3] == ["FindSR", "false claims", "NavSR"]
+
+
+def test_a_note_is_a_line_that_steers_no_terminal(base: Scores) -> None:
+    broken = replace(base, outcome="plugin_error", error="x\x1b[31m\n\\evil")
+    (note,) = {note for note in main_table(results_of(broken, "model")).notes if "plugin" in note}
+    assert ("\x1b" in note, "\n" in note, "evil" in note) == (False, False, True)
+
+
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
     table = main_table(results_of(base, "model"))
     paper = [row for row in table.rows if row.paper]
     assert len(paper) == 9
     assert all(row.name.endswith("\u2020") for row in paper)
     gemini = next(row for row in paper if row.name.startswith("Gemini-3.1"))
-    assert [cell.value for cell in gemini.cells[:5]] == pytest.approx([0.649, 0.424, 0.168, 0.395, 1.50])
+    told = [cell.value for cell in gemini.cells[:6]]
+    unknown = float("nan")  # Of false claims it tells nothing.
+    assert told == pytest.approx([0.649, unknown, 0.424, 0.168, 0.395, 1.50], nan_ok=True)
     assert any("other scenes" in note for note in table.all_notes)
     assert not any("other scenes" in note for note in main_table(results_of(base, "model"), paper=False).all_notes)
 
