@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode
+from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.episode import Episode
-from humanclaw.errors import PluginRunError, ProviderError, RecordError, ReplayError
+from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage
 from humanclaw.tasks import free_episode
+from humanclaw.testing import fake_body
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))
 STOP = Decision((Call("stop"),))
@@ -163,7 +164,16 @@ class Withdrawn(BaseException):
 
 @pytest.mark.parametrize(
     "raised",
-    [asyncio.CancelledError(), Withdrawn("x"), GeneratorExit(), CallError("mend it"), HumanclawError("I say so.")],
+    [
+        asyncio.CancelledError(),
+        Withdrawn("x"),
+        GeneratorExit(),
+        CallError("mend it"),
+        HumanclawError("I say so."),
+        RecordError("no room"),
+        ReplayError("again"),
+        PluginRunError("another raised ValueError: x"),
+    ],
     ids=lambda raised: type(raised).__name__,
 )
 def test_whatever_an_agent_raises_is_its_plugins_error(body, spec, tmp_path, raised):
@@ -177,6 +187,38 @@ def test_an_agent_that_cannot_be_used_and_a_person_who_has_had_enough_end_more_t
     with pytest.raises(type(raised)), Episode(body, spec, Agent(raised)) as episode:
         episode.ask()
     assert episode.outcome == "interrupted"
+
+
+def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_has_begun(body, spec, tmp_path):
+    agent = Agent(WALK)
+    episode = Episode(body, spec, agent, folder=tmp_path)
+    episode.ask()
+    agent.answer = PluginError("no key.", "Set one.")
+    with pytest.raises(PluginError):
+        episode.ask()
+    record = RecordedEpisode(tmp_path).record
+    assert (record.outcome, record.error) == ("plugin_error", f"{HERE} raised PluginError: no key. Set one.")
+
+
+@pytest.mark.parametrize(
+    "raised",
+    [ProviderError("down"), LimitError("run", "enough"), ReplayError("again"), PluginError("no key."),
+     PluginRunError("another raised ValueError: x")],
+    ids=lambda raised: type(raised).__name__,
+)  # fmt: skip
+def test_whatever_a_skill_raises_is_its_plugins_error(raised):
+    @skill(checks=["Is anybody in view?"])
+    def shrug(times: int = 1):
+        """Shrug."""
+        raise raised
+
+    with (
+        fake_body(shrug) as body,
+        Episode(body, free_episode("shrug", body.scene), Agent(Decision((Call("shrug"),)))) as episode,
+    ):
+        episode.ask()
+    assert episode.outcome == "plugin_error"
+    assert episode.record.error.startswith(f"{body.plugins.owner('shrug')} raised {type(raised).__name__}")
 
 
 @pytest.mark.parametrize(

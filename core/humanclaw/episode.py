@@ -38,14 +38,17 @@ from humanclaw._recorder import (
 )
 from humanclaw.embodiment import Body, Chunk, SkillExecution
 from humanclaw.errors import (
+    ANSWERING,
     CallError,
     HumanclawError,
     LimitError,
+    PluginError,
     PluginRunError,
     ProviderError,
     ReplayError,
     SceneError,
     blaming,
+    in_words,
 )
 from humanclaw.interfaces import (
     Agent,
@@ -294,7 +297,7 @@ class Episode:
 
     def _decide(self, agent: Agent, seen: Observation) -> Decision:
         """Return what an agent decides. Raises PluginRunError for what breaks there, a malformed decision included."""
-        with blaming(origin(agent)):
+        with self._asking(agent):
             return admit(agent.decide(seen, self.history), Decision, f"decide() of {self._record.agent} returned")
 
     def _take(self, decision: Decision) -> StepRecord | Refusal:
@@ -332,7 +335,7 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        with blaming(origin(self._verifier)):
+        with self._asking(self._verifier):
             verdict = self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal)
             verdict = admit(verdict, Verdict, f"verify() of {self._record.verifier} returned")
         self._answered("verify", verdict.usage)
@@ -510,6 +513,18 @@ class Episode:
         except PluginRunError as fault:
             self.fault = self.fault or fault
 
+    @contextmanager
+    def _asking(self, decider: Agent | Verifier) -> Iterator[None]:
+        """Name the plugin of a decider in what it raises. PluginError ends the run, and from the second step on the
+        episode too: it would otherwise be had again."""
+        try:
+            with blaming(origin(decider), *ANSWERING):
+                yield
+        except PluginError as fault:
+            if self._steps:
+                self._close("plugin_error", f"{origin(decider)} raised {in_words(fault)}")
+            raise
+
     def _name(self, decider: Agent | Verifier | str | None) -> str:
         """Return what a decider is called; one that has no name that a record can hold, after its package."""
         if decider is None or isinstance(decider, str):
@@ -528,7 +543,7 @@ class Episode:
         episode."""
         deciders: tuple[Agent | Verifier | None, ...] = (self._agent, self._verifier)
         for decider in deciders:
-            with self._noting(), blaming(origin(decider)):
+            with self._noting(), blaming(origin(decider), *ANSWERING):
                 if decider:
                     decider.begin(self._context(decider))
 

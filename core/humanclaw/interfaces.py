@@ -221,9 +221,9 @@ class Agent(Protocol):
         decision.
 
         Raises LimitError when the meter of the episode leaves no time to wait for one, and PluginError, here or in
-        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run. Whatever
-        else it raises is its own error, and so is a decision whose fields are not of their types: the episode has
-        failed.
+        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run, and after
+        the first step the episode has failed. Whatever else it raises, a ReplayError or a worker's KeyboardInterrupt
+        included, is its own error, and so is a decision whose fields are not of their types: the episode has failed.
         """
 
 
