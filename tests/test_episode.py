@@ -200,6 +200,32 @@ def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_ha
     assert (record.outcome, record.error) == ("plugin_error", f"{HERE} raised PluginError: no key. Set one.")
 
 
+def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec):
+    seen = []
+
+    class Painter(Agent):
+        privileged = True
+
+        def begin(self, context):
+            self.view = context.view
+
+        def decide(self, observation, history):
+            for picture in (observation.rgb, self.view().rgb, self.view().ids, self.view().depth):
+                with pytest.raises(ValueError, match="read-only"):
+                    picture[:] = 0
+                with pytest.raises(ValueError, match="WRITEABLE"):
+                    picture.flags.writeable = True
+            return STOP
+
+    class Witness(Verifier):
+        def verify(self, observation, call, skill, goal):
+            seen.append(observation.rgb.mean())
+            return self.says
+
+    record = run_episode(body, spec, Painter(None), Witness(Verdict(True)))
+    assert (record.outcome, seen) == ("stopped", [body.view().rgb.mean()])
+
+
 @pytest.mark.parametrize(
     "raised",
     [ProviderError("down"), LimitError("run", "enough"), ReplayError("again"), PluginError("no key."),

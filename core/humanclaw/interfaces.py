@@ -165,7 +165,7 @@ class Observation:
     step: int
     instruction: str
     rgb: NDArray[np.uint8]
-    """(512, 512, 3)."""
+    """(512, 512, 3), read-only: the verifier sees the same."""
     feedback: Feedback = field(default_factory=Feedback)
     """Of the last step, or why the last answer could not be used; str() says it in words."""
 
