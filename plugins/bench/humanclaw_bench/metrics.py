@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
 from typing import Final, Literal
@@ -314,9 +315,10 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else. It is given a
+    copy of the record, which it may do with as it likes."""
     try:
-        return float(measure(recorded))
+        return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:
         raise
     except TimeoutError as late:
