@@ -200,6 +200,41 @@ def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_ha
     assert (record.outcome, record.error) == ("plugin_error", f"{HERE} raised PluginError: no key. Set one.")
 
 
+@pytest.mark.parametrize(
+    ("agent", "verifier", "told"),
+    [(True, False, {"agent": True, "verifier": False}), (False, True, {"agent": False, "verifier": True}),
+     (False, None, {"agent": False})],
+)  # fmt: skip
+def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agent, verifier, told):
+    heard = {}
+
+    class Listener:
+        def begin(self, context):
+            heard[self.role] = context.scene is not None
+
+    decider = type("Told", (Listener, Agent), {"role": "agent", "privileged": agent})(STOP)
+    judge = verifier is not None and type("Judge", (Listener, Verifier), {"role": "verifier", "privileged": verifier})
+    record = run_episode(body, spec, decider, judge(Verdict(True)) if judge else None)
+    assert record.settings["privileged"] == heard == told
+
+
+def test_who_says_afterwards_that_it_is_privileged_is_told_no_more_than_is_recorded(body, spec):
+    class Sly(Agent):
+        asked_for = 0
+
+        @property
+        def privileged(self):
+            self.asked_for += 1
+            return self.asked_for > 1
+
+        def begin(self, context):
+            self.scene = context.scene
+
+    agent = Sly(STOP)
+    record = run_episode(body, spec, agent)
+    assert (record.settings["privileged"], agent.scene) == ({"agent": False}, None)
+
+
 def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec):
     seen = []
 

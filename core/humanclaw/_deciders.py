@@ -58,6 +58,12 @@ def name_of(decider: Any) -> str:
         return _typed(decider.name, Name, "name: ")
 
 
+def is_privileged(decider: object) -> bool:
+    """Tell whether a decider wants to be told scene and true state. Raises PluginRunError for what breaks there."""
+    with blaming(origin(decider)):
+        return bool(getattr(decider, "privileged", False))
+
+
 def settings_of(decider: object) -> dict[str, Any]:
     """Return a decider's settings as they are now, empty if it has none. Raises PluginRunError for what JSON cannot
     hold."""

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, Final, Literal, Self
 
 from humanclaw._calls import check, check_call
-from humanclaw._deciders import admit, name_of, origin, settings_of
+from humanclaw._deciders import admit, is_privileged, name_of, origin, settings_of
 from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Feedback
 from humanclaw._notebook import card
@@ -116,7 +116,11 @@ class Episode:
         self._meter.begin("episode")
         self.fault: PluginRunError | None = None
         """What a plugin raised, if that ended the episode."""
-        settings = {"agent": self._settings(agent), "verifier": self._settings(verifier), "limits": self._meter.limits}
+        self._privileged = self._asked_privileges()
+        settings = {
+            "agent": self._settings(agent), "verifier": self._settings(verifier), "privileged": self._privileged,
+            "limits": self._meter.limits,
+        }  # fmt: skip
         record = begin_record(body, spec, self._name(agent), self._name(verifier), options or {}, settings)
         self._distance = (
             distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
@@ -451,7 +455,7 @@ class Episode:
     def _replay_decisions(self, step: StepRecord) -> None:
         """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
         through its decisions too."""
-        if self._agent and getattr(self._agent, "privileged", False):
+        if self._agent and self._privileged["agent"]:
             feedback = self._feedback
             for attempt in step.attempts:
                 seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
@@ -461,7 +465,7 @@ class Episode:
                         "Continue it with the versions that it was begun with, or remove its folder.",
                     )
                 feedback = Feedback(refusal=attempt.error)
-        if getattr(self._verifier, "privileged", False) and step.status != "invalid":
+        if self._privileged.get("verifier") and step.status != "invalid":
             self._verify(step.decision, check(step.decision, self.body.skills))
 
     # -- the end -------------------------------------------------------------------------------------------------------
@@ -538,18 +542,28 @@ class Episode:
             return settings_of(decider)
         return {}
 
+    def _asked_privileges(self) -> dict[str, bool]:
+        """Ask agent and verifier once whether they are privileged: what the record says is what they are told."""
+        found = {}
+        for role, decider in (("agent", self._agent), ("verifier", self._verifier)):
+            if decider is not None:
+                found[role] = False
+                with self._noting():
+                    found[role] = is_privileged(decider)
+        return found
+
     def _begin_deciders(self) -> None:
         """Tell agent and verifier their task. Raises PluginError for one that cannot be used; what breaks ends the
         episode."""
-        deciders: tuple[Agent | Verifier | None, ...] = (self._agent, self._verifier)
-        for decider in deciders:
+        deciders: Mapping[str, Agent | Verifier | None] = {"agent": self._agent, "verifier": self._verifier}
+        for role, decider in deciders.items():
             with self._noting(), blaming(origin(decider), *ANSWERING):
                 if decider:
-                    decider.begin(self._context(decider))
+                    decider.begin(self._context(role))
 
-    def _context(self, decider: Agent | Verifier) -> EpisodeContext:
+    def _context(self, role: str) -> EpisodeContext:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
-        if not getattr(decider, "privileged", False):
+        if not self._privileged[role]:
             return context
         return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 

@@ -220,6 +220,9 @@ class Scores:
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
     """What moved the world, by name; empty where the record does not tell."""
+    privileged: str | None = None
+    """Who was told scene and true state: agent, verifier or both; empty for nobody, None where the record does not
+    tell."""
     spec: EpisodeSpec | None = None
     """What was asked."""
     chunks: int = 0
@@ -279,11 +282,17 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
+        privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),
         sequences=sum(len(step.parts) > 1 for step in steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
+    found = settings.get("privileged")
+    return None if found is None else " and ".join(role for role, told in found.items() if told)
 
 
 def _asked(verdict: Verdict) -> bool:

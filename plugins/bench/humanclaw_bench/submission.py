@@ -291,8 +291,9 @@ def _cells(entry: Entry) -> tuple[str, ...]:
     one = entry.submission
     rates = [_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES]
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
+    agent = f"{one.agent} (privileged)" if any(e.scores.get("privileged") for e in one.episodes) else one.agent
     return (
-        one.agent, one.model_date or "-", one.who, *rates, f"{_ended(one)} of {one.asked}", f"{one.cost:.2f}", warmth,
+        agent, one.model_date or "-", one.who, *rates, f"{_ended(one)} of {one.asked}", f"{one.cost:.2f}", warmth,
         one.engine, one.made, entry.records,
     )  # fmt: skip
 
