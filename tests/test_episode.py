@@ -1,6 +1,7 @@
 """An episode in the hands of somebody who makes mistakes: nothing lost, nobody asked in vain, nothing mixed up."""
 
 import asyncio
+import signal
 from dataclasses import replace
 
 import pytest
@@ -187,6 +188,17 @@ def test_an_agent_that_cannot_be_used_and_a_person_who_has_had_enough_end_more_t
     with pytest.raises(type(raised)), Episode(body, spec, Agent(raised)) as episode:
         episode.ask()
     assert episode.outcome == "interrupted"
+
+
+def test_ctrl_c_while_an_agent_decides_interrupts_the_episode(body, spec, tmp_path):
+    class Waiting(Agent):
+        def decide(self, observation, history):
+            signal.raise_signal(signal.SIGINT)
+            return WALK
+
+    with pytest.raises(KeyboardInterrupt):
+        run_episode(body, spec, Waiting(None), folder=tmp_path)
+    assert RecordedEpisode(tmp_path).record.outcome == "interrupted"
 
 
 def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_has_begun(body, spec, tmp_path):
