@@ -1,15 +1,17 @@
 """An episode in the hands of somebody who makes mistakes: nothing lost, nobody asked in vain, nothing mixed up."""
 
 import asyncio
+import signal
 from dataclasses import replace
 
 import pytest
 
-from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode
+from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.episode import Episode
-from humanclaw.errors import PluginRunError, ProviderError, RecordError, ReplayError
+from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage
 from humanclaw.tasks import free_episode
+from humanclaw.testing import fake_body
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))
 STOP = Decision((Call("stop"),))
@@ -163,7 +165,16 @@ class Withdrawn(BaseException):
 
 @pytest.mark.parametrize(
     "raised",
-    [asyncio.CancelledError(), Withdrawn("x"), GeneratorExit(), CallError("mend it"), HumanclawError("I say so.")],
+    [
+        asyncio.CancelledError(),
+        Withdrawn("x"),
+        GeneratorExit(),
+        CallError("mend it"),
+        HumanclawError("I say so."),
+        RecordError("no room"),
+        ReplayError("again"),
+        PluginRunError("another raised ValueError: x"),
+    ],
     ids=lambda raised: type(raised).__name__,
 )
 def test_whatever_an_agent_raises_is_its_plugins_error(body, spec, tmp_path, raised):
@@ -177,6 +188,110 @@ def test_an_agent_that_cannot_be_used_and_a_person_who_has_had_enough_end_more_t
     with pytest.raises(type(raised)), Episode(body, spec, Agent(raised)) as episode:
         episode.ask()
     assert episode.outcome == "interrupted"
+
+
+def test_ctrl_c_while_an_agent_decides_interrupts_the_episode(body, spec, tmp_path):
+    class Waiting(Agent):
+        def decide(self, observation, history):
+            signal.raise_signal(signal.SIGINT)
+            return WALK
+
+    with pytest.raises(KeyboardInterrupt):
+        run_episode(body, spec, Waiting(None), folder=tmp_path)
+    assert RecordedEpisode(tmp_path).record.outcome == "interrupted"
+
+
+def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_has_begun(body, spec, tmp_path):
+    agent = Agent(WALK)
+    episode = Episode(body, spec, agent, folder=tmp_path)
+    episode.ask()
+    agent.answer = PluginError("no key.", "Set one.")
+    with pytest.raises(PluginError):
+        episode.ask()
+    record = RecordedEpisode(tmp_path).record
+    assert (record.outcome, record.error) == ("plugin_error", f"{HERE} raised PluginError: no key. Set one.")
+
+
+@pytest.mark.parametrize(
+    ("agent", "verifier", "told"),
+    [(True, False, {"agent": True, "verifier": False}), (False, True, {"agent": False, "verifier": True}),
+     (False, None, {"agent": False})],
+)  # fmt: skip
+def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agent, verifier, told):
+    heard = {}
+
+    class Listener:
+        def begin(self, context):
+            heard[self.role] = context.scene is not None
+
+    decider = type("Told", (Listener, Agent), {"role": "agent", "privileged": agent})(STOP)
+    judge = verifier is not None and type("Judge", (Listener, Verifier), {"role": "verifier", "privileged": verifier})
+    record = run_episode(body, spec, decider, judge(Verdict(True)) if judge else None)
+    assert record.settings["privileged"] == heard == told
+
+
+def test_who_says_afterwards_that_it_is_privileged_is_told_no_more_than_is_recorded(body, spec):
+    class Sly(Agent):
+        asked_for = 0
+
+        @property
+        def privileged(self):
+            self.asked_for += 1
+            return self.asked_for > 1
+
+        def begin(self, context):
+            self.scene = context.scene
+
+    agent = Sly(STOP)
+    record = run_episode(body, spec, agent)
+    assert (record.settings["privileged"], agent.scene) == ({"agent": False}, None)
+
+
+def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec):
+    seen = []
+
+    class Painter(Agent):
+        privileged = True
+
+        def begin(self, context):
+            self.view = context.view
+
+        def decide(self, observation, history):
+            for picture in (observation.rgb, self.view().rgb, self.view().ids, self.view().depth):
+                with pytest.raises(ValueError, match="read-only"):
+                    picture[:] = 0
+                with pytest.raises(ValueError, match="WRITEABLE"):
+                    picture.flags.writeable = True
+            return STOP
+
+    class Witness(Verifier):
+        def verify(self, observation, call, skill, goal):
+            seen.append(observation.rgb.mean())
+            return self.says
+
+    record = run_episode(body, spec, Painter(None), Witness(Verdict(True)))
+    assert (record.outcome, seen) == ("stopped", [body.view().rgb.mean()])
+
+
+@pytest.mark.parametrize(
+    "raised",
+    [ProviderError("down"), LimitError("run", "enough"), ReplayError("again"), PluginError("no key."),
+     PluginRunError("another raised ValueError: x")],
+    ids=lambda raised: type(raised).__name__,
+)  # fmt: skip
+def test_whatever_a_skill_raises_is_its_plugins_error(raised):
+    @skill(checks=["Is anybody in view?"])
+    def shrug(times: int = 1):
+        """Shrug."""
+        raise raised
+
+    with (
+        fake_body(shrug) as body,
+        Episode(body, free_episode("shrug", body.scene), Agent(Decision((Call("shrug"),)))) as episode,
+    ):
+        episode.ask()
+    assert episode.outcome == "plugin_error"
+    assert episode.record.error.startswith(f"{body.plugins.owner('shrug')} raised {type(raised).__name__}")
 
 
 @pytest.mark.parametrize(

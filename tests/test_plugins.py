@@ -130,6 +130,18 @@ def test_an_observer_of_endless_patience_hears_in_the_thread_of_the_episode():
     assert window.thread is threading.current_thread()
 
 
+def test_an_observer_that_raises_what_a_key_does_interrupts_nobody(caplog):
+    class Keen:
+        @hookimpl
+        def humanclaw_step(self, episode, step, view):
+            raise KeyboardInterrupt
+
+    plugins = Plugins()
+    plugins.add(Keen(), "keen")
+    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
+    assert "'keen' failed at humanclaw_step" in caplog.text
+
+
 @pytest.mark.parametrize("seconds", [0, -1.0, "long", True, float("nan")])
 def test_a_plugin_whose_patience_is_no_time_is_refused(seconds):
     plugin = type("Odd", (), {"HUMANCLAW_PATIENCE": seconds})()

@@ -65,6 +65,8 @@ def _work(jobs: SimpleQueue[_Job | None]) -> None:
         answer, function = job
         try:
             answer.set_result(function())
+        except KeyboardInterrupt:  # No key reaches this thread.
+            answer.set_exception(RuntimeError("KeyboardInterrupt"))
         except BaseException as error:
             answer.set_exception(error)
         del job, answer, function  # What a call was about is not kept until the next one.

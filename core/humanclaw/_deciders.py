@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import reprlib
+from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -17,8 +18,27 @@ T = TypeVar("T")
 _SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
 
 
+@dataclass(frozen=True)
+class Unmade:
+    """Stands where an agent or a verifier should that could not be made: its episode has a record, which says why."""
+
+    name: str
+    owner: str
+    """The plugin whose factory raised."""
+    fault: BaseException
+    privileged: bool = False
+
+    def begin(self, context: object) -> None:
+        """Raise what the factory raised."""
+        raise self.fault
+
+    decide = verify = begin
+
+
 def origin(decider: object) -> str:
-    """Return the package that an agent or a verifier comes from."""
+    """Return the package that an agent or a verifier comes from, or the plugin that could make none."""
+    if isinstance(decider, Unmade):
+        return decider.owner
     return type(decider).__module__.partition(".")[0]
 
 
@@ -36,6 +56,12 @@ def name_of(decider: Any) -> str:
     """Return a decider's name, as a record can hold it. Raises PluginRunError for one that is none."""
     with blaming(origin(decider)):
         return _typed(decider.name, Name, "name: ")
+
+
+def is_privileged(decider: object) -> bool:
+    """Tell whether a decider wants to be told scene and true state. Raises PluginRunError for what breaks there."""
+    with blaming(origin(decider)):
+        return bool(getattr(decider, "privileged", False))
 
 
 def settings_of(decider: object) -> dict[str, Any]:

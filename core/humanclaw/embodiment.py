@@ -11,9 +11,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw._backends import Backends, check_sensors
 from humanclaw._feedback import Feedback, Proprioception, Touch
@@ -40,6 +41,8 @@ from humanclaw.records import Call, PlayedPart
 from humanclaw.scene import Scene
 from humanclaw.sensors import proprioception, tactile
 from humanclaw.tools import body_tools
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -141,8 +144,9 @@ class Body:
         return self._state
 
     def view(self) -> View:
-        """Render what the eyes see: colours, depth and object ids."""
-        return self._renderer.render(self._state, ego_camera(self._state.body))
+        """Render what the eyes see: colours, depth and object ids, none of which can be written to."""
+        seen = self._renderer.render(self._state, ego_camera(self._state.body))
+        return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
         """Look, and be told what became of the last call."""
@@ -254,6 +258,11 @@ class Body:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _fixed(picture: NDArray[T]) -> NDArray[T]:
+    """Return a copy that nobody can write to: agent, verifier and record see one and the same."""
+    return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
 
 
 def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:

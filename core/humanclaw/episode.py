@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, Final, Literal, Self
 
 from humanclaw._calls import check, check_call
-from humanclaw._deciders import admit, name_of, origin, settings_of
+from humanclaw._deciders import admit, is_privileged, name_of, origin, settings_of
 from humanclaw._decisions import Attempt, Call, Decision, Refusal, Usage, Verdict
 from humanclaw._feedback import Feedback
 from humanclaw._notebook import card
@@ -38,14 +38,17 @@ from humanclaw._recorder import (
 )
 from humanclaw.embodiment import Body, Chunk, SkillExecution
 from humanclaw.errors import (
+    ANSWERING,
     CallError,
     HumanclawError,
     LimitError,
+    PluginError,
     PluginRunError,
     ProviderError,
     ReplayError,
     SceneError,
     blaming,
+    in_words,
 )
 from humanclaw.interfaces import (
     Agent,
@@ -113,7 +116,11 @@ class Episode:
         self._meter.begin("episode")
         self.fault: PluginRunError | None = None
         """What a plugin raised, if that ended the episode."""
-        settings = {"agent": self._settings(agent), "verifier": self._settings(verifier), "limits": self._meter.limits}
+        self._privileged = self._asked_privileges()
+        settings = {
+            "agent": self._settings(agent), "verifier": self._settings(verifier), "privileged": self._privileged,
+            "limits": self._meter.limits,
+        }  # fmt: skip
         record = begin_record(body, spec, self._name(agent), self._name(verifier), options or {}, settings)
         self._distance = (
             distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
@@ -294,7 +301,7 @@ class Episode:
 
     def _decide(self, agent: Agent, seen: Observation) -> Decision:
         """Return what an agent decides. Raises PluginRunError for what breaks there, a malformed decision included."""
-        with blaming(origin(agent)):
+        with self._asking(agent):
             return admit(agent.decide(seen, self.history), Decision, f"decide() of {self._record.agent} returned")
 
     def _take(self, decision: Decision) -> StepRecord | Refusal:
@@ -332,7 +339,7 @@ class Episode:
         self._question()
         self._asked = time.perf_counter()
         observation = Observation(len(self._steps), self.spec.instruction, self._look().rgb)
-        with blaming(origin(self._verifier)):
+        with self._asking(self._verifier):
             verdict = self._verifier.verify(observation, call, skills[call.skill], decision.mid_level_goal)
             verdict = admit(verdict, Verdict, f"verify() of {self._record.verifier} returned")
         self._answered("verify", verdict.usage)
@@ -448,7 +455,7 @@ class Episode:
     def _replay_decisions(self, step: StepRecord) -> None:
         """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
         through its decisions too."""
-        if self._agent and getattr(self._agent, "privileged", False):
+        if self._agent and self._privileged["agent"]:
             feedback = self._feedback
             for attempt in step.attempts:
                 seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
@@ -458,7 +465,7 @@ class Episode:
                         "Continue it with the versions that it was begun with, or remove its folder.",
                     )
                 feedback = Feedback(refusal=attempt.error)
-        if getattr(self._verifier, "privileged", False) and step.status != "invalid":
+        if self._privileged.get("verifier") and step.status != "invalid":
             self._verify(step.decision, check(step.decision, self.body.skills))
 
     # -- the end -------------------------------------------------------------------------------------------------------
@@ -510,6 +517,18 @@ class Episode:
         except PluginRunError as fault:
             self.fault = self.fault or fault
 
+    @contextmanager
+    def _asking(self, decider: Agent | Verifier) -> Iterator[None]:
+        """Name the plugin of a decider in what it raises. PluginError ends the run, and from the second step on the
+        episode too: it would otherwise be had again."""
+        try:
+            with blaming(origin(decider), *ANSWERING):
+                yield
+        except PluginError as fault:
+            if self._steps:
+                self._close("plugin_error", f"{origin(decider)} raised {in_words(fault)}")
+            raise
+
     def _name(self, decider: Agent | Verifier | str | None) -> str:
         """Return what a decider is called; one that has no name that a record can hold, after its package."""
         if decider is None or isinstance(decider, str):
@@ -523,18 +542,28 @@ class Episode:
             return settings_of(decider)
         return {}
 
+    def _asked_privileges(self) -> dict[str, bool]:
+        """Ask agent and verifier once whether they are privileged: what the record says is what they are told."""
+        found = {}
+        for role, decider in (("agent", self._agent), ("verifier", self._verifier)):
+            if decider is not None:
+                found[role] = False
+                with self._noting():
+                    found[role] = is_privileged(decider)
+        return found
+
     def _begin_deciders(self) -> None:
         """Tell agent and verifier their task. Raises PluginError for one that cannot be used; what breaks ends the
         episode."""
-        deciders: tuple[Agent | Verifier | None, ...] = (self._agent, self._verifier)
-        for decider in deciders:
-            with self._noting(), blaming(origin(decider)):
+        deciders: Mapping[str, Agent | Verifier | None] = {"agent": self._agent, "verifier": self._verifier}
+        for role, decider in deciders.items():
+            with self._noting(), blaming(origin(decider), *ANSWERING):
                 if decider:
-                    decider.begin(self._context(decider))
+                    decider.begin(self._context(role))
 
-    def _context(self, decider: Agent | Verifier) -> EpisodeContext:
+    def _context(self, role: str) -> EpisodeContext:
         context = EpisodeContext(self.spec, self.body.skills, self.spec.seed, meter=self._meter)
-        if not getattr(decider, "privileged", False):
+        if not self._privileged[role]:
             return context
         return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -22,6 +24,10 @@ class HumanclawError(Exception):
 
 class PluginError(HumanclawError):
     """A plugin that cannot be used, and why. It stands in the way of every episode: raised in one, it ends the run."""
+
+
+class FactoryError(PluginError):
+    """An agent or a verifier that could not be made; its cause is what the factory raised."""
 
 
 class ContractError(PluginError):
@@ -75,19 +81,34 @@ class ProviderError(Exception):
     decision."""
 
 
-@contextmanager
-def blaming(plugin: str) -> Iterator[None]:
-    """Name the plugin whose code runs in the block in what it raises.
+ANSWERING: Final = (PluginError, ProviderError, LimitError)
+"""What agents and verifiers raise that is no error of theirs: they are asked, and may have to ask a provider."""
 
-    Five kinds go on as they are: a limit, a provider that failed, a record for which there is no room, a plugin that
-    cannot be used at all, and KeyboardInterrupt, which is a person's.
+
+@contextmanager
+def blaming(plugin: str, *passing: type[BaseException]) -> Iterator[None]:
+    """Name the plugin whose code runs in the block in what it raises. Who it is says the caller: what it raises may
+    name anybody.
+
+    passing: kinds that go on as they are. So does KeyboardInterrupt where it can be a person's.
     """
     try:
         yield
-    except (PluginError, RecordError, LimitError, ProviderError, PluginRunError, KeyboardInterrupt):
+    except passing:
         raise
     except BaseException as fault:  # Code of somebody else does not end the program.
+        if by_hand(fault):
+            raise
         raise PluginRunError(f"{plugin} raised {in_words(fault)}") from fault
+
+
+def by_hand(fault: BaseException) -> bool:
+    """Tell whether a person may have ended something: KeyboardInterrupt in the main thread, where a signal raises it.
+
+    A worker of a run hears no signal, so that there a plugin has raised it.
+    """
+    heard = any(callable(signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM))
+    return isinstance(fault, KeyboardInterrupt) and heard and threading.current_thread() is threading.main_thread()
 
 
 def in_words(error: BaseException) -> str:
@@ -95,7 +116,7 @@ def in_words(error: BaseException) -> str:
     them."""
     try:
         return legible(f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON])
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
+    except BaseException as another:
+        if by_hand(another):
+            raise
         return type(error).__name__

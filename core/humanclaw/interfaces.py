@@ -165,7 +165,7 @@ class Observation:
     step: int
     instruction: str
     rgb: NDArray[np.uint8]
-    """(512, 512, 3)."""
+    """(512, 512, 3), read-only: the verifier sees the same."""
     feedback: Feedback = field(default_factory=Feedback)
     """Of the last step, or why the last answer could not be used; str() says it in words."""
 
@@ -220,10 +220,13 @@ class Agent(Protocol):
         """Decide on the next call. Raises ProviderError when no answer can be had; that is never turned into a
         decision.
 
+        Nobody can end it from outside: whoever waits asks the context's meter for seconds_left(), and a limit on time
+        ends one that does not ask only when it returns.
+
         Raises LimitError when the meter of the episode leaves no time to wait for one, and PluginError, here or in
-        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run. Whatever
-        else it raises is its own error, and so is a decision whose fields are not of their types: the episode has
-        failed.
+        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run, and after
+        the first step the episode has failed. Whatever else it raises, a ReplayError or a worker's KeyboardInterrupt
+        included, is its own error, and so is a decision whose fields are not of their types: the episode has failed.
         """
 
 

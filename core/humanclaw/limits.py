@@ -1,7 +1,7 @@
 """Limits on what one answer, an episode or a whole run may take: seconds, tokens and US dollars.
 
-A limit is noticed when an answer has crossed it, so at most one answer lies beyond it; seconds are also noticed while a
-agent waits, if it asks for seconds_left().
+A limit is noticed when an answer has crossed it, so at most one answer lies beyond it; seconds are also noticed while
+an agent waits, if it asks for seconds_left(). One that does not ask is ended only when it returns.
 """
 
 from __future__ import annotations

@@ -32,10 +32,11 @@ import humanclaw
 from humanclaw import _distributions as distributions
 from humanclaw import hookspecs
 from humanclaw._bounded import Bounded
+from humanclaw._deciders import Unmade
 from humanclaw._skill_check import skill_faults
 from humanclaw._words import did_you_mean, nearest
 from humanclaw.contract import Skill
-from humanclaw.errors import PluginError, in_words
+from humanclaw.errors import ANSWERING, FactoryError, HumanclawError, PluginError, RecordError, by_hand, in_words
 from humanclaw.hookspecs import noun
 from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
@@ -46,6 +47,7 @@ _LOG: Final = logging.getLogger(__name__)
 PATIENCE: Final = 30.0
 """Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
+_DECIDERS: Final = ("agents", "verifiers")
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
 """Hooks whose plugins come before those that need what they bring."""
@@ -347,9 +349,9 @@ class Plugins:
                     self._observer(name)(call)
                 else:
                     call()
-            except KeyboardInterrupt:
-                raise
             except BaseException as error:
+                if by_hand(error):
+                    raise
                 _LOG.warning("plugin %r failed at %s: %s", name, hook, _reason(error))
 
     def _observer(self, name: str) -> Bounded:
@@ -420,8 +422,8 @@ class Plugins:
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
         """Call the factory registered under a name.
 
-        Raises PluginError with the nearest names if there is none, and for one that needs a package that is not
-        installed.
+        Raises PluginError with the nearest names if there is none, for one that needs a package that is not installed,
+        and for an agent or a verifier whose factory raises what says nothing to a user.
         """
         found = self._find(kind, name)
         if not callable(found.value):
@@ -429,11 +431,25 @@ class Plugins:
             raise PluginError(told, "Register a function that makes one.")
         try:
             return found.value(*args, **options)
-        except (SystemExit, GeneratorExit) as error:
-            raise PluginError(f"{noun(kind)} {name!r} of plugin {found.owner!r} gave up: {_reason(error)}.") from error
         except ModuleNotFoundError as error:
             needed = f"{noun(kind)} {name!r} of plugin {found.owner!r} needs {error.name!r}, which is not installed."
             raise PluginError(needed, f"Run `pip install {error.name}`.") from error
+        except BaseException as error:
+            if not _gives_up(kind, error):
+                raise
+            told = f"{noun(kind)} {name!r} of plugin {found.owner!r} gave up: {_reason(error)}."
+            raise FactoryError(told) from error
+
+    def decider(self, kind: str, name: str, options: Mapping[str, Any], known_as: str = "") -> Any:
+        """Make an agent or a verifier for an episode of a run, where nobody is there to mend it.
+
+        One whose factory raises is stood in for, by the name of known_as, and its episode ends as plugin_error when it
+        begins. Raises PluginError, ProviderError and LimitError as a decider may.
+        """
+        try:
+            return self.make(kind, name, options)
+        except FactoryError as error:
+            return Unmade(known_as or name, self._find(kind, name).owner, error.__cause__ or error)
 
     def require(self, *wanted: tuple[str, str]) -> None:
         """Raise PluginError for all (kind, name) that are not there, with the one line that installs them."""
@@ -542,6 +558,15 @@ class Plugins:
         words = [word.strip("'\":,.") for word in _reason(error).split()]
         wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
         return did_you_mean(wrong[0], specified) if wrong else ""
+
+
+def _gives_up(kind: str, error: BaseException) -> bool:
+    """Tell whether a factory ends with what its plugin alone can mend. Who asks a model may say that none is to be
+    had; of other kinds what they raise goes on, for it may be the machine's."""
+    if kind in _DECIDERS:
+        mendable = isinstance(error, HumanclawError) and not isinstance(error, RecordError)
+        return not (mendable or isinstance(error, ANSWERING) or by_hand(error))
+    return isinstance(error, SystemExit | GeneratorExit)
 
 
 def _kinds(specs: ModuleType) -> Iterator[str]:

@@ -265,7 +265,8 @@ class EpisodeRecord(Record):
     options: dict[str, Any] = {}
     """As they were given."""
     settings: dict[str, dict[str, Any]] = {}
-    """What was in force, defaults filled in, under agent, verifier, body and limits."""
+    """What was in force, defaults filled in, under agent, verifier, body and limits; under privileged whether agent and
+    verifier were told scene and true state (records made before that was kept do not say)."""
     versions: dict[str, str] = {}
     weights: dict[str, str] = {}
     """Adapter or base name to digest."""

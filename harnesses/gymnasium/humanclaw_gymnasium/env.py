@@ -133,7 +133,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         }
 
     def _see(self) -> Picture:
-        self._picture = self.episode.observe().rgb
+        self._picture = self.episode.observe().rgb.copy()  # What a learner is given it may write to.
         size = self.observation_space.shape[0] if self.observation_space.shape else len(self._picture)
         if size == len(self._picture):
             return self._picture

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
 from typing import Final, Literal
@@ -219,6 +220,9 @@ class Scores:
     """easy, medium or hard; empty where the episode's difficulty is not known."""
     simulator: str = ""
     """What moved the world, by name; empty where the record does not tell."""
+    privileged: str | None = None
+    """Who was told scene and true state: agent, verifier or both; empty for nobody, None where the record does not
+    tell."""
     spec: EpisodeSpec | None = None
     """What was asked."""
     chunks: int = 0
@@ -278,11 +282,17 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=record.settings.get("body", {}).get("simulator", ""),
+        privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),
         sequences=sum(len(step.parts) > 1 for step in steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
+    found = settings.get("privileged")
+    return None if found is None else " and ".join(role for role, told in found.items() if told)
 
 
 def _asked(verdict: Verdict) -> bool:
@@ -314,9 +324,10 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else."""
+    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else. It is given a
+    copy of the record, which it may do with as it likes."""
     try:
-        return float(measure(recorded))
+        return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:
         raise
     except TimeoutError as late:

@@ -351,8 +351,9 @@ def _cells(entry: Entry) -> tuple[str, ...]:
     again = f", {one.again} played again" if one.again else ""
     episodes = f"{_ended(one)} of {one.asked}{again}"
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
+    agent = f"{one.agent} (privileged)" if any(e.scores.get("privileged") for e in one.episodes) else one.agent
     return (
-        one.agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
+        agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
         one.engine, one.made, entry.records,
     )  # fmt: skip
 

@@ -161,7 +161,9 @@ class Result:
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
         told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
-        note = f"{self.name}: {told}{left_out}.{self._again}{self._broken}{self._unasked}{self._foreign}"
+        note = (
+            f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
+        )
         return " ".join(legible(note).split())  # A line, whatever a record of somebody else's holds.
 
     @property
@@ -172,6 +174,11 @@ class Result:
     def _foreign(self) -> str:
         more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
         return f" Warning: {self.faults[0]}{more}" if self.faults else ""
+
+    @property
+    def _privileged(self) -> str:
+        told = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
+        return f" Privileged, told scene and true state: {told}." if told else ""
 
     @property
     def _broken(self) -> str:

@@ -84,6 +84,8 @@ class Worker:
         self._meter = Meter(job.limits)
         self._body: Body | None = None
         self._episode: Episode | None = None
+        self._names: dict[str, str] = {}
+        """What the last agent and the last verifier called themselves."""
         self._replayed = Usage()
         """What the steps took that were played in an earlier session."""
 
@@ -119,32 +121,39 @@ class Worker:
             print(f"{fault.message} It is begun anew.", flush=True)
             replay = ()
         try:
-            self._run(spec, folder, replay)
-        except ReplayError as fault:
+            self._episode = self._begun(spec, folder, replay)
+        except ReplayError as fault:  # Of the replay alone: what a plugin raises is its own error.
             print(f"{fault} It is begun anew.", flush=True)
-            self._run(spec, folder, ())
+            self._episode = self._begun(spec, folder, ())
+        self._names = {"agents": self._episode.record.agent, "verifiers": self._episode.record.verifier}
+        with self._episode as episode:
+            while not (episode.done or self._stopping()):
+                episode.ask()
+        if episode.fault:
+            traceback.print_exception(episode.fault)
 
-    def _run(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> None:
+    def _begun(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> Episode:
+        """Begin an episode, or take it up again. Raises ReplayError if the world no longer does what was recorded."""
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
-        agent = plugins.make("agents", job.agent, job.options)
-        verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+        agent, verifier = self._made("agents", job.agent), self._made("verifiers", job.verifier)
         self._replayed = sum((step.usage for step in replay), Usage())
-        with Episode(
+        return Episode(
             body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
             meter=self._meter,
-        ) as self._episode:  # fmt: skip
-            while not (self._episode.done or self._stopping()):
-                self._episode.ask()
-        if self._episode.fault:
-            traceback.print_exception(self._episode.fault)
+        )  # fmt: skip
+
+    def _made(self, kind: str, name: str) -> Any:
+        """Make an agent or a verifier, None if it has no name; where that fails, the record has the name of the last
+        one."""
+        return self._plugins.decider(kind, name, self._job.options, self._names.get(kind, "")) if name else None
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
         report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
         if self._episode is None:
             return report
         end, before = self._episode.record, self._replayed
-        if not error:
+        if not error or end.outcome == "plugin_error":
             report = replace(report, outcome=end.outcome, error=end.error)
         cost = end.usage.cost - before.cost
         tokens = end.usage.tokens_in + end.usage.tokens_out - before.tokens_in - before.tokens_out

@@ -299,6 +299,47 @@ def test_an_error_of_the_machine_that_no_file_can_hold_is_written_as_far_as_it_c
     assert RecordedEpisode(folder / "toy-0").record.error == "half \ufffd"
 
 
+def test_what_an_agent_raises_in_a_worker_is_its_own_error_whatever_it_calls_it_and_it_gets_no_second_try(
+    play, tmp_path
+):
+    troubles = ("replay", "interrupt", "interrupted as it begins", "record", "another's")
+    each = {f"toy-{number}": trouble for number, trouble in enumerate(troubles)}
+    status, _, folder = play(toy_world.specs(6), workers=1, each=each, log=str(tmp_path / "log"))
+    assert (status.done, status.failed, status.stopped) == (6, 0, False)
+    *failed, last = (episode.record for episode in load_run(folder))
+    assert {record.outcome for record in failed} == {"plugin_error"}
+    assert all(record.error.startswith("humanclaw_plugin_toy_world raised ") for record in failed)
+    assert last.outcome == "stopped"
+    asked = (tmp_path / "log").read_text().splitlines()
+    assert len(asked) == len(set(asked)) == 4 * 2 + 4
+
+
+def test_an_agent_that_cannot_be_used_ends_the_run_and_the_episode_that_it_had_begun_is_not_had_again(play, tmp_path):
+    about = {"each": {"toy-1": "plugin"}, "log": str(tmp_path / "log")}
+    with pytest.raises(HumanclawError, match=r"toy-1 cannot be run: .* no key\. Set one\."):
+        play(toy_world.specs(3, houses=1), **about)
+    record = RecordedEpisode(tmp_path / "run" / "toy-1").record
+    assert record.outcome == "plugin_error"
+    assert record.error == "humanclaw_plugin_toy_world raised PluginError: no key. Set one."
+    status, reports, _ = play(toy_world.specs(3, houses=1), **about)
+    assert (status.done, [report.episode for report in reports]) == (3, ["toy-2"])
+
+
+def test_an_agent_that_can_be_made_once_only_fails_the_other_episodes_under_its_own_name(play):
+    status, _, folder = play(toy_world.specs(3), agent="late", can=1)
+    assert (status.done, status.failed) == (3, 0)
+    records = [episode.record for episode in load_run(folder)]
+    assert sorted(record.outcome for record in records) == ["plugin_error", "plugin_error", "stopped"]
+    assert {record.error for record in records} == {"", "toy_world raised ValueError: no weights"}
+    assert {record.agent for record in records} == {"walker"}
+
+
+def test_an_agent_that_cannot_be_made_at_all_is_named_before_anything_is_played(play, tmp_path):
+    with pytest.raises(PluginError, match="agent 'late' of plugin 'toy_world' gave up: ValueError: no weights"):
+        play(toy_world.specs(1), agent="late", can=0)
+    assert not (tmp_path / "run" / "toy-0").exists()
+
+
 def test_an_agent_that_exits_fails_its_own_episode_alone(play, tmp_path):
     trouble = {"in": "toy-0", "what": "exit", "once": str(tmp_path / "once")}
     status, _, folder = play(toy_world.specs(3), **trouble)

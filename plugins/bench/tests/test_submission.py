@@ -238,6 +238,28 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert "<td>not here</td>" in (run.parent / "index.html").read_text()
 
 
+def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and_on_the_leaderboard(run: Path) -> None:
+    submitted(run)
+    invoke("leaderboard", run.parent)
+    assert "rivileged" not in invoke("table", run, "--format", "markdown").output + page(run)[0]
+    for one in load_run(run):
+        told = {**one.record.settings, "privileged": {"agent": True, "verifier": False}}
+        rewrite(run, one.folder.name, settings=told)
+    assert "Privileged, told scene and true state: agent." in invoke("table", run, "--format", "markdown").output
+    path = submitted(run)
+    assert {one.scores["privileged"] for one in submission.read(path).episodes} == {"agent"}
+    invoke("leaderboard", run.parent)
+    assert "model (privileged)" in page(run)[0]
+    path.write_text(hide(submission.read(path)).model_dump_json())
+    assert "privileged is 'agent', not ''" in invoke("verify", run, "--submission", path).output
+
+
+def hide(told: submission.Submission) -> submission.Submission:
+    """Leave out of a submission that anybody was privileged."""
+    episodes = tuple(one.model_copy(update={"scores": {**one.scores, "privileged": ""}}) for one in told.episodes)
+    return told.model_copy(update={"episodes": episodes}).sealed
+
+
 def test_numbers_that_are_only_told_have_a_table_of_their_own(run: Path) -> None:
     honest = submitted(run)
     told = submission.read(honest).model_copy(update={"who": "Eve"}).sealed

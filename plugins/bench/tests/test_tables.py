@@ -19,13 +19,13 @@ from manifests import tell
 from rich.console import Console
 from rollouts import COUCH, rollout, step
 
-from humanclaw import PluginError, Plugins, hookimpl, load_run
+from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
 from humanclaw.cli import Commands
 from humanclaw.records import StepRecord, Verdict
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
-from humanclaw_bench.export import metrics_of
+from humanclaw_bench.export import metrics_of, scored
 from humanclaw_bench.metrics import MAIN, Scores, score
 from humanclaw_bench.overview import overview
 from humanclaw_bench.statistics import Difference, wilson
@@ -192,8 +192,12 @@ def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(nam
         metrics_of(plugins)
 
 
+def interrupting(recorded: RecordedEpisode) -> float:
+    raise KeyboardInterrupt
+
+
 class OddMetrics:
-    """Metrics that raise, leave, give no number and never return; and one that is well."""
+    """Metrics that raise, leave, interrupt, give no number and never return; and one that is well."""
 
     HUMANCLAW_PATIENCE = 0.2
 
@@ -204,6 +208,7 @@ class OddMetrics:
     def humanclaw_metrics(self, register: Any) -> None:
         register("raises", lambda recorded: 1 / 0)
         register("leaves", lambda recorded: sys.exit(3))
+        register("interrupts", interrupting)
         register("babbles", lambda recorded: "much")
         register("hangs", lambda recorded: self.let_go.wait(60))
         register("one", lambda recorded: 1.0)
@@ -218,7 +223,9 @@ def test_a_metric_that_raises_leaves_hangs_or_babbles_is_not_known_and_harms_not
     first, second = score(recorded, extra), score(recorded, extra)
     odd.let_go.set()
     for scores in (first, second):
-        assert [str(scores.extra[name]) for name in ("raises", "leaves", "babbles", "hangs")] == ["nan"] * 4
+        assert [str(scores.extra[name]) for name in ("raises", "leaves", "interrupts", "babbles", "hangs")] == [
+            "nan"
+        ] * 5
         assert (scores.extra["one"], scores.interact) == (1.0, True)
     assert "'hangs' failed on episode" in caplog.text
 
@@ -232,6 +239,36 @@ def test_a_note_is_a_line_that_steers_no_terminal(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="x\x1b[31m\n\\evil")
     (note,) = {note for note in main_table(results_of(broken, "model")).notes if "plugin" in note}
     assert ("\x1b" in note, "\n" in note, "evil" in note) == (False, False, True)
+
+
+class Forgers:
+    """A metric that takes the steps out of a record and another that empties it; and one that counts what it is
+    given."""
+
+    @hookimpl(optionalhook=True)
+    def humanclaw_metrics(self, register: Any) -> None:
+        register("forgets", self.forget)
+        register("empties", self.empty)
+        register("counts", lambda recorded: len(recorded.steps) + len(recorded.record.skills))
+
+    def forget(self, recorded: Any) -> float:
+        recorded.steps = ()
+        return 1.0
+
+    def empty(self, recorded: Any) -> float:
+        recorded.record.skills.clear()
+        return 1.0
+
+
+def test_a_metric_that_changes_the_record_it_is_given_changes_nothing_else(tmp_path: Path) -> None:
+    plugins = Plugins.discover()
+    plugins.add(Forgers(), "forgers")
+    recorded = rollout(tmp_path, FAR)
+    ((plain, why),) = scored([recorded])
+    ((scores, cause),) = scored([recorded], metrics_of(plugins))
+    assert scores.extra["counts"] == len(recorded.steps) + len(recorded.record.skills) > 2
+    assert (repr(replace(scores, extra={})), cause) == (repr(plain), why)
+    assert why is not None
 
 
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:

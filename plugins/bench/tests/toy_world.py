@@ -14,7 +14,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from rooms import two_rooms
 
-from humanclaw import Call, Decision, EpisodeSpec, Motion, ProviderError, Scene, hookimpl
+from humanclaw import (
+    Call,
+    Decision,
+    EpisodeSpec,
+    Motion,
+    PluginError,
+    ProviderError,
+    RecordError,
+    ReplayError,
+    Scene,
+    hookimpl,
+)
+from humanclaw.errors import PluginRunError
 from humanclaw.interfaces import Execution, View, WorldState
 from humanclaw.pose import FUTURE, HISTORY, Pose2D, rest_pose
 from humanclaw.records import Usage
@@ -109,7 +121,7 @@ class Renderer:
 
 class Walker:
     """Walks, and stops with its fourth call. options: what befalls it once, in which episode; told by a file that it
-    leaves. blank: the episode in which a text of its decisions is none."""
+    leaves. each: episode to what befalls it every time. blank: the episode in which a text of its decisions is none."""
 
     name = "walker"
     privileged = False
@@ -119,12 +131,17 @@ class Walker:
 
     def begin(self, context: object) -> None:
         self._episode = context.spec.id
+        self._trouble = self._options.get("each", {}).get(self._episode, "")
+        if self._trouble == "interrupted as it begins":
+            raise KeyboardInterrupt
 
     def decide(self, observation: object, history: object) -> Decision:
         step = observation.step
         time.sleep(self._options.get("pause", 0.0))
         if step == 2 and self._episode == self._options.get("in") and self._first():
             befall(self._options["what"])
+        if step == 2 and self._trouble:
+            befall(self._trouble)
         if log := self._options.get("log"):
             with Path(log).open("a") as stream:
                 stream.write(f"{self._episode} {step}\n")
@@ -143,7 +160,15 @@ class Walker:
         return True
 
 
+RAISED = {
+    "replay": ReplayError("the world has changed"), "interrupt": KeyboardInterrupt(), "record": RecordError("no room"),
+    "another's": PluginRunError("another raised ValueError: x"), "plugin": PluginError("no key.", "Set one."),
+}  # fmt: skip
+
+
 def befall(what: str) -> None:
+    if what in RAISED:
+        raise RAISED[what]
     if what == "provider":
         raise ProviderError("503")
     if what == "bug":
@@ -178,3 +203,12 @@ def humanclaw_renderers(register: object) -> None:
 @hookimpl
 def humanclaw_agents(register: object) -> None:
     register("walker", Walker)
+    made: list[Walker] = []
+
+    def late(options: dict) -> Walker:
+        if len(made) >= options["can"]:
+            raise ValueError("no weights")
+        made.append(Walker(options))
+        return made[-1]
+
+    register("late", late)
