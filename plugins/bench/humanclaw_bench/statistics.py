@@ -53,11 +53,18 @@ class Difference:
     count: int
     least: float = 0.0
     """The smallest p that so few houses could have had; above SIGNIFICANT nothing could have been told."""
+    alike: bool = False
+    """Whether the two have the same in every episode, or nothing in any."""
 
     @property
-    def noise(self) -> bool:
-        """Whether chance alone explains it well enough."""
-        return not self.p < SIGNIFICANT
+    def significant(self) -> bool:
+        """Whether chance alone seldom makes as large a one."""
+        return self.p < SIGNIFICANT
+
+    @property
+    def level(self) -> float:
+        """Mean size of the two."""
+        return (abs(self.a) + abs(self.b)) / 2
 
 
 # -- one run -----------------------------------------------------------------------------------------------------------
@@ -184,9 +191,9 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = 
         drawn = ratio(second - first, np.ones(len(first)), houses, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
-    return Difference(
-        _mean(first), _mean(second), value, low, high, _sign_flips(changes.astype(int)), len(first), _least(changes)
-    )
+    p = _sign_flips(changes.astype(int))
+    alike = np.array_equal(first, second)
+    return Difference(_mean(first), _mean(second), value, low, high, p, len(first), _least(changes), alike)
 
 
 def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
@@ -223,7 +230,7 @@ def compare_ratios(
     first, second = _paired(a, b)
     if not len(first):
         nothing = float("nan")
-        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0)
+        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
     one, two = float(_ratio(*first.T)), float(_ratio(*second.T))
     both = units(np.stack([first, second], 1), houses)
     draws = (
@@ -232,7 +239,8 @@ def compare_ratios(
     )
     low, high = _percentiles(draws, len(both))
     p = _swap_test(both[:, 0], both[:, 1], seed)
-    return Difference(one, two, two - one, low, high, p, len(first), _least(both))
+    alike = np.array_equal(first, second) or not both[..., 0].any()
+    return Difference(one, two, two - one, low, high, p, len(first), _least(both), alike)
 
 
 def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
@@ -267,12 +275,13 @@ def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
     """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
 
+    What is alike in every episode could not have differed by swapping runs, and is none of the number (Tarone 1990).
     What p could have been at least is raised for all of them: less none of them could come to.
     """
-    order = sorted(range(len(differences)), key=lambda k: differences[k].p)
-    raised, largest = list(differences), 0.0
-    for rank, k in enumerate(order):
-        largest = max(largest, min(1.0, (len(order) - rank) * differences[k].p))
-        least = min(1.0, len(order) * differences[k].least)
-        raised[k] = replace(differences[k], p=largest, least=least)
+    asked = sorted((k for k, one in enumerate(differences) if not one.alike), key=lambda k: differences[k].p)
+    raised = [replace(one, least=min(1.0, max(1, len(asked)) * one.least)) for one in differences]
+    largest = 0.0
+    for rank, k in enumerate(asked):
+        largest = max(largest, min(1.0, (len(asked) - rank) * differences[k].p))
+        raised[k] = replace(raised[k], p=largest)
     return tuple(raised)
