@@ -19,7 +19,7 @@ from humanclaw.cli import counted
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
 from humanclaw_bench.integrity import Standing
-from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, estimate, extra_metric
+from humanclaw_bench.metrics import BODY, MAIN, VARIANTS, Metric, Scores, clusters, estimate, extra_metric
 from humanclaw_bench.splits import CATEGORIES, repeat_of
 from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
 
@@ -36,7 +36,8 @@ PAPER_NOTE: Final = (
 INTERVAL_NOTE: Final = (
     f"Intervals hold the true value with {CONFIDENCE:.0%} confidence: "
     f"Wilson for rates, at the number of episodes that they are worth as houses differ; a bootstrap over houses for "
-    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone."
+    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone. "
+    "An episode with its repeats is one."
 )
 
 
@@ -236,7 +237,7 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
 def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    shares = [tuple(rate(met, houses) for met, houses in Funnel.of(r.scores).shares) for r in results]
+    shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
     rows = tuple(Row(r.name, cells, counts=r.counts) for r, cells in zip(results, shares, strict=True))
     notes = ("The last column is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
@@ -246,10 +247,7 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
     columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
     failed = [
-        {
-            stage: [(c, s.scene) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage]
-            for stage in STAGES
-        }
+        {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in STAGES}
         for r in results
     ]
     rows = tuple(
@@ -263,9 +261,9 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
-def _share(cause: Cause, failures: Sequence[tuple[Cause, str]]) -> Estimate:
-    """Of the failures of a stage, with their houses, those with one root cause."""
-    return rate([found is cause for found, _ in failures], [house for _, house in failures])
+def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    """Of the failures of a stage those with one root cause."""
+    return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:

@@ -69,7 +69,8 @@ def base(tmp_path: Path) -> Scores:
 
 def results_of(base: Scores, *agents: str) -> tuple:
     far = replace(base, nav=False, interact=False, outcome="out_of_steps")
-    return named({name: [(replace(s, agent=name), None) for s in (base, base, base, far)] for name in agents})
+    four = [replace(one, episode=f"e{k}") for k, one in enumerate((base, base, base, far))]
+    return named({name: [(replace(s, agent=name), None) for s in four] for name in agents})
 
 
 def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: Scores):
@@ -100,7 +101,8 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
 def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
-    table = main_table(named({"run": [(s, None) for s in (base, broken, *spent)]}), paper=False)
+    scores = [replace(one, episode=f"e{k}") for k, one in enumerate((base, broken, *spent))]
+    table = main_table(named({"run": [(s, None) for s in scores]}), paper=False)
     assert table.rows[0].cells[1] == wilson(1, 4)
     assert table.notes == (
         "model: 4 of 5 episodes, of how many no run.json tells; apart from every number: 1 limit_reached. Failed by a "
