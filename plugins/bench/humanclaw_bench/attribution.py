@@ -258,10 +258,10 @@ class Funnel:
         return cls(asked, found, reached, tuple(s for s in reached if s.interact is not None))
 
     @property
-    def shares(self) -> tuple[tuple[list[bool], list[str]], ...]:
-        """In view, found, found and reached of all; sat of those to sit: whether each episode was, and its house."""
+    def shares(self) -> tuple[tuple[list[bool], tuple[Scores, ...]], ...]:
+        """In view, found, found and reached of all; sat of those to sit: whether each of these episodes was."""
         stages: tuple[tuple[tuple[Scores, ...], Callable[[Scores], bool]], ...] = (
             (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
             (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),
         )  # fmt: skip
-        return tuple(([met(s) for s in episodes], [s.scene for s in episodes]) for episodes, met in stages)
+        return tuple(([met(s) for s in episodes], episodes) for episodes, met in stages)

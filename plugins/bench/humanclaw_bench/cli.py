@@ -116,7 +116,7 @@ def run_command(
     with RunProgress(Console(), out) as progress:
         status = run_split(
             specs, job, player, out, plugins=plugins, watch=progress.watch,
-            go_on=lambda status: progress.foresee(status, ask=not yes),
+            go_on=lambda forecast: progress.foresee(forecast, ask=not yes),
         )  # fmt: skip
         progress.end(status)
     if status.done:

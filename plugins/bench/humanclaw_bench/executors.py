@@ -49,14 +49,17 @@ DEATHS_IN_A_ROW: Final = 3
 class EpisodeQueue:
     """The episodes that nobody has taken yet, by house, so that a worker need not build a house twice."""
 
-    def __init__(self, specs: Iterable[EpisodeSpec]) -> None:
+    def __init__(self, specs: Iterable[EpisodeSpec], first: Iterable[EpisodeSpec] = ()) -> None:
+        """first: those of specs that are taken before all others, wherever they are."""
         self._houses: dict[str, deque[EpisodeSpec]] = {}
         self._entered: set[str] = set()
+        self._first = deque(first)
         for spec in specs:
-            self.give_back(spec)
+            if spec not in self._first:
+                self.give_back(spec)
 
     def __len__(self) -> int:
-        return sum(map(len, self._houses.values()))
+        return len(self._first) + sum(map(len, self._houses.values()))
 
     def give_back(self, spec: EpisodeSpec) -> None:
         self._houses.setdefault(spec.scene, deque()).append(spec)
@@ -64,6 +67,9 @@ class EpisodeQueue:
     def take(self, house: str = "") -> EpisodeSpec | None:
         """Return an episode in this house if there is one, else in a house where nobody is, else in the one with most
         left."""
+        if self._first:
+            self._entered.add(self._first[0].scene)
+            return self._first.popleft()
         left = {name: waiting for name, waiting in self._houses.items() if waiting}
         if not left:
             return None

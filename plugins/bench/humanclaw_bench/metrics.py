@@ -34,6 +34,7 @@ from humanclaw.outcomes import (
 from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
 from humanclaw.records import Outcome
 from humanclaw_bench.difficulty import overall
+from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
 MOVES: Final = 0.001
@@ -441,11 +442,16 @@ def extra_metric(name: str) -> Metric:
 
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
     """Return a metric over the finished episodes among these, with its interval."""
-    known = [(pair, s.scene) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
-    parts, houses = [pair for pair, _ in known], [house for _, house in known]
+    known = [(pair, s) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
+    parts, drawn = [pair for pair, _ in known], clusters([s for _, s in known])
     if metric.rate:
-        return rate([bool(met) for met, _ in parts], houses)
-    return ratio([above for above, _ in parts], [below for _, below in parts], houses, seed=seed)
+        return rate([bool(met) for met, _ in parts], *drawn)
+    return ratio([above for above, _ in parts], [below for _, below in parts], *drawn, seed=seed)
+
+
+def clusters(scores: Sequence[Scores]) -> tuple[list[str], list[str]]:
+    """Return what does not vary by itself: the house of each, and the episode that it is or repeats."""
+    return [s.scene for s in scores], [original_of(s.episode) for s in scores]
 
 
 def compare(
@@ -471,12 +477,12 @@ def compare(
 
 def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
     """Compare one metric of B against A over the episodes that bear on it in both; None if none does."""
-    known = [(one, two, x.scene) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
+    known = [(one, two, x) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
     a, b = [one for one, _, _ in known], [two for _, two, _ in known]
-    houses = [house for _, _, house in known]
+    drawn = clusters([x for _, _, x in known])
     if metric.rate and known:
-        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
-    return compare_ratios(a, b, houses, seed=seed) if known else None
+        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], *drawn, seed=seed)
+    return compare_ratios(a, b, *drawn, seed=seed) if known else None
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:

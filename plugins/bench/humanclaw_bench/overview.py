@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Protocol
 
 from humanclaw import RecordedEpisode, RecordError
-from humanclaw.cli import counted
 from humanclaw_bench.export import Scored, metrics_of, scored
 from humanclaw_bench.integrity import standing
-from humanclaw_bench.metrics import ALL, COST, Metric, common, compare
+from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, compared, named, texts
+from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, bearing, compared, named, texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
 DRAWN = ("funnel", "causes")
@@ -88,9 +87,8 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
         return
     told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
     rows = [compared(Column.of(metric), differences[metric.name]) for metric in told]
-    both = len(common(one.scores, two.scores))
     notes = (
-        f"Over the {counted(both, 'episode')} that both finished. A: {one.name}. B: {two.name}. p: of swapping the "
+        f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: of swapping the "
         "runs house by house, exactly for rates, at random for the rest; raised (Holm).",
     )
     page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from humanclaw.cli import counted
-from humanclaw_bench.runner import RunStatus
+from humanclaw_bench.runner import Forecast, RunStatus
 from humanclaw_bench.worker import WorkerReport
 
 
@@ -53,9 +53,9 @@ class RunProgress:
         if status.done < status.total:
             self._print("The same command goes on from here.")
 
-    def foresee(self, status: RunStatus, *, ask: bool) -> bool:
-        """Say what the run will take, as its first episodes have shown; ask whether to go on, if a person is there."""
-        said = foresight(status)
+    def foresee(self, forecast: Forecast, *, ask: bool) -> bool:
+        """Say what the run will take, as its pilot has shown; ask whether to go on, if a person is there."""
+        said = foresight(forecast)
         if not (ask and self._console.is_terminal):
             self._print(said)
             return True
@@ -85,17 +85,17 @@ def _rate(status: RunStatus) -> str:
     return rate + (f"{_spent(status)}, about ${status.cost_left:.2f} to go" if status.cost else "")
 
 
-def foresight(status: RunStatus) -> str:
-    """Such as: By its first 3 episodes the other 97 take about 5 h 50 min and $50."""
-    hours, minutes = divmod(round(status.seconds_left / 60), 60)
+def foresight(forecast: Forecast) -> str:
+    """Such as: By 3 of its episodes the other 97 take about 5 h 50 min and $50."""
+    hours, minutes = divmod(round(forecast.seconds / 60), 60)
     time = f"{hours} h {minutes} min" if hours else f"{max(1, minutes)} min"
-    money = f" and ${status.cost_left:.2f}" if status.cost else ""
-    tokens = status.tokens and not status.cost
+    money = f" and ${forecast.cost:.2f}" if forecast.cost else ""
+    tokens = forecast.tokens and not forecast.cost
     unknown = (
-        f" No price is known of the {status.tokens:,} tokens so far, nor what the rest will cost." if tokens else ""
+        f" No price is known of the {forecast.tokens:,} tokens so far, nor what the rest will cost." if tokens else ""
     )
-    others = "the other takes" if status.left == 1 else f"the other {status.left} take"
-    return f"By its first {status.played} episodes {others} about {time}{money}.{unknown}"
+    others = "the other takes" if forecast.left == 1 else f"the other {forecast.left} take"
+    return f"By {forecast.episodes} of its episodes {others} about {time}{money}.{unknown}"
 
 
 def _spent(status: RunStatus) -> str:

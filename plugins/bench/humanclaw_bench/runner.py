@@ -70,12 +70,27 @@ class RunStatus:
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
+@dataclass(frozen=True)
+class Forecast:
+    """What the rest of a run will take, as its pilot episodes have shown."""
+
+    episodes: int
+    """Of the pilot, that ended."""
+    left: int
+    """Episodes of which it is, those under way included."""
+    seconds: float
+    cost: float = 0.0
+    """US dollars."""
+    tokens: int = 0
+    """Of this session so far."""
+
+
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Told of every episode that ended, and once at the beginning."""
 OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", "report.html", "submission.json"})
 """What lies in the folder of a run beside its episodes."""
 PILOT: Final = 3
-"""Episodes from which what a run will take is foreseen."""
+"""Episodes from which what a run will take is foreseen: near, middling and far."""
 
 
 def run_split(
@@ -86,11 +101,12 @@ def run_split(
     *,
     plugins: Plugins,
     watch: Watcher = lambda status, report: None,
-    go_on: Callable[[RunStatus], bool] = lambda status: True,
+    go_on: Callable[[Forecast], bool] = lambda forecast: True,
 ) -> RunStatus:
     """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
 
-    go_on: asked once, as soon as PILOT episodes have shown what the others will take; False stops the run.
+    go_on: asked once, as soon as the PILOT episodes that are begun first have shown what the others will take; False
+    stops the run.
 
     Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
     stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
@@ -103,18 +119,40 @@ def run_split(
         todo = [spec for spec in specs if not has_ended(out / spec.id)]
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
-        with _stops(executor) as stopped, closing(executor.reports(job, EpisodeQueue(todo), out)) as reports:
+        pilot = pilot_of(todo)
+        queue, awaited, ended_first = EpisodeQueue(todo, pilot), {spec.id for spec in pilot}, list[WorkerReport]()
+        with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
                 _keep(out, report)
                 status = _counted(status, report, time.perf_counter() - began)
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                asked = ended(report.outcome, report.limit) and status.played == PILOT and status.left > 0
-                if report.limit == "run" or _spent(status, job.limits) or (asked and not go_on(status)):
+                if report.episode in awaited and ended(report.outcome, report.limit):
+                    ended_first.append(report)
+                asked = awaited == {report.episode} and ended_first and status.left > 0
+                awaited.discard(report.episode)
+                refused = asked and not go_on(_forecast(ended_first, status, status.left - len(queue) + 1))
+                if report.limit == "run" or _spent(status, job.limits) or refused:
                     executor.stop()
                     stopped.set()
     return _with(status, stopped=stopped.is_set())
+
+
+def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
+    """Return the middle of each third by the length of the way, at most PILOT.
+
+    The first of a split all lie in one house and may be easy, and the first to end are the shortest.
+    """
+    by_way = sorted(specs, key=lambda spec: spec.difficulty.distance if spec.difficulty else 0.0)
+    count = min(PILOT, len(specs))
+    return tuple(by_way[(2 * k + 1) * len(specs) // (2 * count)] for k in range(count))
+
+
+def _forecast(pilot: Sequence[WorkerReport], status: RunStatus, workers: int) -> Forecast:
+    """Let every episode that is left take what those of the pilot took on average."""
+    seconds, cost = (sum(amounts) / len(pilot) for amounts in zip(*((r.seconds, r.cost) for r in pilot), strict=True))
+    return Forecast(len(pilot), status.left, seconds * status.left / workers, cost * status.left, status.tokens)
 
 
 def _check_ids(specs: Sequence[EpisodeSpec]) -> None:

@@ -288,6 +288,11 @@ def repeat_of(episode: str) -> int:
     return int(found[1]) if found else 0
 
 
+def original_of(episode: str) -> str:
+    """Return the id of the episode that one repeats, or its own."""
+    return _REPEAT.sub("", episode)
+
+
 def _long(spec: EpisodeSpec) -> bool:
     return spec.difficulty is None or spec.difficulty.distance > 8.0
 

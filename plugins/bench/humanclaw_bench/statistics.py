@@ -2,7 +2,7 @@
 
 A house is the unit that is drawn at random: episodes of one house succeed and fail together, and steps within an
 episode even more so. Of fewer than FEW houses episodes are drawn, and what comes out holds for these houses alone.
-Seeds make every result repeatable.
+Repeats of an episode are never drawn apart. Seeds make every result repeatable.
 """
 
 from __future__ import annotations
@@ -53,15 +53,22 @@ class Difference:
     count: int
     least: float = 0.0
     """The smallest p that so few houses could have had; above SIGNIFICANT nothing could have been told."""
+    alike: bool = False
+    """Whether the two have the same in every episode, or nothing in any."""
 
     @property
-    def noise(self) -> bool:
-        """Whether chance alone explains it well enough."""
-        return not self.p < SIGNIFICANT
+    def significant(self) -> bool:
+        """Whether chance alone seldom makes as large a one."""
+        return self.p < SIGNIFICANT
+
+    @property
+    def level(self) -> float:
+        """Mean size of the two."""
+        return (abs(self.a) + abs(self.b)) / 2
 
 
 # -- one run -----------------------------------------------------------------------------------------------------------
-def wilson(successes: int, trials: int) -> Estimate:
+def wilson(successes: float, trials: int) -> Estimate:
     """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
@@ -69,24 +76,31 @@ def wilson(successes: int, trials: int) -> Estimate:
     return Estimate(successes / trials, *interval, trials)
 
 
-def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
+def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = ()) -> Estimate:
     """Estimate a share of episodes, with Wilson's interval for as many episodes as these are worth.
 
-    What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), with
-    Student's t for the number of houses; where RARE is not reached they are taken to be ALIKE. Wilson's plain interval
-    without houses, or with fewer than FEW.
+    What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), or the
+    episodes if these do so more, with Student's t for the number of houses; where RARE is not reached houses are taken
+    to be ALIKE. Wilson's plain interval of the number of episodes without houses, or with fewer than FEW.
+
+    episodes: names, the same for the repeats of one; without them none is a repeat.
     """
-    drawn = units(np.stack([np.asarray(met, float), np.ones(len(met))], -1), houses)
-    plain = wilson(sum(met), len(met))
+    pairs = np.stack([np.asarray(met, float), np.ones(len(met))], -1)
+    each, drawn = units(pairs, (), episodes), units(pairs, houses, episodes)
+    plain = wilson(sum(met) * len(each) / max(1, len(met)), len(each))
     if len(set(houses)) < FEW:
-        return plain
-    share, count = plain.value, len(met)
-    spread = len(drawn) / (len(drawn) - 1) * float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum()) / count**2
-    alone = share * (1 - share) / count
-    worth = count * min(1.0, alone / spread) if spread > 0 else float(count)
-    if min(sum(met), count - sum(met)) < RARE:
-        worth = min(worth, count / (1 + (count / len(drawn) - 1) * ALIKE))
-    return Estimate(share, *_score_interval(share, worth, _student_quantile(len(drawn) - 1)), count)
+        return replace(plain, count=len(met))
+    share = plain.value
+    spread = max(_spread(each, share), len(drawn) / (len(drawn) - 1) * _spread(drawn, share))
+    worth = min(len(met), share * (1 - share) / spread) if spread > 0 else float(len(met))
+    if min(sum(met), len(met) - sum(met)) * len(each) < RARE * len(met):
+        worth = min(worth, len(each) / (1 + (len(each) / len(drawn) - 1) * ALIKE))
+    return Estimate(share, *_score_interval(share, worth, _student_quantile(len(drawn) - 1)), len(met))
+
+
+def _spread(drawn: Array, share: float) -> float:
+    """Variance of a share of which each of (U, 2) units has successes and trials."""
+    return float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum() / drawn[:, 1].sum() ** 2)
 
 
 def _normal_quantile() -> float:
@@ -112,6 +126,7 @@ def ratio(
     numerators: Sequence[float] | Array,
     denominators: Sequence[float] | Array,
     houses: Sequence[str] = (),
+    episodes: Sequence[str] = (),
     *,
     seed: int = 0,
 ) -> Estimate:
@@ -120,21 +135,25 @@ def ratio(
     NaN if the denominators sum to 0. Fewer than FEW episodes have no interval.
     """
     pairs = np.stack([np.asarray(numerators, float), np.asarray(denominators, float)], -1)
-    drawn = units(pairs, houses)
+    drawn = units(pairs, houses, episodes)
     draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
     return Estimate(float(_ratio(*pairs.T)), *_percentiles(draws, len(drawn)), len(pairs))
 
 
-def units(values: Array, houses: Sequence[str]) -> Array:
-    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn: houses, or the episodes of too few.
+def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) -> Array:
+    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn: houses, or of too few the episodes, each
+    with its repeats.
 
-    Raises ValueError unless each episode has a house, or none has.
+    Raises ValueError unless each episode has a house, or none has, and likewise a name.
     """
     if len(houses) not in (0, len(values)):
         raise ValueError(f"{len(values)} episodes lie in {len(houses)} houses.")
-    names, index = np.unique(np.asarray(houses, str), return_inverse=True)
-    if len(names) < FEW:
+    if len(episodes) not in (0, len(values)):
+        raise ValueError(f"{len(values)} episodes have {len(episodes)} names.")
+    drawn = houses if len(set(houses)) >= FEW else episodes
+    if not len(drawn):
         return values
+    names, index = np.unique(np.asarray(drawn, str), return_inverse=True)
     sums = np.zeros((len(names), *values.shape[1:]))
     np.add.at(sums, index, values)
     return sums
@@ -168,7 +187,9 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
-def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), *, seed: int = 0) -> Difference:
+def compare_rates(
+    a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = (), *, seed: int = 0
+) -> Difference:
     """Compare paired successes by an exact test that swaps the runs house by house.
 
     It is McNemar's where a house is an episode.
@@ -178,20 +199,23 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = 
     sequences of unequal length.
     """
     first, second = _paired(a, b)
-    changes = units(second - first, houses)
-    low, high = _agresti_min(int((second > first).sum()), int((second < first).sum()), len(first))
+    changes, each = units(second - first, houses, episodes), units(second - first, (), episodes)
+    low, high = _agresti_min(each * (len(each) / max(1, len(first))))
     if len(set(houses)) >= FEW:
-        drawn = ratio(second - first, np.ones(len(first)), houses, seed=seed)
+        drawn = ratio(second - first, np.ones(len(first)), houses, episodes, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
-    return Difference(
-        _mean(first), _mean(second), value, low, high, _sign_flips(changes.astype(int)), len(first), _least(changes)
-    )
+    p = _sign_flips(changes.astype(int))
+    alike = np.array_equal(first, second)
+    return Difference(_mean(first), _mean(second), value, low, high, p, len(first), _least(changes), alike)
 
 
-def _agresti_min(gained: int, lost: int, count: int) -> tuple[float, float]:
-    cells, centre = count + 2, (gained - lost) / (count + 2)
-    spread = float(np.sqrt(max(0.0, (gained + lost + 1) / cells - centre**2) / cells)) * _normal_quantile()
+def _agresti_min(changes: Array) -> tuple[float, float]:
+    """Interval of the mean of (N,) changes of episodes, each from -1 to 1."""
+    cells = len(changes) + 2
+    centre = float(changes.sum()) / cells
+    square = (float((changes**2).sum()) + 1) / cells
+    spread = float(np.sqrt(max(0.0, square - centre**2) / cells)) * _normal_quantile()
     return max(-1.0, centre - spread), min(1.0, centre + spread)
 
 
@@ -214,7 +238,12 @@ def _least(drawn: Array) -> float:
 
 
 def compare_ratios(
-    a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]], houses: Sequence[str] = (), *, seed: int = 0
+    a: Sequence[tuple[float, float]],
+    b: Sequence[tuple[float, float]],
+    houses: Sequence[str] = (),
+    episodes: Sequence[str] = (),
+    *,
+    seed: int = 0,
 ) -> Difference:
     """Compare paired (numerator, denominator) of each episode by a bootstrap of the houses and random swaps of these.
 
@@ -223,16 +252,17 @@ def compare_ratios(
     first, second = _paired(a, b)
     if not len(first):
         nothing = float("nan")
-        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0)
+        return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
     one, two = float(_ratio(*first.T)), float(_ratio(*second.T))
-    both = units(np.stack([first, second], 1), houses)
+    both = units(np.stack([first, second], 1), houses, episodes)
     draws = (
         _ratio(*np.moveaxis(both[rows, 1], -1, 0)) - _ratio(*np.moveaxis(both[rows, 0], -1, 0))
         for rows in _draws(len(both), seed)
     )
     low, high = _percentiles(draws, len(both))
     p = _swap_test(both[:, 0], both[:, 1], seed)
-    return Difference(one, two, two - one, low, high, p, len(first), _least(both))
+    alike = np.array_equal(first, second) or not both[..., 0].any()
+    return Difference(one, two, two - one, low, high, p, len(first), _least(both), alike)
 
 
 def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
@@ -267,12 +297,13 @@ def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
     """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
 
+    What is alike in every episode could not have differed by swapping runs, and is none of the number (Tarone 1990).
     What p could have been at least is raised for all of them: less none of them could come to.
     """
-    order = sorted(range(len(differences)), key=lambda k: differences[k].p)
-    raised, largest = list(differences), 0.0
-    for rank, k in enumerate(order):
-        largest = max(largest, min(1.0, (len(order) - rank) * differences[k].p))
-        least = min(1.0, len(order) * differences[k].least)
-        raised[k] = replace(differences[k], p=largest, least=least)
+    asked = sorted((k for k, one in enumerate(differences) if not one.alike), key=lambda k: differences[k].p)
+    raised = [replace(one, least=min(1.0, max(1, len(asked)) * one.least)) for one in differences]
+    largest = 0.0
+    for rank, k in enumerate(asked):
+        largest = max(largest, min(1.0, (len(asked) - rank) * differences[k].p))
+        raised[k] = replace(raised[k], p=largest)
     return tuple(raised)

@@ -29,6 +29,7 @@ from humanclaw_bench.metrics import (
     VARIANTS,
     Metric,
     Scores,
+    clusters,
     estimate,
     extra_metric,
 )
@@ -41,7 +42,7 @@ NONE: Final = Estimate(float("nan"))
 MOST_UNASKED: Final = 0.01
 """Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
 TELLING: Final = 0.1
-"""Half the width of the interval of a difference of shares from which on nothing can be said to be noise."""
+"""A difference of shares, or of anything else a part of the level of both runs, that "noise" must leave no room for."""
 MARK: Final = "\u2020"
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
@@ -50,7 +51,8 @@ PAPER_NOTE: Final = (
 INTERVAL_NOTE: Final = (
     f"Intervals hold the true value with {CONFIDENCE:.0%} confidence: "
     f"Wilson for rates, at the number of episodes that they are worth as houses differ; a bootstrap over houses for "
-    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone."
+    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone. "
+    "An episode with its repeats is one."
 )
 
 
@@ -267,7 +269,7 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
 def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    shares = [tuple(rate(met, houses) for met, houses in Funnel.of(r.scores).shares) for r in results]
+    shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
     rows = tuple(Row(r.name, cells, counts=r.counts) for r, cells in zip(results, shares, strict=True))
     notes = ("The last column is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
@@ -277,10 +279,7 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
     columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
     failed = [
-        {
-            stage: [(c, s.scene) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage]
-            for stage in STAGES
-        }
+        {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in STAGES}
         for r in results
     ]
     rows = tuple(
@@ -294,9 +293,9 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
 
-def _share(cause: Cause, failures: Sequence[tuple[Cause, str]]) -> Estimate:
-    """Of the failures of a stage, with their houses, those with one root cause."""
-    return rate([found is cause for found, _ in failures], [house for _, house in failures])
+def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    """Of the failures of a stage those with one root cause."""
+    return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
@@ -529,16 +528,16 @@ WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {
 # -- two runs ----------------------------------------------------------------------------------------------------------
 def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
     """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
-    count = max((d.count for d in differences.values()), default=0)
     caption = (
-        f"Over the {counted(count, 'episode')} that both finished. p: of swapping the runs house by house, exactly for "
-        "rates (with an episode a house McNemar's test), at random for the rest; raised (Holm) for the three success "
-        f"rates and for the other metrics. Noise: p of {SIGNIFICANT} or more. Too few to tell: no difference whatever "
-        f"could have had less, or the interval leaves room for {100 * TELLING:.0f} points either way."
+        f"{bearing(differences, metrics)} p: of swapping the runs house by house, exactly for rates (with an episode a "
+        "house McNemar's test), at random for the rest; raised (Holm) for the three success rates and for the other "
+        f"metrics. Noise: p of {SIGNIFICANT} or more, and an interval that holds 0 and leaves no room for "
+        f"{100 * TELLING:.0f} points (but for shares, {TELLING:.0%} of the level of both) either way. Too few to tell: "
+        "p as large and another interval, or no difference whatever could have had less. The same: no episode differs."
     )
     grid = Table(
         title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=(0, 1, 0, 0), show_edge=False, pad_edge=False,
     )  # fmt: skip
     for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
         grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
@@ -549,28 +548,42 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     return grid
 
 
+def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> str:
+    """Say over how many episodes two runs are compared, and which metrics fewer of them bear on."""
+    count = max((found.count for found in differences.values()), default=0)
+    fewer: dict[int, list[str]] = {}
+    for metric in metrics:
+        if metric.name in differences and differences[metric.name].count < count:
+            fewer.setdefault(differences[metric.name].count, []).append(metric.name)
+    told = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
+    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer bear on {told}." if told else "")
+
+
 def compared(column: Column, found: Difference) -> tuple[str, ...]:
     """Return a row of the comparison: metric, both values, the difference with its interval, p, and a verdict."""
     change = Estimate(found.value, found.low, found.high, found.count)
     sign = "+" if found.value > 0 else ""
     values = (column.number(found.a), column.number(found.b), f"{sign}{_inline(column, change)}")
-    return (column.head, *values, f"{found.p:.3f}", verdict(column, found))
+    p = "< 0.001" if found.p < 0.0005 else f"{found.p:.3f}"
+    return (column.head, *values, p, verdict(column, found))
 
 
 def verdict(column: Column, found: Difference) -> str:
-    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, or too few to
-    tell."""
-    if found.noise:
-        return "too few to tell" if _blunt(column, found) else "noise"
+    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, too few to
+    tell, or the same."""
+    if not found.significant:
+        # The interval of a rate keeps a width where no episode differs, and tells what these leave open.
+        same = found.alike and not found.high > found.low
+        return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
     higher = "B" if found.value > 0 else "A"
     other = "A" if higher == "B" else "B"
     return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(column.better, f"{higher} is higher")
 
 
 def _blunt(column: Column, found: Difference) -> bool:
-    """Whether so few houses could not have shown a difference, or have not shown that there is none."""
-    unsure = not (found.high - found.low) / 2 <= TELLING
-    return found.least >= SIGNIFICANT or (column.percent and unsure)
+    """Whether so few houses could not have shown a difference, or have not shown that there is none worth the name."""
+    room = TELLING * (1.0 if column.percent else found.level)
+    return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room
 
 
 # -- the paper's numbers -----------------------------------------------------------------------------------------------

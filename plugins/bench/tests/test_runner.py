@@ -18,14 +18,14 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from humanclaw import Backends, Choice, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
-from humanclaw.records import EpisodeRecord, write_record
+from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
-from humanclaw_bench.runner import RunStatus, run_split
-from humanclaw_bench.worker import Job, Worker, mark, unpack
+from humanclaw_bench.runner import Forecast, run_split
+from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
 
 TOY = Backends("toy", "toy", "toy")
 
@@ -79,26 +79,86 @@ def rewrite(folder, **changes):
 def test_what_a_run_will_take_is_told_after_three_episodes_and_no_ends_it_there(toys, tmp_path):
     told = []
 
-    def no(status):
-        told.append(foresight(status))
+    def no(forecast):
+        told.append(foresight(forecast))
         return False
 
     job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
     status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
     assert (status.done, status.stopped, len(told)) == (3, True, 1)
-    assert told[0].startswith("By its first 3 episodes the other 3 take about 1 min")
+    assert told[0].startswith("By 3 of its episodes the other 3 take about 1 min")
     assert run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys).done == 6
 
 
-def test_foresight_counts_time_and_money_at_the_rate_so_far():
-    status = RunStatus(100, 4, played=4, seconds=600.0, cost=2.0)
-    assert foresight(status) == "By its first 4 episodes the other 96 take about 4 h 0 min and $48.00."
+class Side:
+    """An executor of several workers, by a clock of its own: an episode takes ten seconds and a dollar a step."""
+
+    def __init__(self, workers, steps, broken=()):
+        self.workers, self.steps, self.broken, self.stopping = workers, steps, broken, False
+
+    def reports(self, job, queue, out):
+        taken = [queue.take() for _ in range(self.workers)]
+        under_way = [(self.steps[spec.id], spec) for spec in taken if spec]
+        while under_way:
+            now, spec = under_way.pop(under_way.index(min(under_way, key=lambda one: one[0])))
+            steps = self.steps[spec.id]
+            outcome = "infra_error" if spec.id in self.broken else "stopped"
+            yield WorkerReport(spec.id, outcome, steps=steps, seconds=10.0 * steps, cost=float(steps))
+            if not self.stopping and (following := queue.take(spec.scene)):
+                under_way.append((now + self.steps[following.id], following))
+
+    def stop(self):
+        self.stopping = True
+
+
+@pytest.fixture
+def forecasts(toys, tmp_path):
+    def run(workers, steps, broken=()):
+        """Return what is foreseen in a run of episodes of so many steps, easy ones before hard ones."""
+        found = []
+        specs = [spec.model_copy(update={"difficulty": away(k)}) for k, spec in enumerate(toy_world.specs(len(steps)))]
+        taking = {spec.id: count for spec, count in zip(specs, steps, strict=True)}
+        job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
+        run_split(
+            specs, job, Side(workers, taking, [specs[k].id for k in broken]), tmp_path, plugins=toys,
+            go_on=lambda forecast: found.append(forecast) or True,
+        )  # fmt: skip
+        return found
+
+    return run
+
+
+def away(metres):
+    return Difficulty(distance=metres, **dict.fromkeys(set(Difficulty.model_fields) - {"distance"}, 0))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4, 8])
+def test_a_forecast_is_of_near_and_far_episodes_and_not_of_the_first_to_end(forecasts, workers):
+    # Way and steps from 1 to 30: the middles of the thirds take 6, 16 and 26, 16 on average; all take 15.5.
+    (forecast,) = forecasts(workers, range(1, 31))
+    assert forecast.cost == pytest.approx(16 * forecast.left)
+    assert forecast.seconds == pytest.approx(160 * forecast.left / min(workers, forecast.left + 1))
+
+
+def test_a_forecast_does_without_an_episode_that_the_machine_broke(forecasts):
+    (forecast,) = forecasts(1, range(1, 31), broken=[15])
+    assert forecast.episodes == 2
+    assert forecast.cost == pytest.approx(16 * 27)
+
+
+def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):
+    assert forecasts(1, range(1, 4)) == []
+
+
+def test_foresight_tells_time_and_money():
+    forecast = Forecast(3, 96, seconds=4 * 3600.0, cost=48.0)
+    assert foresight(forecast) == "By 3 of its episodes the other 96 take about 4 h 0 min and $48.00."
 
 
 def test_a_price_that_is_not_known_is_said_to_be_so():
-    status = RunStatus(100, 4, played=4, seconds=600.0, tokens=12_000)
-    assert "No price is known of the 12,000 tokens so far" in foresight(status)
-    assert "price" not in foresight(RunStatus(100, 4, played=4, seconds=600.0))
+    forecast = Forecast(3, 96, seconds=600.0, tokens=12_000)
+    assert "No price is known of the 12,000 tokens so far" in foresight(forecast)
+    assert "price" not in foresight(Forecast(3, 96, seconds=600.0))
 
 
 # -- who plays ---------------------------------------------------------------------------------------------------------
@@ -440,7 +500,7 @@ from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.worker import Job, Worker
-from humanclaw.records import EpisodeRecord, write_record
+from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.cli import bench
 from humanclaw import Backends
 from humanclaw import Plugins

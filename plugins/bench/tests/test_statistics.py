@@ -82,6 +82,50 @@ def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
     assert 0.88 <= held[1] / 80 <= 0.99
 
 
+# -- repeats -----------------------------------------------------------------------------------------------------------
+def test_fifty_repeats_of_one_episode_are_one_observation() -> None:
+    found = rate([True] * 50, ["house:0"] * 50, ["one"] * 50)
+    assert (found.value, found.low) == (1.0, pytest.approx(1 / (1 + Z**2)))  # As of one trial.
+    assert np.isnan(ratio([7.0] * 50, [1.0] * 50, ["house:0"] * 50, ["one"] * 50).low)
+    against = compare_rates([False] * 10, [True] * 10, ["house:0"] * 10, ["one"] * 10)
+    assert (against.p, against.least) == (1.0, 1.0)
+    assert against.low < 0
+    assert np.isnan(compare_ratios([(1.0, 1.0)] * 10, [(2.0, 1.0)] * 10, ["house:0"] * 10, ["one"] * 10).low)
+
+
+@pytest.mark.parametrize("houses", ["abc", "abcdefghij"])
+@pytest.mark.parametrize("failures", [0, 9, 30])
+def test_an_agent_that_repeats_itself_says_as_much_as_once(houses: str, failures: int) -> None:
+    met = [k >= failures for k in range(60)]
+    worse = [k >= failures + 4 for k in range(60)]
+    names, homes = [f"e{k:02}" for k in range(60)], [houses[k % len(houses)] for k in range(60)]
+    once, tenfold = rate(met, homes, names), rate(met * 10, homes * 10, names * 10)
+    assert (tenfold.value, tenfold.low, tenfold.high) == pytest.approx((once.value, once.low, once.high))
+    first, again = (compare_rates(met * n, worse * n, homes * n, names * n) for n in (1, 10))
+    assert (again.p, again.low, again.high) == pytest.approx((first.p, first.low, first.high))
+
+
+def test_episodes_that_were_played_once_are_what_they_are_without_names() -> None:
+    met, homes = [k % 3 == 0 for k in range(60)], [f"house:{k % 3}" for k in range(60)]
+    assert rate(met, homes, [f"e{k:02}" for k in range(60)]) == rate(met, homes)
+    with pytest.raises(ValueError, match="60 episodes have 2 names"):
+        rate(met, homes, ["e0", "e1"])
+
+
+@pytest.mark.parametrize("certain", [True, False])
+def test_intervals_of_repeats_hold_the_truth_as_often_as_they_promise(certain: bool) -> None:
+    """Of an agent that does the same again, and of one that tosses a coin each time, which tells more."""
+    rng, held, halves = np.random.default_rng(13), 0, []
+    homes, names = [f"house:{k % 41}" for k in range(100)] * 10, [f"e{k}" for k in range(100)] * 10
+    for _ in range(200):
+        drawn = np.tile(rng.random(100), 10) if certain else rng.random(1000)
+        found = rate([bool(x) for x in drawn < 0.6], homes, names)
+        held += found.low <= 0.6 <= found.high
+        halves.append((found.high - found.low) / 2)
+    assert held / 200 >= 0.92
+    assert (0.09 < np.mean(halves) < 0.12) if certain else (0.028 < np.mean(halves) < 0.045)
+
+
 # -- means and ratios --------------------------------------------------------------------------------------------------
 def test_the_interval_of_a_mean_agrees_with_the_normal_one() -> None:
     values = np.random.default_rng(1).exponential(3.0, 400)
@@ -127,7 +171,7 @@ def test_mcnemars_test_asks_only_the_episodes_that_differ() -> None:
     # Of nine tosses at most one the other way: 2 (1 + 9) / 2^9.
     assert found.p == pytest.approx(20 / 512)
     assert found.value == pytest.approx(7 / 39)
-    assert not found.noise
+    assert found.significant
     other = compare_rates(b, a)
     assert (other.p, other.value, other.low, other.high) == pytest.approx(
         (found.p, -found.value, -found.high, -found.low)
@@ -137,7 +181,7 @@ def test_mcnemars_test_asks_only_the_episodes_that_differ() -> None:
 def test_equal_runs_differ_by_noise_and_not_by_certainty() -> None:
     found = compare_rates([True, False] * 10, [True, False] * 10)
     assert (found.p, found.value) == (1.0, 0.0)
-    assert found.noise
+    assert not found.significant
     assert found.low < 0.0 < found.high
 
 
@@ -157,8 +201,8 @@ def test_runs_that_differ_by_house_alone_seldom_pass_for_different() -> None:
     for seed in range(60):
         houses = [f"house:{k}" for k in range(20) for _ in range(15)]
         (a, _), (b, _) = (in_houses(rng, 0.5, (15,) * 20, 0.3) for _ in range(2))
-        loud += not compare_rates(a, b, houses, seed=seed).noise
-        plain += not compare_rates(a, b).noise
+        loud += compare_rates(a, b, houses, seed=seed).significant
+        plain += compare_rates(a, b).significant
     assert loud <= 7
     assert plain >= 15
 
@@ -203,7 +247,7 @@ def test_runs_that_are_alike_seldom_pass_for_different() -> None:
     for seed in range(100):
         shared = rng.normal(5.0, 3.0, 30)
         a, b = (shared + rng.normal(0, 1, 30) for _ in range(2))
-        loud += not compare_ratios([(x, 1.0) for x in a], [(x, 1.0) for x in b], seed=seed).noise
+        loud += compare_ratios([(x, 1.0) for x in a], [(x, 1.0) for x in b], seed=seed).significant
     assert loud <= 11
 
 
@@ -212,21 +256,31 @@ def test_pairing_shows_a_small_difference_between_very_different_episodes() -> N
     episodes = rng.normal(50.0, 30.0, 40)
     a, b = [(x, 1.0) for x in episodes], [(x + 1.0 + rng.normal(0, 0.5), 1.0) for x in episodes]
     found = compare_ratios(a, b)
-    assert not found.noise
+    assert found.significant
     assert 0.0 < found.low < found.value < found.high
     assert found.high - found.low < 1.0
 
 
 def test_nothing_to_compare_is_noise() -> None:
-    assert compare_ratios([], []).noise
-    assert compare_ratios([(0.0, 0.0)] * 6, [(0.0, 0.0)] * 6).noise
+    assert not compare_ratios([], []).significant
+    assert not compare_ratios([(0.0, 0.0)] * 6, [(0.0, 0.0)] * 6).significant
 
 
 # -- many metrics ------------------------------------------------------------------------------------------------------
 def test_many_comparisons_raise_p_by_holms_rule() -> None:
     found = holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.01, 0.04, 0.03)])
     assert [one.p for one in found] == pytest.approx([0.03, 0.06, 0.06])
-    assert [one.noise for one in found] == [False, True, True]
+    assert [one.significant for one in found] == [True, False, False]
+
+
+def test_metrics_in_which_no_episode_differs_do_not_raise_the_p_of_others() -> None:
+    tokens = compare_ratios([(0.0, 6.0)] * 9, [(0.0, 9.0)] * 9)  # None of six steps, and none of nine.
+    stopped = compare_rates([True] * 9, [True] * 9)
+    assert (tokens.alike, stopped.alike) == (True, True)
+    found = holm([tokens, Difference(0, 1, 1, 0, 2, 0.02, 9), stopped, Difference(0, 1, 1, 0, 2, 0.03, 9)])
+    assert [one.p for one in found] == pytest.approx([1.0, 0.04, 1.0, 0.04])
+    assert holm([tokens, stopped])[0].p == 1.0
+    assert not compare_rates([True, False], [False, True]).alike
 
 
 def test_p_is_never_raised_above_one() -> None:

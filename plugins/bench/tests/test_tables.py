@@ -26,7 +26,7 @@ from humanclaw.tasks import write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import metrics_of, scored
-from humanclaw_bench.metrics import MAIN, Scores, score
+from humanclaw_bench.metrics import ALL, MAIN, Scores, compare, score
 from humanclaw_bench.overview import overview
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import (
@@ -34,6 +34,8 @@ from humanclaw_bench.tables import (
     ResultTable,
     all_tables,
     comma_separated,
+    compare_table,
+    compared,
     latex,
     main_table,
     markdown,
@@ -67,7 +69,8 @@ def base(tmp_path: Path) -> Scores:
 
 def results_of(base: Scores, *agents: str) -> tuple:
     far = replace(base, nav=False, interact=False, outcome="out_of_steps")
-    return named({name: [(replace(s, agent=name), None) for s in (base, base, base, far)] for name in agents})
+    four = [replace(one, episode=f"e{k}") for k, one in enumerate((base, base, base, far))]
+    return named({name: [(replace(s, agent=name), None) for s in four] for name in agents})
 
 
 def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: Scores):
@@ -98,7 +101,8 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
 def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
-    table = main_table(named({"run": [(s, None) for s in (base, broken, *spent)]}), paper=False)
+    scores = [replace(one, episode=f"e{k}") for k, one in enumerate((base, broken, *spent))]
+    table = main_table(named({"run": [(s, None) for s in scores]}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 4)
     assert table.notes == (
         "model: 4 of 5 episodes, of how many no run.json tells; apart from every number: 1 limit_reached. Failed by a "
@@ -324,7 +328,6 @@ def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -
         ("lower", 0.3, 0.01, "A is better"),
         ("lower", -0.3, 0.01, "B is better"),
         ("", -0.3, 0.01, "A is higher"),
-        ("higher", 0.3, 0.05, "noise"),
     ],
 )
 def test_a_difference_is_told_in_words(better: str, value: float, p: float, words: str) -> None:
@@ -333,12 +336,62 @@ def test_a_difference_is_told_in_words(better: str, value: float, p: float, word
 
 
 @pytest.mark.parametrize(
-    ("half", "least", "words"),
-    [(0.09, 0.01, "noise"), (0.11, 0.01, "too few to tell"), (0.0, 0.5, "too few to tell")],
+    ("low", "high", "least", "words"),
+    [
+        (-0.09, 0.09, 0.01, "noise"),
+        (-0.02, 0.11, 0.01, "too few to tell"),
+        (-0.11, 0.02, 0.01, "too few to tell"),
+        (0.01, 0.09, 0.01, "too few to tell"),
+        (-0.145, -0.009, 0.01, "too few to tell"),
+        (0.0, 0.0, 0.5, "too few to tell"),
+        (float("nan"), float("nan"), 0.01, "too few to tell"),
+    ],
 )
-def test_noise_is_said_only_where_a_difference_would_have_shown(half: float, least: float, words: str) -> None:
-    found = Difference(0.5, 0.5, 0.0, -half, half, 0.9, 9, least)
+def test_a_share_is_noise_only_where_its_interval_holds_0_and_no_10_points(
+    low: float, high: float, least: float, words: str
+) -> None:
+    found = Difference(0.5, 0.5, 0.0, low, high, 0.9, 9, least)
     assert verdict(Column("NavSR", percent=True), found) == words
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "low", "high", "words"),
+    [
+        (20.0, 22.0, -1.9, 2.0, "noise"),  # The level is 21, a tenth of it 2.1.
+        (20.0, 22.0, -1.9, 2.2, "too few to tell"),
+        (20.0, 22.0, 0.1, 2.0, "too few to tell"),
+        (0.19, 0.86, -0.09, 1.65, "too few to tell"),
+        (-4.0, -4.0, -0.3, 0.3, "noise"),
+    ],
+)
+def test_a_mean_is_noise_only_where_its_interval_holds_0_and_no_tenth_of_its_level(
+    a: float, b: float, low: float, high: float, words: str
+) -> None:
+    assert verdict(Column("steps"), Difference(a, b, b - a, low, high, 0.9, 9)) == words
+
+
+def test_what_differs_in_no_episode_is_the_same(base: Scores) -> None:
+    a, b = ([replace(base, episode=f"e{k}", scene=f"house:{k}", find=k < 7) for k in range(14)] for _ in range(2))
+    found = compare(a, b)
+    assert [verdict(Column(name), found[name]) for name in ("in tok/step", "cost ($)", "steps")] == ["the same"] * 3
+    # A rate has an interval that tells what fourteen episodes leave open: 1.96 / 16 either way.
+    assert found["FindSR"].high == pytest.approx(1.96 / 16, abs=1e-4)
+    assert verdict(Column("FindSR", percent=True), found["FindSR"]) == "too few to tell"
+
+
+def test_a_p_below_a_thousandth_is_not_printed_as_0() -> None:
+    printed = [compared(Column("c"), Difference(1, 2, 1, 0, 2, p, 9))[-2] for p in (0.0004, 0.0005, 0.0123)]
+    assert printed == ["< 0.001", "0.001", "0.012"]
+
+
+def test_a_comparison_tells_of_how_many_episodes_each_metric_is(base: Scores) -> None:
+    a = [replace(base, episode=f"e{k}", jerk=9.0, spl=0.5, soft_spl=0.5, false_claims=0.0) for k in range(8)]
+    still = dict.fromkeys(base.collisions, float("nan"))
+    b = [replace(one, collisions=still if k < 2 else one.collisions) for k, one in enumerate(a)]
+    a = [replace(one, jerk=float("nan") if k < 3 else 9.0) for k, one in enumerate(a)]
+    caption = str(compare_table(compare(a, b), ALL, "a", "b").caption)
+    assert caption.startswith("Over the 8 episodes that both finished")
+    assert "Fewer bear on Coll., Arm/Hand, Torso, Leg/Foot, Head (6), Jerk (5)." in caption
 
 
 def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) -> None:
