@@ -119,8 +119,8 @@ def run_split(
         todo = [spec for spec in specs if not has_ended(out / spec.id)]
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
-        pilot = pilot_of(todo)
-        queue, awaited, ended_first = EpisodeQueue(todo, pilot), {spec.id for spec in pilot}, list[WorkerReport]()
+        pilot = _Pilot(pilot_of(todo))
+        queue = EpisodeQueue(todo, pilot.specs)
         with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
                 _keep(out, report)
@@ -128,11 +128,8 @@ def run_split(
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                if report.episode in awaited and ended(report.outcome, report.limit):
-                    ended_first.append(report)
-                asked = awaited == {report.episode} and ended_first and status.left > 0
-                awaited.discard(report.episode)
-                refused = asked and not go_on(_forecast(ended_first, status, status.left - len(queue) + 1))
+                asked = pilot.ends_with(report) and status.left > 0
+                refused = asked and not go_on(pilot.forecast(status, status.left - len(queue) + 1))
                 if report.limit == "run" or _spent(status, job.limits) or refused:
                     executor.stop()
                     stopped.set()
@@ -149,10 +146,32 @@ def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
     return tuple(by_way[(2 * k + 1) * len(specs) // (2 * count)] for k in range(count))
 
 
-def _forecast(pilot: Sequence[WorkerReport], status: RunStatus, workers: int) -> Forecast:
-    """Let every episode that is left take what those of the pilot took on average."""
-    seconds, cost = (sum(amounts) / len(pilot) for amounts in zip(*((r.seconds, r.cost) for r in pilot), strict=True))
-    return Forecast(len(pilot), status.left, seconds * status.left / workers, cost * status.left, status.tokens)
+class _Pilot:
+    """The episodes that a run begins with, and what they took."""
+
+    def __init__(self, specs: Sequence[EpisodeSpec]) -> None:
+        self.specs = specs
+        self._awaited = {spec.id for spec in specs}
+        self._ended: list[WorkerReport] = []
+
+    def ends_with(self, report: WorkerReport) -> bool:
+        """Take note of an episode that was played; tell whether it was the last of the pilot, and something is known
+        by it."""
+        if report.episode not in self._awaited:
+            return False
+        self._awaited.discard(report.episode)
+        if ended(report.outcome, report.limit):
+            self._ended.append(report)
+        return bool(self._ended) and not self._awaited
+
+    def forecast(self, status: RunStatus, workers: int) -> Forecast:
+        """Let every episode that is left take what those of the pilot took on average."""
+        seconds, cost = (
+            sum(getattr(one, what) for one in self._ended) / len(self._ended) for what in ("seconds", "cost")
+        )
+        return Forecast(
+            len(self._ended), status.left, seconds * status.left / workers, cost * status.left, status.tokens
+        )
 
 
 def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
