@@ -29,17 +29,20 @@ _HARMLESS: Final = _words(
     r"(?:partly|partially|half|slightly|mostly)[ -](?:hidden|occluded|covered|blocked|out of (?:view|sight))",
     r"(?:no|without(?: an?| any)?) (?:obstacles?|obstructions?)|nothing (?:blocks|between|in the way)",
     r"(?:not|not yet|have not|haven['\u2019]t) (?:yet )?(?:reached|within reach|in reach|close enough|near enough)",
+    r"not (?:yet )?touching",
     r"find (?:a|my|the) (?:way|path|route)|search (?:is )?(?:complete|over|done)",
     r"(?:may|might|could|can) be (?:sat on|reached)",
 )
 """Denials of something else than the sighting; they are taken out before the rest is read."""
-_OTHER: Final = _words(r"flower beds?", r"(?:shower|window|fire) screens?", r"power plants?")
+_OTHER: Final = _words(
+    r"flower beds?", r"(?:shower|window|fire) screens?", r"power plants?", r"toilet (?:paper|rolls?|brush)"
+)
 """Things that only sound like a target."""
 _NEGATION: Final = _words(
     r"no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|zero|hardly|false",
     r"\w+n['\u2019]t|unable|fail(?:s|ed)? to|lacks?|doubt(?:s|ful)?",
     r"absent|missing|invisible|unseen|hidden|occluded|gone|lost|disappeared|vanished|out of (?:view|sight)",
-    r"behind (?:me|us)|elsewhere|somewhere else|(?:last|previous) room|earlier|previously|remember(?:ed)?",
+    r"behind (?:me|us)|elsewhere|somewhere else|(?:last|previous) room|earlier|previously|ago|remember(?:ed)?",
 )
 """It is not there, not here, or not now."""
 _SEEKING: Final = _words(
@@ -49,7 +52,7 @@ _SEEKING: Final = _words(
     r"(?:to|must|should|will) (?:find|locate)|(?:must|should|will) see|wants? (?:an?|the)",
     r"my (?:goal|task|mission|aim|objective)",
     r"might|may|could|probably|perhaps|maybe|likely|possibly|(?:must|should) be",
-    r"assum(?:e|es|ing)|suspect|expect(?:s|ing)?|guess|suppose|presum(?:e|ably)",
+    r"assum(?:e|es|ing)|i think|suspect|expect(?:s|ing)?|guess|suppose|presum(?:e|ably)",
 )
 """Words of who has not seen it yet: a search, a wish or a guess is no sighting."""
 

@@ -92,6 +92,10 @@ METRIC = {metric.name: metric for metric in ALL}
         ("target: visible, 2 m ahead", "couch", True),
         ("A houseplant", "potted_plant", True),
         ("A flower bed before the house", "bed", False),
+        ("A toilet paper holder on the wall.", "toilet", False),
+        ("A plant was two steps ago on my left.", "potted_plant", False),
+        ("The corner of what I think is a bed.", "bed", False),
+        ("Facing the sofa, half a metre away, not yet touching it.", "couch", True),
     ],
 )
 def test_a_sentence_that_names_the_target_without_negation_acknowledges_it(
