@@ -7,6 +7,7 @@ blue, and answers each with one line of JSON, a list of [x0, y0, x1, y1, score, 
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
 import weakref
@@ -144,9 +145,9 @@ class Detector:
 
     def _started(self) -> _Running:
         try:
-            process = subprocess.Popen(
-                shlex.split(self._command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
-            )
+            # Windows takes a command line apart itself, and knows what a backslash is.
+            command = self._command if os.name == "nt" else shlex.split(self._command)
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except (OSError, ValueError) as error:
             raise self._wrong(f"cannot be started ({error})") from None
         weakref.finalize(self, process.kill)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -35,7 +37,8 @@ AWAY = 2.0
 def written(tmp_path: Path, program: str) -> str:
     path = tmp_path / "detector.py"
     path.write_text(program)
-    return shlex.join([sys.executable, str(path)])
+    words = [sys.executable, str(path)]
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
 
 def view_of(colour: tuple[int, int, int]) -> View:
