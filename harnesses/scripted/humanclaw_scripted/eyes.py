@@ -13,7 +13,7 @@ import subprocess
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, Any, Final, Protocol
+from typing import IO, Annotated, Any, Final, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -24,7 +24,10 @@ from humanclaw_scripted.sight import Mask, Sight
 
 THICK: Final = (0.2, 1.0)
 """Things are taken to be half as deep as they are wide, but for these bounds, metres."""
-_BOXES: Final = TypeAdapter(list[tuple[float, float, float, float, float, str]])
+_Score = Annotated[float, Field(ge=0, le=1)]
+_BOXES: Final = TypeAdapter(
+    list[tuple[float, float, float, float, _Score, str]], config=ConfigDict(allow_inf_nan=False)
+)
 Box = tuple[float, float, float, float, float, str]
 
 
@@ -55,7 +58,7 @@ class PerfectEyes:
 class Options(BaseModel):
     """Of `--agent seeing-colour`."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
 
     detector: str = Field(min_length=1)
     """The command line of a program that knows things in pictures."""
@@ -65,7 +68,7 @@ class Options(BaseModel):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Options:
         """Check options. Raises HumanclawError that says which is wrong."""
-        if not given.get("detector"):
+        if not str(given.get("detector", "")).strip():
             told = "the agent 'seeing-colour' needs a program that knows things in pictures, and none was given."
             raise HumanclawError(
                 told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
@@ -116,6 +119,14 @@ class _Running:
     answers: IO[bytes]
 
 
+def _fate(process: subprocess.Popen[bytes]) -> str:
+    try:
+        return f"ended with exit status {process.wait(timeout=2.0)}"
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return "closed its output"
+
+
 class Detector:
     """A program of somebody else's that is asked for boxes. It is started with the first picture, and ends with the
     object that asks."""
@@ -137,7 +148,7 @@ class Detector:
         except OSError:
             line = b""
         if not line:
-            raise self._wrong(f"ended with exit status {running.process.wait()} instead of answering")
+            raise self._wrong(f"{_fate(running.process)} instead of answering")
         try:
             return _BOXES.validate_json(line)
         except ValidationError:

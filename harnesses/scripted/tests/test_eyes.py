@@ -87,9 +87,10 @@ def test_its_settings_are_recorded(tmp_path: Path) -> None:
     assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4}
 
 
-def test_without_a_program_it_says_what_to_give() -> None:
+@pytest.mark.parametrize("options", [{}, {"detector": ""}, {"detector": "  "}])
+def test_without_a_program_it_says_what_to_give(options: dict[str, str]) -> None:
     with pytest.raises(HumanclawError, match="needs a program that knows things") as raised:
-        Plugins.discover().make("agents", "seeing-colour", {})
+        Plugins.discover().make("agents", "seeing-colour", options)
     assert "--option detector=" in str(raised.value)
 
 
@@ -99,6 +100,10 @@ def test_without_a_program_it_says_what_to_give() -> None:
         ("raise SystemExit(3)", "ended with exit status 3"),
         (READING + "print('[[1, 2]]')", r"answered b'\[\[1, 2\]\]"),
         (READING + "print('none')", "answered b'none"),
+        (READING + "print('[[NaN, 0, 10, 10, 0.9, \"couch\"]]')", "answered"),
+        (READING + "print('[[1e400, 0, 10, 10, 0.9, \"couch\"]]')", "answered"),
+        (READING + "print('[[0, 0, 10, 10, 5, \"couch\"]]')", "answered"),
+        (READING + "import os, time; os.close(1); time.sleep(60)", "closed its output"),
     ],
 )
 def test_a_program_that_does_not_answer_is_told_of(tmp_path: Path, program: str, told: str) -> None:

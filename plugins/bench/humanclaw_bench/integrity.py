@@ -96,8 +96,7 @@ class Standing:
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
-    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that or the journal is
-    damaged."""
+    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that is damaged."""
     asked = read_manifest(run).episodes if (run / MANIFEST).exists() else 0
     return Standing(asked, faults(episodes, run), len(played_again(run)))
 
@@ -137,26 +136,35 @@ def faults(episodes: Sequence[RecordedEpisode], root: Path) -> tuple[str, ...]:
 
 
 def _home(folder: Path, root: Path) -> Path | None:
-    """Return the run to which a record belongs: the nearest folder over it that has a run.json, up to the root."""
-    above = (parent for parent in folder.parents if parent in (folder.parent, root) or root in parent.parents)
-    return next((parent for parent in above if (parent / MANIFEST).exists()), None)
+    """Return the run to which a record belongs: of the folders over it, up to the root, the outermost with a run.json.
+
+    A run inside another is none of its own: what stands in the outer run.json would hold for nothing.
+    """
+    above = [parent for parent in folder.parents if parent in (folder.parent, root) or root in parent.parents]
+    return next((parent for parent in reversed(above) if (parent / MANIFEST).exists()), None)
 
 
 def played_again(run: Path) -> tuple[str, ...]:
     """Return the episodes of which the journal of a run has more than one end that would have counted, by name.
 
     A record that was damaged is begun anew, and so is one that somebody threw away since he did not like it: nothing
-    tells them apart. Raises RecordError if the journal is damaged.
+    tells them apart. A line that cannot be read, as a disk that was full may leave it, tells of nothing.
     """
     try:
-        told = [json.loads(line) for line in (run / JOURNAL).read_text("utf-8").splitlines()]
-        ends = Counter(str(one["episode"]) for one in told if ended(str(one["outcome"]), str(one["limit"])))
-    except FileNotFoundError:
+        lines = (run / JOURNAL).read_bytes().splitlines()
+    except OSError:
         return ()
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        told_of = f"{run / JOURNAL} is damaged: nothing tells whether an episode was played again."
-        raise RecordError(told_of, "Take it away if that does not matter.") from error
+    ends = Counter(filter(None, map(_end, lines)))
     return tuple(sorted(name for name, count in ends.items() if count > 1))
+
+
+def _end(line: bytes) -> str:
+    """Return the episode of which a line of the journal tells an end that counts, or nothing."""
+    try:
+        told = json.loads(line)
+        return str(told["episode"]) if ended(str(told["outcome"]), str(told["limit"])) else ""
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return ""
 
 
 def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:

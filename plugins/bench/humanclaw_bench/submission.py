@@ -13,10 +13,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.cli import counted, legible
@@ -56,12 +56,12 @@ class Submission(_Value):
     format: Literal[1] = 1
     who: str
     """Whoever submits it, as it is to be shown."""
-    made: str
+    made: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     """Day on which this file was written, ISO 8601."""
     agent: str
     model_date: str = ""
     """Version or day of the model as its provider tells it; a name alone may be another model tomorrow."""
-    temperature: float | None = None
+    temperature: Annotated[float, Field(ge=0, le=100)] | None = None
     """None: not told, or no model."""
     engine: str
     """What moved the world."""
@@ -69,10 +69,10 @@ class Submission(_Value):
     """Of the episodes, each once."""
     asked: int
     """Episodes that the run is of."""
-    cost: float
+    cost: Annotated[float, Field(ge=0)]
     """US dollars of all episodes, unfinished ones included."""
-    tokens: int
-    again: int = 0
+    tokens: Annotated[int, Field(ge=0)]
+    again: Annotated[int, Field(ge=0)] = 0
     """Episodes that were played again after they had ended, as far as the run's journal tells."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
@@ -172,6 +172,10 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
     for metric, field in RATES.items():
         met = [bool(row[field]) for row in rows if row.get(field) is not None]
         yield from _off_rate(metric.name, met, claimed.rates.get(metric.name))
+    for one in claimed.episodes:
+        share = one.scores.get("false_claims")
+        if share is not None and not 0 <= _number(share) <= 1:
+            yield f"episode {one.id} has a share of false claims of {share!r:.20}"
     yield from _off_sum("cost is", claimed.cost, claimed, ("cost",))
     yield from _off_sum("tokens are", claimed.tokens, claimed, ("tokens_in", "tokens_out"))
 
@@ -179,14 +183,17 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
 def _off_split(claimed: Submission) -> Iterator[str]:
     """Yield in what its episodes are not those of the benchmark's split that it names, if it is one of them."""
     name = split_name(str(claimed.run.get("split", "")))
-    seeds = {spec.id: spec.seed for spec in load_split(name)} if name else {}
-    if name and claimed.asked != len(seeds):
-        yield f"asked is {claimed.asked}, and split {name} has {len(seeds)}"
+    specs = {spec.id: spec for spec in load_split(name)} if name else {}
+    if name and claimed.asked != len(specs):
+        yield f"asked is {claimed.asked}, and split {name} has {len(specs)}"
     for one in claimed.episodes if name else ():
-        if one.id not in seeds:
+        spec = specs.get(one.id)
+        if not spec:
             yield f"episode {one.id} is not of split {name}"
-        elif one.seed != seeds[one.id]:
-            yield f"episode {one.id} has seed {seeds[one.id]} in split {name}, not {one.seed}"
+        elif one.seed != spec.seed:
+            yield f"episode {one.id} has seed {spec.seed} in split {name}, not {one.seed}"
+        elif spec.interact == (one.scores.get("interact") is None) and _counts(one):
+            yield f"episode {one.id} is {'' if spec.interact else 'not '}to sit down in split {name}"
 
 
 def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, int] | None) -> Iterator[str]:
@@ -204,9 +211,17 @@ def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, i
 
 
 def _off_sum(what: str, told: float, claimed: Submission, fields: Sequence[str]) -> Iterator[str]:
-    found = sum(float(one.scores.get(field) or 0) for one in claimed.episodes for field in fields)
+    found = sum(_number(one.scores.get(field) or 0) for one in claimed.episodes for field in fields)
     if not _alike(found, told):
         yield f"{what} {told:g}, and {found:g} by its episodes"
+
+
+def _number(value: object) -> float:
+    """Return what a submission says as a number; NaN for what is none."""
+    try:
+        return float(value) if isinstance(value, int | float) else float("nan")
+    except OverflowError:
+        return float("nan")
 
 
 def _counts(one: EpisodeResult) -> bool:
@@ -360,7 +375,7 @@ def _cells(entry: Entry) -> tuple[str, ...]:
 
 def _false_claims(one: Submission) -> float:
     told = [e.scores.get("false_claims") for e in one.episodes if _counts(e)]
-    return float(np.mean([share for share in told if isinstance(share, float)] or [np.nan]))
+    return float(np.mean([_number(share) for share in told if share is not None] or [np.nan]))
 
 
 def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:

@@ -77,7 +77,8 @@ class Column:
     def number(self, value: float) -> str:
         if not np.isfinite(value):
             return "\u2013"
-        return f"{100 * value:.{self.digits}f}%" if self.percent else f"{value:.{self.digits}f}"
+        text = f"{100 * value if self.percent else value:.{self.digits}f}"
+        return (text if text.strip("-0.") else text.lstrip("-")) + "%" * self.percent  # No minus before nothing.
 
     def interval(self, estimate: Estimate) -> str:
         """Such as [38.1, 46.9]; empty where there is none."""

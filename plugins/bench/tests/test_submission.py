@@ -165,7 +165,17 @@ def deeper(run: Path) -> None:
     shutil.copytree(run / "e1", run / "old" / "e1")
 
 
+def inside_another(run: Path) -> None:
+    """A run of other options in a folder of this one, whose run.json would stand for it."""
+    (run / "rest").mkdir()
+    for name in ("e0", "e1", "e2", "e3"):
+        (run / name).rename(run / "rest" / name)
+        rewrite(run / "rest", name, options={"hint": True})
+    tell(run / "rest", options={"hint": True})
+
+
 TAMPERED = [
+    (inside_another, "rest/e0 lies below the run"),
     (deeper, "old/e1 lies below the run"),
     (keep_successes, "run.json says that the run is of 3 episodes; split"),
     (keep_successes_alone, "run.json names 3 episodes of split"),
@@ -294,7 +304,12 @@ def rates(*values: float) -> Callable[[dict[str, Any]], None]:
             lambda it: it["rates"].update(NavSR=[0.75, 0.8, 0.9, 4]),
             "the interval of NavSR, 0.8 to 0.9, does not hold 0.75",
         ),
-        (lambda it: it.update(cost=-100.0), "cost is -100, and 0 by its episodes"),
+        (lambda it: it.update(cost=100.0), "cost is 100, and 0 by its episodes"),
+        (lambda it: it["episodes"][1]["scores"].update(cost="abc"), "cost is 0, and nan by its episodes"),
+        (lambda it: it["episodes"][1]["scores"].update(cost=[1]), "cost is 0, and nan by its episodes"),
+        (lambda it: it["episodes"][1]["scores"].update(tokens_in=10**400), "tokens are 0, and nan by its episodes"),
+        (lambda it: it["episodes"][1]["scores"].update(false_claims=-3.5), "e1 has a share of false claims of -3.5"),
+        (lambda it: it["episodes"][1]["scores"].update(false_claims="1"), "e1 has a share of false claims of '1'"),
         (lambda it: it.update(tokens=7), "tokens are 7, and 0 by its episodes"),
         (of_mini, "asked is 4, and split mini has 100"),
         (of_mini_whole, "episode e0 is not of split mini"),
@@ -312,12 +327,23 @@ def test_numbers_that_contradict_themselves_are_not_ranked_though_nobody_has_the
     assert words in html.unescape(apart)
 
 
-@pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999"])
+@pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999", "-5.0"])
 def test_what_is_no_number_is_no_submission(run: Path, bad: str) -> None:
     path = submitted(run)
     path.write_text(re.sub(r'"cost": [0-9.]+,\n "tokens"', f'"cost": {bad},\n "tokens"', path.read_text()))
     with pytest.raises(RecordError, match="is no submission: cost"):
         submission.read(path)
+
+
+def test_false_claims_that_are_whole_numbers_are_shown_too(run: Path) -> None:
+    def always(it: dict[str, Any]) -> None:
+        for one in it["episodes"]:
+            one["scores"]["false_claims"] = 1
+
+    forged(run, always)
+    shutil.rmtree(run)
+    invoke("leaderboard", run.parent)
+    assert "<td>100.0%</td>" in page(run)[0]
 
 
 def test_what_would_steer_a_terminal_is_not_on_the_page(run: Path) -> None:
@@ -347,12 +373,11 @@ def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywh
     assert "4 of 4, 1 played again" in page(run)[0]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000])
-def test_a_damaged_journal_is_named(run: Path, text: str) -> None:
-    (run / "journal.jsonl").write_text(text)
-    result = invoke("table", run)
-    assert isinstance(result.exception, RecordError)
-    assert "journal.jsonl is damaged" in str(result.exception)
+@pytest.mark.parametrize("torn", ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000, "", '{"time": 1, "epis'])
+def test_a_torn_line_of_the_journal_tells_of_nothing_and_the_others_count(run: Path, torn: str) -> None:
+    end = json.dumps({"episode": "e0", "outcome": "stopped", "limit": ""})
+    (run / "journal.jsonl").write_text(f"{end}\n{torn}\n{end}\n{torn}")
+    assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
 
 
 def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
