@@ -31,6 +31,8 @@ from humanclaw_bench.tables import Column
 NAME: Final = "submission.json"
 RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
 """What submissions are ranked by, from the first stage to the last, and where an episode's numbers have it."""
+MOST: Final = 10**15
+"""Of whatever is counted; more is a mistake."""
 TOLERANCE: Final = 1e-6
 """By how much a number that is computed again may differ: other processors round otherwise."""
 _UNSCORED: Final = ("agent", "verifier", "error", "extra")
@@ -71,8 +73,8 @@ class Submission(_Value):
     """Episodes that the run is of."""
     cost: Annotated[float, Field(ge=0)]
     """US dollars of all episodes, unfinished ones included."""
-    tokens: Annotated[int, Field(ge=0)]
-    again: Annotated[int, Field(ge=0)] = 0
+    tokens: Annotated[int, Field(ge=0, le=MOST)]
+    again: Annotated[int, Field(ge=0, le=MOST)] = 0
     """Episodes that were played again after they had ended, as far as the run's journal tells."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
@@ -249,7 +251,7 @@ def _unlike(ours: EpisodeResult, theirs: EpisodeResult) -> list[str]:
 
 def _alike(a: Any, b: Any) -> bool:
     if isinstance(a, float) and isinstance(b, int | float):
-        return abs(a - b) <= TOLERANCE * max(1.0, abs(a))
+        return abs(a - _number(b)) <= TOLERANCE * max(1.0, abs(a))
     return bool(a == b)
 
 

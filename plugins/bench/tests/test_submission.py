@@ -353,6 +353,14 @@ def test_what_would_steer_a_terminal_is_not_on_the_page(run: Path) -> None:
     assert ("Eve" in text, "\x1b" in text, "\u202e" in text) == (True, False, False)
 
 
+def test_a_number_that_no_float_can_hold_stops_nothing(run: Path) -> None:
+    path = forged(run, lambda it: it["episodes"][1]["scores"].update(jerk=10**400))
+    assert "episode e1: jerk is" in invoke("verify", run, "--submission", path).output
+    path.write_text(path.read_text().replace('"tokens":0,', f'"tokens":{10**400},'))
+    invoke("leaderboard", run.parent)
+    assert "is no submission: tokens" in page(run)[1] + page(run)[0]
+
+
 def test_the_page_does_not_quote_a_file_that_is_no_submission(run: Path) -> None:
     submitted(run)
     (run.parent / "link.json").write_text("root:x:0:0:secret")
