@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.interfaces import BODY_ID, View
+from humanclaw_scripted.options import read
 from humanclaw_scripted.sight import Mask, Sight
 
 THICK: Final = (0.2, 1.0)
@@ -73,13 +74,7 @@ class Options(BaseModel):
             raise HumanclawError(
                 told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
             )
-        try:
-            return cls(**given)
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise HumanclawError(
-                f"--option {first['loc'][0]}: {first['msg']}.", "detector is a command, score 0 to 1."
-            ) from None
+        return read(cls, given)
 
 
 class DetectorEyes:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import (
     Call,
@@ -38,6 +38,7 @@ from humanclaw.tasks import SEATS
 from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Perception, Snapshot
 from humanclaw_scripted.faults import FAULTS, Fault
+from humanclaw_scripted.options import read
 
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
@@ -68,18 +69,11 @@ class Options(BaseModel):
 
 def options(given: Mapping[str, Any]) -> Options:
     """Check options. Raises HumanclawError that says which is wrong."""
-    try:
-        read = Options(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "options"
-        raise HumanclawError(
-            f"--option {where}: {first['msg']}.", f"The options are {', '.join(Options.model_fields)}."
-        ) from None
-    unknown = {*read.fault.split("+")} - {*FAULTS, "none"}
+    found = read(Options, given)
+    unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
     if unknown:
         raise HumanclawError(f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
-    return read
+    return found
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:

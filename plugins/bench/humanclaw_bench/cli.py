@@ -19,7 +19,7 @@ from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
-from humanclaw_bench.integrity import MANIFEST, check, played_again, read_manifest, standing
+from humanclaw_bench.integrity import asked_of, check, played_again, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
@@ -255,7 +255,7 @@ def verify(run: Path, submission: Path | None) -> None:
     """Hold every file of a run to the digests in its records, and the records to the split and settings in run.json;
     name what is damaged or of another run."""
     count, faults = check(run)
-    asked = read_manifest(run).episodes if (run / MANIFEST).exists() else count
+    asked = max(count, asked_of(run))
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
     if submission and not faults:
         faults = submissions.contradictions(submissions.read(submission), run)
@@ -265,7 +265,7 @@ def verify(run: Path, submission: Path | None) -> None:
     for name in played_again(run):
         click.echo(f"{run / name} was played again after it had ended.")
     of = f"{count} of " if count < asked else ""
-    click.echo(f"{of}{counted(max(count, asked), 'record')} in {run}: {told}")
+    click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
     if faults:
         raise SystemExit(1)
 

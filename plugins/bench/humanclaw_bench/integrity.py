@@ -97,8 +97,12 @@ class Standing:
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that is damaged."""
-    asked = read_manifest(run).episodes if (run / MANIFEST).exists() else 0
-    return Standing(asked, faults(episodes, run), len(played_again(run)))
+    return Standing(asked_of(run), faults(episodes, run), len(played_again(run)))
+
+
+def asked_of(run: Path) -> int:
+    """Return how many episodes a run is of, 0 if no run.json tells. Raises RecordError if that is damaged."""
+    return read_manifest(run).episodes if (run / MANIFEST).exists() else 0
 
 
 def check(run: Path) -> tuple[int, tuple[str, ...]]:

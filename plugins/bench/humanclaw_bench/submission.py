@@ -174,10 +174,7 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
     for metric, field in RATES.items():
         met = [bool(row[field]) for row in rows if row.get(field) is not None]
         yield from _off_rate(metric.name, met, claimed.rates.get(metric.name))
-    for one in claimed.episodes:
-        share = one.scores.get("false_claims")
-        if share is not None and not 0 <= _number(share) <= 1:
-            yield f"episode {one.id} has a share of false claims of {share!r:.20}"
+    yield from _off_claims(claimed)
     yield from _off_sum("cost is", claimed.cost, claimed, ("cost",))
     yield from _off_sum("tokens are", claimed.tokens, claimed, ("tokens_in", "tokens_out"))
 
@@ -210,6 +207,13 @@ def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, i
         yield f"{name} is {value:g} of {count} by its rates, and {by_episodes}"
     elif not 0 <= low <= value + TOLERANCE <= high + 2 * TOLERANCE <= 1 + 3 * TOLERANCE:
         yield f"the interval of {name}, {low:g} to {high:g}, does not hold {value:g}"
+
+
+def _off_claims(claimed: Submission) -> Iterator[str]:
+    for one in claimed.episodes:
+        share = one.scores.get("false_claims")
+        if share is not None and not 0 <= _number(share) <= 1:
+            yield f"episode {one.id} has a share of false claims of {share!r:.20}"
 
 
 def _off_sum(what: str, told: float, claimed: Submission, fields: Sequence[str]) -> Iterator[str]:
