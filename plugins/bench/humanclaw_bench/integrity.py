@@ -45,6 +45,9 @@ class Manifest(BaseModel):
     """SHA-256 of its episodes (split_digest)."""
     options: dict[str, Any] | None = None
     verifier: str | None = None
+    limits: dict[str, float] | None = None
+    choice: dict[str, list[str]] = {}
+    """Of plugins and skills; empty for all."""
     backends: dict[str, Any] = {}
     versions: dict[str, str] = {}
     weights: dict[str, str] = {}
@@ -186,8 +189,9 @@ def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     elif len(asked) != told.episodes:
         split = f"split {told.split[:12]} has {len(asked)}"
         yield f"{run / MANIFEST} says that the run is of {counted(told.episodes, 'episode')}; {split}."
+    usual = _usual_skills([one.record for one in episodes])
     for one in episodes:
-        if differing := [*_other_episode(one, asked), *_other_settings(one.record, told)]:
+        if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
 
 
@@ -226,10 +230,22 @@ def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> li
     return [name for name in EpisodeSpec.model_fields if getattr(spec, name) != getattr(wanted, name)]
 
 
-def _other_settings(record: EpisodeRecord, told: Manifest) -> list[str]:
-    """In what a record was played otherwise than run.json says, as far as both tell."""
+def _usual_skills(records: Sequence[EpisodeRecord]) -> dict[str, str]:
+    """Return the skills of most records of a run, each with its digest: run.json knows their adapters alone."""
+    counts = Counter(tuple(sorted(_skills(record).items())) for record in records)
+    return dict(counts.most_common(1)[0][0]) if counts else {}
+
+
+def _skills(record: EpisodeRecord) -> dict[str, str]:
+    return {name: info.digest for name, info in record.skills.items()}
+
+
+def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, str]) -> list[str]:
+    """In what a record was played otherwise than run.json says, as far as both tell, or with other skills than usual
+    in its run."""
+    settings, skills = record.settings, _skills(record)
     pairs = {
-        "backends": (record.settings.get("body", {}), told.backends),
+        "backends": (settings.get("body", {}), told.backends),
         "versions": (record.versions, told.versions),
         "weights": (record.weights, told.weights),
     }
@@ -239,6 +255,13 @@ def _other_settings(record: EpisodeRecord, told: Manifest) -> list[str]:
         for name in sorted(found.keys() & wanted.keys())
         if found[name] != wanted[name]
     ]
-    options = [] if told.options in (None, record.options) else ["options"]
-    verifier = [] if told.verifier is None or bool(told.verifier) == bool(record.verifier) else ["verifier"]
-    return options + verifier + wrong
+    limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
+    choice = {kind: list(texts) for kind, texts in told.choice.items() if texts}
+    same = {
+        "options": told.options in (None, record.options),
+        "verifier": told.verifier is None or bool(told.verifier) == bool(record.verifier),
+        "limits": told.limits in (None, limits),
+        "choice of plugins": choice == settings.get("plugins", {}),
+    }
+    others = sorted(name for name in skills.keys() | usual.keys() if skills.get(name) != usual.get(name))
+    return [*(what for what, alike in same.items() if not alike), *wrong, *(f"skill {name}" for name in others)]

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -205,7 +206,7 @@ def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, i
     value, low, high, count = told
     if count != len(met) or not _alike(share, value):
         yield f"{name} is {value:g} of {count} by its rates, and {by_episodes}"
-    elif not 0 <= low <= value + TOLERANCE <= high + 2 * TOLERANCE <= 1 + 3 * TOLERANCE:
+    elif not all(less <= more + TOLERANCE for less, more in pairwise((0, low, value, high, 1))):
         yield f"the interval of {name}, {low:g} to {high:g}, does not hold {value:g}"
 
 
@@ -361,7 +362,7 @@ def _rank(one: Submission) -> tuple[float, ...]:
 
 _TITLES: Final = (
     "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "cost ($)",
-    "temperature", "engine", "date", "records",
+    "temperature", "verifier", "engine", "date", "records",
 )  # fmt: skip
 
 
@@ -375,7 +376,7 @@ def _cells(entry: Entry) -> tuple[str, ...]:
     agent = f"{one.agent} (privileged)" if any(e.scores.get("privileged") for e in one.episodes) else one.agent
     return (
         agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
-        one.engine, one.made, entry.records,
+        str(one.run.get("verifier") or "-"), one.engine, one.made, entry.records,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from rollouts import COUCH, rollout, step
 
 from humanclaw import RecordError, load_run
 from humanclaw.pose import Pose2D
-from humanclaw.records import EpisodeRecord, write_record
+from humanclaw.records import EpisodeRecord, SkillInfo, write_record
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission
 from humanclaw_bench.cli import bench
@@ -160,6 +160,29 @@ def another_engine(run: Path) -> None:
     say(run, backends={"simulator": "mujoco"})
 
 
+def other_limits(run: Path) -> None:
+    """Limits of a run hold for a session, and so may be others in each; those of an episode may not."""
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, settings={"limits": {"episode.usd": 0.5, "run.usd": float(name[1]) + 1}})
+    say(run, limits={"episode.usd": 0.5})
+    assert invoke("verify", run).exit_code == 0
+    rewrite(run, "e2", settings={"limits": {"episode.usd": 5}})
+
+
+def other_choice(run: Path) -> None:
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, settings={"plugins": {"without": ["climb_upstairs"]}})
+    say(run, choice={"prefer": [], "without": ["climb_upstairs"], "skills": []})
+    assert invoke("verify", run).exit_code == 0
+    rewrite(run, "e2", settings={})
+
+
+def other_skills(run: Path) -> None:
+    """An episode of another run, played by a walk with other weights."""
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, skills={"walk": SkillInfo("locomotion", digest="b" if name == "e2" else "a")})
+
+
 def deeper(run: Path) -> None:
     """Records of another run, put away in a folder of this one."""
     shutil.copytree(run / "e1", run / "old" / "e1")
@@ -183,6 +206,9 @@ TAMPERED = [
     (another_start, "e1 is not of this run: start, max_steps, seed."),
     (other_options, "e0 is not of this run: options."),
     (another_engine, "e0 is not of this run: backends simulator."),
+    (other_limits, "e2 is not of this run: limits."),
+    (other_choice, "e2 is not of this run: choice of plugins."),
+    (other_skills, "e2 is not of this run: skill walk."),
 ]
 
 
@@ -243,6 +269,7 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert "Ada &lt;ada@example.org&gt;" in page
     assert "75.0% [30.1, 95.4]" in page
     assert "<td>agree</td>" in page
+    assert "<th scope='col'>verifier</th>" in page
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
     assert "<td>not here</td>" in (run.parent / "index.html").read_text()
