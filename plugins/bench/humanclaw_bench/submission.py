@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -25,8 +24,8 @@ from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import faults, played_again, read_manifest, split_name
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
-from humanclaw_bench.splits import load_split
-from humanclaw_bench.statistics import Estimate
+from humanclaw_bench.splits import load_split, original_of
+from humanclaw_bench.statistics import Estimate, rate
 from humanclaw_bench.tables import Column
 
 NAME: Final = "submission.json"
@@ -171,10 +170,12 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
     if claimed.run.get("episodes") != claimed.asked:
         yield f"asked is {claimed.asked}, and its run is of {claimed.run.get('episodes')}"
     yield from _off_split(claimed)
-    rows = [one.scores for one in claimed.episodes if _counts(one)]
+    over = [one for one in claimed.episodes if _counts(one)]
     for metric, field in RATES.items():
-        met = [bool(row[field]) for row in rows if row.get(field) is not None]
-        yield from _off_rate(metric.name, met, claimed.rates.get(metric.name))
+        known = [one for one in over if one.scores.get(field) is not None]
+        met, houses = ([one.scores.get(key) for one in known] for key in (field, "scene"))
+        found = rate([bool(one) for one in met], [str(house) for house in houses], [original_of(e.id) for e in known])
+        yield from _off_rate(metric.name, found, claimed.rates.get(metric.name))
     yield from _off_claims(claimed)
     yield from _off_sum("cost is", claimed.cost, claimed, ("cost",))
     yield from _off_sum("tokens are", claimed.tokens, claimed, ("tokens_in", "tokens_out"))
@@ -192,22 +193,23 @@ def _off_split(claimed: Submission) -> Iterator[str]:
             yield f"episode {one.id} is not of split {name}"
         elif one.seed != spec.seed:
             yield f"episode {one.id} has seed {spec.seed} in split {name}, not {one.seed}"
+        elif one.scores.get("scene") != spec.scene:
+            yield f"episode {one.id} is in {spec.scene} in split {name}, not in {one.scores.get('scene')!r:.40}"
         elif spec.interact == (one.scores.get("interact") is None) and _counts(one):
             yield f"episode {one.id} is {'' if spec.interact else 'not '}to sit down in split {name}"
 
 
-def _off_rate(name: str, met: Sequence[bool], told: tuple[float, float, float, int] | None) -> Iterator[str]:
-    share = sum(met) / max(len(met), 1)
-    by_episodes = f"{share:g} of {len(met)} by its episodes"
+def _off_rate(name: str, found: Estimate, told: tuple[float, float, float, int] | None) -> Iterator[str]:
+    by_episodes = f"{found.value if found.count else 0:g} of {found.count} by its episodes"
     if told is None:
-        if met:
+        if found.count:
             yield f"{name} is not among its rates, and {by_episodes}"
         return
     value, low, high, count = told
-    if count != len(met) or not _alike(share, value):
+    if count != found.count or not _alike(found.value, value):
         yield f"{name} is {value:g} of {count} by its rates, and {by_episodes}"
-    elif not all(less <= more + TOLERANCE for less, more in pairwise((0, low, value, high, 1))):
-        yield f"the interval of {name}, {low:g} to {high:g}, does not hold {value:g}"
+    elif not (_alike(found.low, low) and _alike(found.high, high)):
+        yield f"{name} has the interval {low:g} to {high:g}, and {found.low:g} to {found.high:g} by its episodes"
 
 
 def _off_claims(claimed: Submission) -> Iterator[str]:

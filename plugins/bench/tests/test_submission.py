@@ -328,8 +328,8 @@ def rates(*values: float) -> Callable[[dict[str, Any]], None]:
         (rates(1.0, 0.9, 1.0), "InteractSR is 1 of 3 by its rates, and 0.75 of 4 by its episodes"),
         (lambda it: it["rates"].pop("NavSR"), "NavSR is not among its rates, and 0.75 of 4 by its episodes"),
         (
-            lambda it: it["rates"].update(NavSR=[0.75, 0.8, 0.9, 4]),
-            "the interval of NavSR, 0.8 to 0.9, does not hold 0.75",
+            lambda it: it["rates"].update(NavSR=[0.75, 0.75, 0.75, 4]),
+            "NavSR has the interval 0.75 to 0.75, and 0.300642 to 0.954413 by its episodes",  # Wilson's of 3 in 4.
         ),
         (lambda it: it.update(cost=100.0), "cost is 100, and 0 by its episodes"),
         (lambda it: it["episodes"][1]["scores"].update(cost="abc"), "cost is 0, and nan by its episodes"),
@@ -349,6 +349,39 @@ def test_numbers_that_contradict_themselves_are_not_ranked_though_nobody_has_the
     forged(run, change)
     shutil.rmtree(run)
     assert invoke("leaderboard", run.parent).exit_code == 0
+    ranked, apart = page(run)
+    assert "Ada" not in ranked
+    assert words in html.unescape(apart)
+
+
+def of_smoke(folder: Path) -> Path:
+    """Records of all episodes of a split of the benchmark."""
+    for spec in load_split("smoke"):
+        rollout(folder, FAR, name=spec.id)
+        rewrite(folder, spec.id, dict(spec))
+    return tell(folder, agent="model")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda bed: bed.update(seed=1126), "house-13-bed-2 has seed 398 in split smoke, not 1126"),
+        (lambda bed: bed["scores"].update(scene="house:9"), "is in house:13 in split smoke, not in 'house:9'"),
+        (lambda bed: bed["scores"].update(interact=None), "house-13-bed-2 is to sit down in split smoke"),
+    ],
+)
+def test_an_episode_that_is_told_otherwise_than_its_split_has_it_is_not_ranked(
+    tmp_path: Path, change: Any, words: str
+) -> None:
+    run = of_smoke(tmp_path / "board" / "mine")
+
+    def tell_otherwise(it: dict[str, Any]) -> None:
+        change(next(one for one in it["episodes"] if one["id"] == "house-13-bed-2"))
+        it["seeds"] = sorted(one["seed"] for one in it["episodes"])
+
+    forged(run, tell_otherwise)
+    shutil.rmtree(run)
+    invoke("leaderboard", run.parent)
     ranked, apart = page(run)
     assert "Ada" not in ranked
     assert words in html.unescape(apart)
