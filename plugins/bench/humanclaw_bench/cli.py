@@ -263,7 +263,9 @@ def verify(run: Path, submission: Path | None) -> None:
     for fault in faults:
         click.echo(fault)
     for name in played_again(run):
-        click.echo(f"{run / name} was played again after it had ended.")
+        click.echo(f"{name!r:.200} was played again after it had ended.")
+    if not asked_of(run):
+        click.echo(f"There is no run.json in {run}: nothing tells of which split and settings they are.")
     of = f"{count} of " if count < asked else ""
     click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
     if faults:
@@ -324,6 +326,7 @@ def _require_whole(results: Sequence[Result], partial: bool) -> None:
 
 def _one(run: Path) -> Result:
     results = _results([run])
+    _require_whole(results, partial=True)  # Whether its records are its own; how many there are is another question.
     if len(results) > 1:
         names = ", ".join(result.name for result in results)
         raise RecordError(f"{run} holds runs of several agents ({names}).", "Name the folder of one of them.")

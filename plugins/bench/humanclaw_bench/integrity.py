@@ -7,13 +7,14 @@ field.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -30,7 +31,7 @@ SPLIT: Final = "split.jsonl"
 """The episodes that a run is of, in its folder."""
 JOURNAL: Final = "journal.jsonl"
 """A line for every episode that ended while it was run."""
-_MOST: Final = 100_000
+MOST: Final = 100_000
 """Episodes of a run; more are a mistake."""
 
 
@@ -40,22 +41,24 @@ class Manifest(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True)
 
-    episodes: Annotated[int, Field(ge=1, le=_MOST)]
+    episodes: Annotated[int, Field(ge=1, le=MOST)]
     split: str
     """SHA-256 of its episodes (split_digest)."""
-    options: dict[str, Any] | None = None
-    verifier: str | None = None
-    limits: dict[str, float] | None = None
+    options: dict[str, Any]
+    verifier: str
+    """As it is registered; a record has what it calls itself."""
+    limits: dict[str, float]
+    backends: dict[str, Any]
+    versions: dict[str, str]
+    weights: dict[str, str]
     choice: dict[str, list[str]] = {}
     """Of plugins and skills; empty for all."""
-    backends: dict[str, Any] = {}
-    versions: dict[str, str] = {}
-    weights: dict[str, str] = {}
+    plugin_files: Annotated[dict[str, str], Field(alias="plugin files")] = {}
 
     @property
     def content(self) -> dict[str, Any]:
         """All of run.json, as it is there."""
-        return self.model_dump(exclude_unset=True)
+        return self.model_dump(exclude_unset=True, by_alias=True)
 
 
 def read_manifest(run: Path) -> Manifest:
@@ -155,23 +158,36 @@ def played_again(run: Path) -> tuple[str, ...]:
     """Return the episodes of which the journal of a run has more than one end that would have counted, by name.
 
     A record that was damaged is begun anew, and so is one that somebody threw away since he did not like it: nothing
-    tells them apart. A line that cannot be read, as a disk that was full may leave it, tells of nothing.
+    tells them apart.
     """
+    return tuple(sorted(name for name, ends in _journal(run).items() if len(ends) > 1))
+
+
+@dataclass(frozen=True)
+class _End:
+    """How an episode ended."""
+
+    outcome: str
+    steps: int
+
+    def __str__(self) -> str:
+        return f"{self.outcome} after {counted(self.steps, 'step')}"
+
+
+def _journal(run: Path) -> dict[str, list[_End]]:
+    """Return the ends that count of each episode, as the journal has them. A line that cannot be read, as a disk that
+    was full may leave it, tells of nothing."""
     try:
         lines = (run / JOURNAL).read_bytes().splitlines()
     except OSError:
-        return ()
-    ends = Counter(filter(None, map(_end, lines)))
-    return tuple(sorted(name for name, count in ends.items() if count > 1))
-
-
-def _end(line: bytes) -> str:
-    """Return the episode of which a line of the journal tells an end that counts, or nothing."""
-    try:
-        told = json.loads(line)
-        return str(told["episode"]) if ended(str(told["outcome"]), str(told["limit"])) else ""
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return ""
+        return {}
+    found: dict[str, list[_End]] = defaultdict(list)
+    for line in lines:
+        with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
+            told = json.loads(line)
+            if ended(str(told["outcome"]), str(told["limit"])):
+                found[str(told["episode"])].append(_End(str(told["outcome"]), int(told["steps"])))
+    return found
 
 
 def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
@@ -189,10 +205,19 @@ def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     elif len(asked) != told.episodes:
         split = f"split {told.split[:12]} has {len(asked)}"
         yield f"{run / MANIFEST} says that the run is of {counted(told.episodes, 'episode')}; {split}."
-    usual = _usual_skills([one.record for one in episodes])
+    usual, journal = _usual([one.record for one in episodes]), _journal(run)
     for one in episodes:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
+        yield from _other_end(one, journal.get(one.record.spec.id, []))
+
+
+def _other_end(one: RecordedEpisode, ends: Sequence[_End]) -> Iterator[str]:
+    """Yield that a record is not the one that the journal saw end last: of several attempts somebody may have chosen
+    the best."""
+    found = _End(one.record.outcome, one.record.steps)
+    if ends and ended(found.outcome, one.record.limit) and found != ends[-1]:
+        yield f"{one.folder} is not the record that was made last: {found}; by the journal {ends[-1]}."
 
 
 def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
@@ -230,38 +255,45 @@ def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> li
     return [name for name in EpisodeSpec.model_fields if getattr(spec, name) != getattr(wanted, name)]
 
 
-def _usual_skills(records: Sequence[EpisodeRecord]) -> dict[str, str]:
-    """Return the skills of most records of a run, each with its digest: run.json knows their adapters alone."""
-    counts = Counter(tuple(sorted(_skills(record).items())) for record in records)
-    return dict(counts.most_common(1)[0][0]) if counts else {}
-
-
-def _skills(record: EpisodeRecord) -> dict[str, str]:
-    return {name: info.digest for name, info in record.skills.items()}
-
-
 def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, str]) -> list[str]:
-    """In what a record was played otherwise than run.json says, as far as both tell, or with other skills than usual
-    in its run."""
-    settings, skills = record.settings, _skills(record)
+    """In what a record was played otherwise than run.json says, or than most records of its run."""
+    settings, unlike = record.settings, []
     pairs = {
         "backends": (settings.get("body", {}), told.backends),
-        "versions": (record.versions, told.versions),
-        "weights": (record.weights, told.weights),
+        "versions": (record.versions, {"humanclaw": None} | told.versions),
+        "weights": (record.weights, {"base": None} | told.weights),
     }
-    wrong = [
-        f"{kind} {name}"
-        for kind, (found, wanted) in pairs.items()
-        for name in sorted(found.keys() & wanted.keys())
-        if found[name] != wanted[name]
-    ]
+    for kind, (found, wanted) in pairs.items():
+        # Of a run's weights and versions records have others: those of adapters are in a skill's digest.
+        names = found.keys() | wanted.keys() if kind == "backends" else found.keys() & wanted.keys()
+        unlike += [f"{kind} {name}" for name in sorted(names) if found.get(name) != wanted.get(name)]
     limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
     choice = {kind: list(texts) for kind, texts in told.choice.items() if texts}
+    origins = {PureWindowsPath(info.origin).name for info in record.skills.values()}  # Takes either slash.
     same = {
-        "options": told.options in (None, record.options),
-        "verifier": told.verifier is None or bool(told.verifier) == bool(record.verifier),
-        "limits": told.limits in (None, limits),
+        "options": told.options == record.options,
+        "verifier": bool(told.verifier) == bool(record.verifier),
+        "limits": told.limits == limits,
         "choice of plugins": choice == settings.get("plugins", {}),
+        "plugin files": {name for name in origins if name.endswith(".py")} <= told.plugin_files.keys(),
     }
-    others = sorted(name for name in skills.keys() | usual.keys() if skills.get(name) != usual.get(name))
-    return [*(what for what, alike in same.items() if not alike), *wrong, *(f"skill {name}" for name in others)]
+    unlike += [what for what, alike in same.items() if not alike]
+    return unlike + [f"{what} of the others" for what, value in _common(record).items() if value != usual[what]]
+
+
+def _usual(records: Sequence[EpisodeRecord]) -> dict[str, str]:
+    """Return what most records of a run have of what all must have alike, and run.json does not tell."""
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    for record in records:
+        for what, value in _common(record).items():
+            counts[what][value] += 1
+    return {what: count.most_common(1)[0][0] for what, count in counts.items()}
+
+
+def _common(record: EpisodeRecord) -> dict[str, str]:
+    """Return that of a record. Where a plugin failed, nobody knows what an agent that was never made would have said
+    of itself."""
+    skills = sorted((name, info.digest) for name, info in record.skills.items())
+    deciders = {"verifier": record.verifier, "temperature": record.settings.get("agent", {}).get("temperature")}
+    told = {"skills": skills} | (deciders if record.outcome != "plugin_error" else {})
+    return {what: json.dumps(value, sort_keys=True) for what, value in told.items()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import signal
 import threading
 import time
@@ -219,8 +220,11 @@ def _keep(out: Path, report: WorkerReport) -> None:
     if report.outcome == FAILED:
         mark(folder, FAILED, report.error)
     line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
-    with (out / JOURNAL).open("a", encoding="utf-8") as stream:
-        stream.write(json.dumps({"time": round(time.time(), 1)} | line) + "\n")
+    told = json.dumps({"time": round(time.time(), 1)} | line).encode() + b"\n"
+    with (out / JOURNAL).open("ab+") as stream:
+        stream.seek(-min(1, stream.tell()), os.SEEK_END)
+        torn = stream.read() not in (b"", b"\n")  # A full disk cut the last one off.
+        stream.write(b"\n" * torn + told)
 
 
 # -- what a run is made of ---------------------------------------------------------------------------------------------

@@ -6,12 +6,14 @@ read again.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import html
+import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -22,7 +24,8 @@ from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.integrity import faults, played_again, read_manifest, split_name
+from humanclaw_bench.integrity import MOST as EPISODES
+from humanclaw_bench.integrity import Manifest, faults, played_again, read_manifest, split_name
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
 from humanclaw_bench.splits import load_split, original_of
 from humanclaw_bench.statistics import Estimate, rate
@@ -33,6 +36,8 @@ RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
 """What submissions are ranked by, from the first stage to the last, and where an episode's numbers have it."""
 MOST: Final = 10**15
 """Of whatever is counted; more is a mistake."""
+LARGEST: Final = 100_000_000
+"""Bytes of a submission; that of 1,218 episodes has two million."""
 TOLERANCE: Final = 1e-6
 """By how much a number that is computed again may differ: other processors round otherwise."""
 _UNSCORED: Final = ("agent", "verifier", "error", "extra")
@@ -42,39 +47,69 @@ class _Value(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class EpisodeResult(_Value):
-    """One episode of a submission: the digest of its record and its numbers, as `bench rescore` writes them."""
+Text = Annotated[str, Field(max_length=500)]
+Dollars = Annotated[float, Field(ge=0, le=MOST)]
+Count = Annotated[int, Field(ge=0, le=MOST)]
 
-    id: str
+
+class Numbers(_Value):
+    """An episode's numbers as `bench rescore` writes them; those that the page rests on are named here."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    scene: str
+    outcome: str
+    limit: str = ""
+    find: bool | None
+    nav: bool | None
+    interact: bool | None
+    """None: the task does not ask for it."""
+    false_claims: Annotated[float, Field(ge=0, le=1)] | None
+    cost: Dollars
+    tokens_in: Count
+    tokens_out: Count
+    privileged: str | None = None
+
+    @property
+    def ended(self) -> bool:
+        return ended(self.outcome, self.limit)
+
+
+class EpisodeResult(_Value):
+    """One episode of a submission: the digest of its record and its numbers."""
+
+    id: Text
     seed: int
-    digest: str
+    digest: Text
     """SHA-256 over all that happened in it (RecordedEpisode.digest)."""
-    scores: dict[str, Any]
+    scores: Numbers
 
 
 class Submission(_Value):
     """All that a leaderboard shows of a run, and what it takes to check it."""
 
     format: Literal[1] = 1
-    who: str
+    who: Text
     """Whoever submits it, as it is to be shown."""
-    made: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    """Day on which this file was written, ISO 8601."""
-    agent: str
-    model_date: str = ""
+    made: date
+    """Day on which this file was written."""
+    agent: Text
+    verifier: Text = ""
+    """Whoever checked the calls; empty for nobody."""
+    model_date: Text = ""
     """Version or day of the model as its provider tells it; a name alone may be another model tomorrow."""
     temperature: Annotated[float, Field(ge=0, le=100)] | None = None
     """None: not told, or no model."""
-    engine: str
+    engine: Text
     """What moved the world."""
     seeds: tuple[int, ...]
     """Of the episodes, each once."""
-    asked: int
+    asked: Annotated[int, Field(ge=1, le=EPISODES)]
     """Episodes that the run is of."""
-    cost: Annotated[float, Field(ge=0)]
+    cost: Dollars
     """US dollars of all episodes, unfinished ones included."""
-    tokens: Annotated[int, Field(ge=0, le=MOST)]
-    again: Annotated[int, Field(ge=0, le=MOST)] = 0
+    tokens: Count
+    again: Count = 0
     """Episodes that were played again after they had ended, as far as the run's journal tells."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
@@ -100,25 +135,39 @@ def submit(run: Path, who: str, model_date: str = "") -> Submission:
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
+    try:
+        return _made(episodes, run, manifest, who, model_date).sealed
+    except ValidationError as error:
+        raise RecordError(
+            f"no submission can be made of {run}: {_first(error)}.", "Mend that and try again."
+        ) from error
+
+
+def _made(episodes: Sequence[RecordedEpisode], run: Path, manifest: Manifest, who: str, model_date: str) -> Submission:
     pairs = scored(episodes, name=run.name)
     scores = [one for one, _ in pairs]
     results = tuple(_result(*entry) for entry in zip(episodes, (row(*pair) for pair in pairs), strict=True))
-    settings = episodes[0].record.settings
-    temperature = settings.get("agent", {}).get("temperature")
+    # An agent that was never made says nothing of itself.
+    first = min((one.record for one in episodes), key=lambda record: record.outcome == "plugin_error")
     return Submission(
-        who=who, made=datetime.now(UTC).date().isoformat(), agent=agents[0], model_date=model_date,
-        temperature=None if temperature is None else float(temperature),
-        engine=str(settings.get("body", {}).get("simulator", "")), seeds=tuple(sorted({one.seed for one in results})),
-        asked=manifest.episodes, cost=sum(one.cost for one in scores),
-        tokens=sum(one.tokens_in + one.tokens_out for one in scores), again=len(played_again(run)),
-        run=manifest.content, rates=_rates(scores), episodes=results,
-    ).sealed  # fmt: skip
+        who=who, made=datetime.now(UTC).date(), agent=first.agent, verifier=first.verifier, model_date=model_date,
+        temperature=_temperature(first.settings.get("agent", {}).get("temperature")),
+        engine=str(first.settings.get("body", {}).get("simulator", "")),
+        seeds=tuple(sorted({one.seed for one in results})), asked=manifest.episodes,
+        cost=sum(one.cost for one in scores), tokens=sum(one.tokens_in + one.tokens_out for one in scores),
+        again=len(played_again(run)), run=manifest.content, rates=_rates(scores), episodes=results,
+    )  # fmt: skip
+
+
+def _temperature(told: object) -> float | None:
+    """Return what an agent says as a temperature, if it is one."""
+    return float(told) if isinstance(told, int | float) and 0 <= told <= 100 else None
 
 
 def _result(recorded: RecordedEpisode, numbers: Mapping[str, Any]) -> EpisodeResult:
     kept = {key: value for key, value in numbers.items() if key not in _UNSCORED}
     spec = recorded.record.spec
-    return EpisodeResult(id=spec.id, seed=spec.seed, digest=recorded.digest, scores=kept)
+    return EpisodeResult(id=spec.id, seed=spec.seed, digest=recorded.digest, scores=Numbers(**kept))
 
 
 def _rates(scores: Sequence[Scores]) -> dict[str, tuple[float, float, float, int]]:
@@ -129,13 +178,22 @@ def _rates(scores: Sequence[Scores]) -> dict[str, tuple[float, float, float, int
 def read(path: Path) -> Submission:
     """Read a submission. Raises RecordError if it is none or has been changed."""
     try:
-        found = Submission.model_validate_json(path.read_bytes())
+        found = Submission.model_validate_json(_bytes(path))
     except (OSError, ValidationError) as error:
         told = f"{path} is no submission: {_first(error)}."  # Never what stands in it: a link may lead anywhere.
         raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
     return found
+
+
+def _bytes(path: Path) -> bytes:
+    """Read a file that may be anything. Raises OSError also for what would never end."""
+    if not path.is_file():
+        raise OSError(errno.EINVAL, "no file")
+    if path.stat().st_size > LARGEST:
+        raise OSError(errno.EFBIG, f"larger than {LARGEST // 10**6} MB")
+    return path.read_bytes()
 
 
 def _first(error: OSError | ValidationError) -> str:
@@ -170,15 +228,16 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
     if claimed.run.get("episodes") != claimed.asked:
         yield f"asked is {claimed.asked}, and its run is of {claimed.run.get('episodes')}"
     yield from _off_split(claimed)
-    over = [one for one in claimed.episodes if _counts(one)]
     for metric, field in RATES.items():
-        known = [one for one in over if one.scores.get(field) is not None]
-        met, houses = ([one.scores.get(key) for one in known] for key in (field, "scene"))
-        found = rate([bool(one) for one in met], [str(house) for house in houses], [original_of(e.id) for e in known])
+        known = [one for one in claimed.episodes if one.scores.ended and getattr(one.scores, field) is not None]
+        met, houses = [getattr(one.scores, field) for one in known], [one.scores.scene for one in known]
+        found = rate(met, houses, [original_of(one.id) for one in known])
         yield from _off_rate(metric.name, found, claimed.rates.get(metric.name))
-    yield from _off_claims(claimed)
-    yield from _off_sum("cost is", claimed.cost, claimed, ("cost",))
-    yield from _off_sum("tokens are", claimed.tokens, claimed, ("tokens_in", "tokens_out"))
+    scores = [one.scores for one in claimed.episodes]
+    if not _alike(cost := sum(one.cost for one in scores), claimed.cost):
+        yield f"cost is {claimed.cost:g}, and {cost:g} by its episodes"
+    if (tokens := sum(one.tokens_in + one.tokens_out for one in scores)) != claimed.tokens:
+        yield f"tokens are {claimed.tokens}, and {tokens} by its episodes"
 
 
 def _off_split(claimed: Submission) -> Iterator[str]:
@@ -193,9 +252,11 @@ def _off_split(claimed: Submission) -> Iterator[str]:
             yield f"episode {one.id} is not of split {name}"
         elif one.seed != spec.seed:
             yield f"episode {one.id} has seed {spec.seed} in split {name}, not {one.seed}"
-        elif one.scores.get("scene") != spec.scene:
-            yield f"episode {one.id} is in {spec.scene} in split {name}, not in {one.scores.get('scene')!r:.40}"
-        elif spec.interact == (one.scores.get("interact") is None) and _counts(one):
+        elif one.scores.scene != spec.scene:
+            yield f"episode {one.id} is in {spec.scene} in split {name}, not in {one.scores.scene!r:.40}"
+        elif one.scores.ended and None in (one.scores.find, one.scores.nav):
+            yield f"episode {one.id} is to find a target and go to it in split {name}"
+        elif one.scores.ended and spec.interact == (one.scores.interact is None):
             yield f"episode {one.id} is {'' if spec.interact else 'not '}to sit down in split {name}"
 
 
@@ -212,37 +273,14 @@ def _off_rate(name: str, found: Estimate, told: tuple[float, float, float, int] 
         yield f"{name} has the interval {low:g} to {high:g}, and {found.low:g} to {found.high:g} by its episodes"
 
 
-def _off_claims(claimed: Submission) -> Iterator[str]:
-    for one in claimed.episodes:
-        share = one.scores.get("false_claims")
-        if share is not None and not 0 <= _number(share) <= 1:
-            yield f"episode {one.id} has a share of false claims of {share!r:.20}"
-
-
-def _off_sum(what: str, told: float, claimed: Submission, fields: Sequence[str]) -> Iterator[str]:
-    found = sum(_number(one.scores.get(field) or 0) for one in claimed.episodes for field in fields)
-    if not _alike(found, told):
-        yield f"{what} {told:g}, and {found:g} by its episodes"
-
-
-def _number(value: object) -> float:
-    """Return what a submission says as a number; NaN for what is none."""
-    try:
-        return float(value) if isinstance(value, int | float) else float("nan")
-    except OverflowError:
-        return float("nan")
-
-
-def _counts(one: EpisodeResult) -> bool:
-    return ended(str(one.scores.get("outcome")), str(one.scores.get("limit", "")))
-
-
 def _differing(claimed: Submission, found: Submission) -> list[str]:
-    plain = [key for key in ("agent", "engine", "temperature", "seeds", "asked", "tokens", "again", "run")
+    plain = [key for key in ("agent", "verifier", "engine", "temperature", "seeds", "asked", "tokens", "run")
              if getattr(claimed, key) != getattr(found, key)]  # fmt: skip
     rates = claimed.rates.keys() == found.rates.keys() and all(
         _alike(a, b) for name, values in found.rates.items() for a, b in zip(values, claimed.rates[name], strict=True)
     )
+    # Whoever hosts the records may have them without their journal.
+    plain += ["again"] * (found.again > claimed.again)
     return plain + ([] if _alike(claimed.cost, found.cost) else ["cost"]) + ([] if rates else ["rates"])
 
 
@@ -251,14 +289,14 @@ def _unlike(ours: EpisodeResult, theirs: EpisodeResult) -> list[str]:
         return ["its record is another one"]
     if ours.seed != theirs.seed:
         return [f"seed is {ours.seed}, not {theirs.seed}"]
-    keys = ours.scores.keys() | theirs.scores.keys()
-    wrong = sorted(key for key in keys if not _alike(ours.scores.get(key), theirs.scores.get(key)))
-    return [f"{key} is {ours.scores.get(key)!r}, not {theirs.scores.get(key)!r}" for key in wrong]
+    one, two = ours.scores.model_dump(), theirs.scores.model_dump()
+    wrong = sorted(key for key in one.keys() | two.keys() if not _alike(one.get(key), two.get(key)))
+    return [f"{key} is {one.get(key)!r:.80}, not {two.get(key)!r:.80}" for key in wrong]
 
 
 def _alike(a: Any, b: Any) -> bool:
-    if isinstance(a, float) and isinstance(b, int | float):
-        return abs(a - _number(b)) <= TOLERANCE * max(1.0, abs(a))
+    if isinstance(a, float) and isinstance(b, float):
+        return abs(a - b) <= TOLERANCE * max(1.0, abs(a))
     return bool(a == b)
 
 
@@ -309,6 +347,8 @@ def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
             found.append(_entry(path, read(path)))
         except RecordError as error:
             unread.append(error.message)
+        except Exception as error:  # Whatever a stranger's file or records may do, it stops nobody else's.
+            unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
     return found, unread
 
 
@@ -328,7 +368,7 @@ def _entry(path: Path, one: Submission) -> Entry:
 
 
 def _ended(one: Submission) -> int:
-    return sum(map(_counts, one.episodes))
+    return sum(result.scores.ended for result in one.episodes)
 
 
 def _section(split: str, told: bool, entries: Sequence[Entry]) -> str:
@@ -343,7 +383,7 @@ def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
     """Those that say nothing beside the others, each with the reason."""
     rows = [(*_cells(entry), entry.file, entry.apart) for entry in entries]
     table = _table("Not ranked", (*_TITLES, "file", "why"), rows) if rows else ""
-    return table + "".join(f"<p>Not read: {html.escape(reason)}</p>" for reason in unread)
+    return table + "".join(f"<p>Not read: {html.escape(legible(reason))}</p>" for reason in unread)
 
 
 def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -364,7 +404,7 @@ def _rank(one: Submission) -> tuple[float, ...]:
 
 _TITLES: Final = (
     "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "cost ($)",
-    "temperature", "verifier", "engine", "date", "records",
+    "temperature", "verifier", "engine", "settings", "date", "records",
 )  # fmt: skip
 
 
@@ -375,16 +415,25 @@ def _cells(entry: Entry) -> tuple[str, ...]:
     again = f", {one.again} played again" if one.again else ""
     episodes = f"{_ended(one)} of {one.asked}{again}"
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
-    agent = f"{one.agent} (privileged)" if any(e.scores.get("privileged") for e in one.episodes) else one.agent
+    agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
     return (
         agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
-        str(one.run.get("verifier") or "-"), one.engine, one.made, entry.records,
+        one.verifier or "-", one.engine, _settings(one.run), one.made.isoformat(), entry.records,
     )  # fmt: skip
 
 
+def _settings(run: Mapping[str, Any]) -> str:
+    """Return what a run was played with that others need not be."""
+    told = {key: run[key] for key in ("options", "limits", "choice", "plugin files") if run.get(key)}
+    if told.get("options") == {"profile": "default"}:
+        del told["options"]
+    return "; ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()) or "-"
+
+
 def _false_claims(one: Submission) -> float:
-    told = [e.scores.get("false_claims") for e in one.episodes if _counts(e)]
-    return float(np.mean([_number(share) for share in told if share is not None] or [np.nan]))
+    """Return FALSE_CLAIMS of a submission, which has no records."""
+    shares = [e.scores.false_claims for e in one.episodes if e.scores.ended]
+    return float(np.mean([share for share in shares if share is not None] or [np.nan]))
 
 
 def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:

@@ -22,6 +22,7 @@ from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
+from humanclaw_bench.integrity import check, played_again
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import Forecast, run_split
@@ -244,6 +245,26 @@ def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play,
     assert "toy-0" not in log.read_text()
     assert "has been changed since it was written. It is begun anew." in capsys.readouterr().out
     assert CliRunner().invoke(bench, ["verify", str(folder)]).exit_code == 0
+
+
+def test_an_episode_that_was_thrown_away_is_counted_though_the_journals_last_line_was_cut_off(play):
+    _, _, folder = play(toy_world.specs(2))
+    with (folder / "journal.jsonl").open("a") as journal:
+        journal.write('{"time": 1, "episode": "toy-')
+    shutil.rmtree(folder / "toy-1")
+    play(toy_world.specs(2))
+    assert played_again(folder) == ("toy-1",)
+
+
+def test_a_better_attempt_of_another_run_is_not_taken_for_one_of_this(play, tmp_path):
+    luck = {"in": "toy-1", "what": "bug", "once": str(tmp_path / "once")}
+    _, _, folder = play(toy_world.specs(2), **luck)
+    _, _, other = play(toy_world.specs(2), name="other", **luck)
+    assert check(folder) == (2, ())
+    shutil.rmtree(folder / "toy-1")
+    shutil.copytree(other / "toy-1", folder / "toy-1")
+    _, faults = check(folder)
+    assert any("toy-1 is not the record that was made last" in fault for fault in faults)
 
 
 def test_an_episode_copied_beside_itself_is_refused(play):
@@ -496,6 +517,7 @@ sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.attribution import attribute
+from humanclaw_bench.integrity import check, played_again
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -31,6 +32,7 @@ SAT = [
     step("stop", away=0.1, pelvis_contacts=(COUCH,)),
 ]
 FAR = [step("stop", away=0.5)]
+WARM = {"agent": {"temperature": 0.2}, "body": {"simulator": "bullet"}}
 
 
 @pytest.fixture
@@ -38,9 +40,7 @@ def run(tmp_path: Path) -> Path:
     folder = tmp_path / "board" / "mine"
     for k in range(4):
         recorded = rollout(folder, SAT if k else FAR, name=f"e{k}")
-        warm = {"agent": {"temperature": 0.2}, "body": {"simulator": "bullet"}}
-        record = EpisodeRecord.model_validate_json((recorded.folder / "episode.json").read_bytes())
-        write_record(recorded.folder, record.model_copy(update={"settings": warm}))
+        rewrite(folder, recorded.record.spec.id, settings=WARM)
     return tell(folder, agent="model")
 
 
@@ -66,7 +66,7 @@ def test_a_submission_holds_what_was_run_and_what_came_of_it(run: Path) -> None:
     )
     assert (found.engine, found.asked, found.run["agent"]) == ("bullet", 4, "model")
     assert found.rates["NavSR"][0] == 0.75
-    assert [one.scores["interact"] for one in found.episodes] == [False, True, True, True]
+    assert [one.scores.interact for one in found.episodes] == [False, True, True, True]
 
 
 def test_records_that_are_scored_again_agree_with_it(run: Path) -> None:
@@ -85,7 +85,9 @@ def test_a_number_that_was_changed_breaks_the_seal(run: Path) -> None:
 def test_a_number_that_was_changed_and_sealed_again_contradicts_the_records(run: Path) -> None:
     path = submitted(run)
     honest = submission.read(path)
-    better = honest.episodes[0].model_copy(update={"scores": {**honest.episodes[0].scores, "nav": True}})
+    better = honest.episodes[0].model_copy(
+        update={"scores": honest.episodes[0].scores.model_copy(update={"nav": True})}
+    )
     rates = {**honest.rates, "NavSR": (1.0, 0.5, 1.0, 4)}
     forged = honest.model_copy(update={"episodes": (better, *honest.episodes[1:]), "rates": rates}).sealed
     path.write_text(forged.model_dump_json())
@@ -163,24 +165,57 @@ def another_engine(run: Path) -> None:
 def other_limits(run: Path) -> None:
     """Limits of a run hold for a session, and so may be others in each; those of an episode may not."""
     for name in ("e0", "e1", "e2", "e3"):
-        rewrite(run, name, settings={"limits": {"episode.usd": 0.5, "run.usd": float(name[1]) + 1}})
+        rewrite(run, name, settings=WARM | {"limits": {"episode.usd": 0.5, "run.usd": float(name[1]) + 1}})
     say(run, limits={"episode.usd": 0.5})
     assert invoke("verify", run).exit_code == 0
-    rewrite(run, "e2", settings={"limits": {"episode.usd": 5}})
+    rewrite(run, "e2", settings=WARM | {"limits": {"episode.usd": 5}})
 
 
 def other_choice(run: Path) -> None:
     for name in ("e0", "e1", "e2", "e3"):
-        rewrite(run, name, settings={"plugins": {"without": ["climb_upstairs"]}})
+        rewrite(run, name, settings=WARM | {"plugins": {"without": ["climb_upstairs"]}})
     say(run, choice={"prefer": [], "without": ["climb_upstairs"], "skills": []})
     assert invoke("verify", run).exit_code == 0
-    rewrite(run, "e2", settings={})
+    rewrite(run, "e2", settings=WARM)
 
 
 def other_skills(run: Path) -> None:
     """An episode of another run, played by a walk with other weights."""
     for name in ("e0", "e1", "e2", "e3"):
         rewrite(run, name, skills={"walk": SkillInfo("locomotion", digest="b" if name == "e2" else "a")})
+
+
+def half_checked(run: Path) -> None:
+    """A verifier in half of the episodes; run.json tells that there was one."""
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, verifier="weak" if name == "e3" else "strong")
+    say(run, verifier="strong")
+
+
+def half_warm(run: Path) -> None:
+    rewrite(run, "e3", settings=WARM | {"agent": {"temperature": 1.5}})
+
+
+def two_engines(run: Path) -> None:
+    """Half of the episodes on another engine, and run.json holds nothing to any."""
+    rewrite(run, "e3", settings=WARM | {"body": {"simulator": "mujoco"}})
+    say(run, backends={})
+
+
+def foreign_skill(run: Path) -> None:
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, skills={"leap": SkillInfo("locomotion", digest="a", origin="C:\\mine\\leap.py")})
+    say(run, **{"plugin files": {"leap.py": "0" * 64}})
+    assert invoke("verify", run).exit_code == 0
+    say(run, **{"plugin files": {}})
+
+
+def best_of_two(run: Path) -> None:
+    """The record of another attempt, in a run whose journal saw this one end otherwise."""
+    end = {"episode": "e1", "outcome": "stopped", "limit": "", "steps": 3}
+    (run / "journal.jsonl").write_text(json.dumps(end))
+    assert invoke("verify", run).exit_code == 0
+    (run / "journal.jsonl").write_text(json.dumps(end | {"steps": 1}))
 
 
 def deeper(run: Path) -> None:
@@ -207,8 +242,16 @@ TAMPERED = [
     (other_options, "e0 is not of this run: options."),
     (another_engine, "e0 is not of this run: backends simulator."),
     (other_limits, "e2 is not of this run: limits."),
+    (half_checked, "e3 is not of this run: verifier of the others."),
+    (half_warm, "e3 is not of this run: temperature of the others."),
+    (two_engines, "e0 is not of this run: backends simulator."),
+    (foreign_skill, "e0 is not of this run: plugin files."),
+    (
+        best_of_two,
+        "e1 is not the record that was made last: stopped after 3 steps; by the journal stopped after 1 step.",
+    ),
     (other_choice, "e2 is not of this run: choice of plugins."),
-    (other_skills, "e2 is not of this run: skill walk."),
+    (other_skills, "e2 is not of this run: skills of the others."),
 ]
 
 
@@ -242,13 +285,15 @@ def test_a_part_of_a_split_of_the_benchmark_is_held_to_it_without_a_file(tmp_pat
     split = load_split(name)
     rollout(tmp_path, FAR, name=split[2].id)
     rewrite(tmp_path, split[2].id, dict(split[2]))
-    (tmp_path / "run.json").write_text(json.dumps({"episodes": len(split), "split": split_digest(split)}))
+    tell(tmp_path, episodes=len(split), split=split_digest(split))
     assert invoke("verify", tmp_path).exit_code == 0
     rewrite(tmp_path, split[2].id, {"seed": 10_000})
     assert "is not of this run: seed." in invoke("verify", tmp_path).output
 
 
 ODD = ["{", "[1]", "null", "{}", "[" * 100_000, '{"episodes": 4}', '{"split": "a", "episodes": 4, "options": 1}']
+WHOLE = {"split": "a", "episodes": 4, "options": {}, "verifier": "", "limits": {}, "backends": {}, "versions": {}}
+ODD += [json.dumps(WHOLE), json.dumps(WHOLE | {"weights": {}, "verifier": None})]
 ODD += [f'{{"split": "a", "episodes": {odd}}}' for odd in ('"many"', "null", "-5", "true", "1e400")]
 
 
@@ -284,7 +329,7 @@ def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and
         rewrite(run, one.folder.name, settings=told)
     assert "Privileged, told scene and true state: agent." in invoke("table", run, "--format", "markdown").output
     path = submitted(run)
-    assert {one.scores["privileged"] for one in submission.read(path).episodes} == {"agent"}
+    assert {one.scores.privileged for one in submission.read(path).episodes} == {"agent"}
     invoke("leaderboard", run.parent)
     assert "model (privileged)" in page(run)[0]
     path.write_text(hide(submission.read(path)).model_dump_json())
@@ -293,7 +338,8 @@ def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and
 
 def hide(told: submission.Submission) -> submission.Submission:
     """Leave out of a submission that anybody was privileged."""
-    episodes = tuple(one.model_copy(update={"scores": {**one.scores, "privileged": ""}}) for one in told.episodes)
+    scores = [one.scores.model_copy(update={"privileged": ""}) for one in told.episodes]
+    episodes = tuple(one.model_copy(update={"scores": s}) for one, s in zip(told.episodes, scores, strict=True))
     return told.model_copy(update={"episodes": episodes}).sealed
 
 
@@ -332,11 +378,6 @@ def rates(*values: float) -> Callable[[dict[str, Any]], None]:
             "NavSR has the interval 0.75 to 0.75, and 0.300642 to 0.954413 by its episodes",  # Wilson's of 3 in 4.
         ),
         (lambda it: it.update(cost=100.0), "cost is 100, and 0 by its episodes"),
-        (lambda it: it["episodes"][1]["scores"].update(cost="abc"), "cost is 0, and nan by its episodes"),
-        (lambda it: it["episodes"][1]["scores"].update(cost=[1]), "cost is 0, and nan by its episodes"),
-        (lambda it: it["episodes"][1]["scores"].update(tokens_in=10**400), "tokens are 0, and nan by its episodes"),
-        (lambda it: it["episodes"][1]["scores"].update(false_claims=-3.5), "e1 has a share of false claims of -3.5"),
-        (lambda it: it["episodes"][1]["scores"].update(false_claims="1"), "e1 has a share of false claims of '1'"),
         (lambda it: it.update(tokens=7), "tokens are 7, and 0 by its episodes"),
         (of_mini, "asked is 4, and split mini has 100"),
         (of_mini_whole, "episode e0 is not of split mini"),
@@ -387,6 +428,76 @@ def test_an_episode_that_is_told_otherwise_than_its_split_has_it_is_not_ranked(
     assert words in html.unescape(apart)
 
 
+@pytest.mark.parametrize(
+    ("number", "bad"),
+    [
+        ("cost", "abc"), ("cost", [1]), ("cost", -50.0), ("cost", 1e308), ("tokens_in", 10**400), ("tokens_out", -1),
+        ("tokens_in", 0.5), ("false_claims", -3.5), ("false_claims", "1"), ("find", "no"), ("nav", "false"),
+        ("interact", [0]), ("scene", 5), ("outcome", None),
+    ],
+)  # fmt: skip
+def test_an_episode_with_a_number_that_is_none_is_no_submission(run: Path, number: str, bad: object) -> None:
+    path = submitted(run)
+    content = json.loads(path.read_text())
+    content["episodes"][1]["scores"][number] = bad
+    path.write_text(json.dumps(content))
+    invoke("leaderboard", run.parent)
+    assert f"is no submission: episodes.1.scores.{number}: " in "".join(page(run))
+
+
+@pytest.mark.parametrize(("key", "bad"), [("asked", -(10**400)), ("made", "9999-99-99"), ("who", "x" * 501)])
+def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: object) -> None:
+    path = submitted(run)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {key: bad}))
+    invoke("leaderboard", run.parent)
+    assert f"is no submission: {key}: " in "".join(page(run))
+
+
+def test_somebody_of_too_long_a_name_is_told_so(run: Path) -> None:
+    result = invoke("submit", run, "--who", "x" * 501)
+    assert isinstance(result.exception, RecordError)
+    assert "no submission can be made" in str(result.exception)
+    assert "who: " in str(result.exception)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes in folders")
+def test_what_never_ends_or_has_no_legible_name_stops_no_page(run: Path) -> None:
+    submitted(run)
+    os.mkfifo(run.parent / "pipe.json")
+    (run.parent / os.fsdecode(b"\xff.json")).write_text("nope")
+    assert invoke("leaderboard", run.parent).exit_code == 0
+    assert page(run)[0].count("is no submission") == 2
+
+
+def test_a_temperature_that_is_no_number_is_not_told(run: Path) -> None:
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, settings=WARM | {"agent": {"temperature": "default"}})
+    assert submission.read(submitted(run)).temperature is None
+    invoke("leaderboard", run.parent)
+    assert "<td>agree</td>" in page(run)[0]
+
+
+def test_a_run_whose_host_has_no_journal_agrees(run: Path) -> None:
+    end = {"episode": "e0", "outcome": "stopped", "limit": "", "steps": 1}
+    (run / "journal.jsonl").write_text(f"{json.dumps(end)}\n{json.dumps(end)}\n")
+    told = submitted(run)
+    (run / "journal.jsonl").unlink()
+    assert invoke("verify", run, "--submission", told).exit_code == 0
+    invoke("leaderboard", run.parent)
+    assert "4 of 4, 1 played again" in page(run)[0]
+
+
+def test_the_page_tells_what_a_run_was_played_with(run: Path) -> None:
+    for name in ("e0", "e1", "e2", "e3"):
+        rewrite(run, name, verifier="judge", options={"profile": "paper"})
+    tell(run, **{"plugin files": {"mine.py": "0" * 64}})
+    submitted(run)
+    invoke("leaderboard", run.parent)
+    row = html.unescape(page(run)[0])
+    assert "<td>judge</td>" in row
+    assert 'options {"profile": "paper"}; plugin files {"mine.py": "' in row
+
+
 @pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999", "-5.0"])
 def test_what_is_no_number_is_no_submission(run: Path, bad: str) -> None:
     path = submitted(run)
@@ -429,13 +540,13 @@ def test_the_page_does_not_quote_a_file_that_is_no_submission(run: Path) -> None
 
 
 def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywhere(run: Path) -> None:
-    ends = [("e0", "stopped"), ("e1", "interrupted"), ("e1", "stopped"), ("e0", "stopped")]
-    lines = [json.dumps({"episode": name, "outcome": outcome, "limit": ""}) for name, outcome in ends]
+    ends = [("e0", "stopped", 3), ("e1", "interrupted", 1), ("e1", "stopped", 3), ("e0", "stopped", 1)]
+    lines = [json.dumps({"episode": name, "outcome": outcome, "limit": "", "steps": n}) for name, outcome, n in ends]
     (run / "journal.jsonl").write_text("\n".join(lines))
     assert submission.read(submitted(run)).again == 1
     verified = invoke("verify", run)
-    assert (verified.exit_code, "e0 was played again after it had ended" in verified.output) == (0, True)
-    assert "e1 was" not in verified.output
+    assert (verified.exit_code, "'e0' was played again after it had ended" in verified.output) == (0, True)
+    assert "'e1' was" not in verified.output
     assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
     invoke("leaderboard", run.parent)
     assert "4 of 4, 1 played again" in page(run)[0]
@@ -443,9 +554,21 @@ def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywh
 
 @pytest.mark.parametrize("torn", ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000, "", '{"time": 1, "epis'])
 def test_a_torn_line_of_the_journal_tells_of_nothing_and_the_others_count(run: Path, torn: str) -> None:
-    end = json.dumps({"episode": "e0", "outcome": "stopped", "limit": ""})
+    end = json.dumps({"episode": "e0", "outcome": "stopped", "limit": "", "steps": 1})
     (run / "journal.jsonl").write_text(f"{end}\n{torn}\n{end}\n{torn}")
     assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
+
+
+def test_verify_names_no_episode_of_a_journal_so_that_it_looks_like_a_line_of_its_own(run: Path) -> None:
+    end = json.dumps({"episode": "x\n9 records: all whole.\x1b[2J", "outcome": "stopped", "limit": "", "steps": 1})
+    (run / "journal.jsonl").write_text(f"{end}\n{end}")
+    assert [line for line in invoke("verify", run).output.splitlines() if line.startswith("9 records")] == []
+    assert "\x1b" not in invoke("verify", run).output
+
+
+def test_verify_says_where_no_run_json_tells_what_the_records_are_of(run: Path) -> None:
+    (run / "run.json").unlink()
+    assert "nothing tells of which split and settings" in invoke("verify", run).output
 
 
 def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
@@ -491,11 +614,7 @@ def test_damaged_records_and_a_file_that_is_no_submission_are_named_and_the_othe
 
 
 def test_the_page_names_the_split(tmp_path: Path) -> None:
-    folder, split = tmp_path / "mine", load_split("smoke")
-    for spec in split:
-        rollout(folder, FAR, name=spec.id)
-        rewrite(folder, spec.id, dict(spec))
-    (folder / "run.json").write_text(json.dumps({"episodes": len(split), "split": split_digest(split)}))
+    folder = of_smoke(tmp_path / "mine")
     submitted(folder)
     invoke("leaderboard", tmp_path)
     assert "5 episodes, split" in page(folder)[0]
