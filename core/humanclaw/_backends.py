@@ -32,8 +32,10 @@ class Backends:
     """What an observation tells of the last call (humanclaw.sensors); vision is the picture, and always on."""
 
     def chosen(self, plugins: Plugins) -> Self:
-        """Return the same with every name filled in: what records and versions name."""
-        return replace(self, simulator=self.simulator or default_simulator(plugins))
+        """Return the same with every name filled in and in order: what records and versions name. Raises
+        HumanclawError for an unknown sensor, PluginError if no simulator is installed."""
+        simulator = self.simulator or default_simulator(plugins)
+        return replace(self, simulator=simulator, sensors=check_sensors(self.sensors))
 
 
 def default_simulator(plugins: Plugins) -> str:

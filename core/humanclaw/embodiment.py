@@ -16,7 +16,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw._backends import Backends, check_sensors
+from humanclaw._backends import Backends
 from humanclaw._feedback import Feedback, Proprioception, Touch
 from humanclaw._notebook import card
 from humanclaw._pictures import jpeg
@@ -96,7 +96,7 @@ class Body:
         """
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
-        self.sensors = check_sensors(self.backends.sensors)
+        self.sensors = self.backends.sensors
         self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)

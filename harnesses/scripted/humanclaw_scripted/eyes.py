@@ -10,10 +10,10 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
+import threading
 import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import IO, Annotated, Any, Final, Protocol
+from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -65,6 +65,8 @@ class Options(BaseModel):
     """The command line of a program that knows things in pictures."""
     score: float = Field(0.3, ge=0, le=1)
     """From which on it is believed."""
+    seconds: float = Field(60.0, gt=0)
+    """After which a program that has not answered is given up."""
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Options:
@@ -82,7 +84,7 @@ class DetectorEyes:
 
     def __init__(self, options: Options) -> None:
         self.settings: Mapping[str, Any] = options.model_dump()
-        self._options, self._detector = options, Detector(options.detector)
+        self._options, self._detector = options, Detector(options.detector, options.seconds)
 
     def begin(self, spec: EpisodeSpec) -> None:
         self._name = spec.target_category.replace("_", " ")
@@ -100,18 +102,23 @@ def filled(boxes: Sequence[Box], view: View) -> Mask:
         depth = view.depth[part]
         high, wide = (side // 4 for side in depth.shape)
         inner = depth[high : len(depth) - high, wide : depth.shape[1] - wide]
-        if inner.size:
-            middle = float(np.median(inner))
+        middle = float(np.median(inner)) if inner.size else np.inf
+        if np.isfinite(middle):  # Mostly sky is no thing.
             half = middle * depth.shape[1] / len(mask)  # The camera sees 90 degrees: as wide as twice the depth.
             mask[part] |= np.abs(depth - middle) < np.clip(half, *THICK)
     return mask
 
 
-@dataclass(frozen=True)
-class _Running:
-    process: subprocess.Popen[bytes]
-    to: IO[bytes]
-    answers: IO[bytes]
+def _asked(process: subprocess.Popen[bytes], picture: bytes) -> bytes:
+    """Return the line with which a program answers; nothing if it ends."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        process.stdin.write(picture)
+        process.stdin.flush()
+        return process.stdout.readline()
+    except OSError:
+        return b""
 
 
 def _fate(process: subprocess.Popen[bytes]) -> str:
@@ -126,30 +133,31 @@ class Detector:
     """A program of somebody else's that is asked for boxes. It is started with the first picture, and ends with the
     object that asks."""
 
-    def __init__(self, command: str) -> None:
-        self._command = command
-        self._running: _Running | None = None
+    def __init__(self, command: str, seconds: float) -> None:
+        """seconds: after which a program that has not answered is given up."""
+        self._command, self._seconds = command, seconds
+        self._process: subprocess.Popen[bytes] | None = None
 
     def __call__(self, picture: np.ndarray[Any, np.dtype[np.uint8]]) -> Sequence[Box]:
         """Return what it sees in an (H, W, 3) picture.
 
-        Raises HumanclawError where it cannot be started, ends, or answers with something else.
+        Raises HumanclawError where it cannot be started, ends, does not answer, or answers with something else.
         """
-        running = self._running = self._running or self._started()
-        try:
-            running.to.write(np.ascontiguousarray(picture).tobytes())
-            running.to.flush()
-            line = running.answers.readline()
-        except OSError:
-            line = b""
+        process = self._process = self._process or self._started()
+        alarm = threading.Timer(self._seconds, process.kill)
+        alarm.start()
+        line = _asked(process, np.ascontiguousarray(picture).tobytes())
+        late = not alarm.is_alive()
+        alarm.cancel()
         if not line:
-            raise self._wrong(f"{_fate(running.process)} instead of answering")
+            told = f"has not answered within {self._seconds:g} s" if late else f"{_fate(process)} instead of answering"
+            raise self._wrong(told)
         try:
             return _BOXES.validate_json(line)
         except ValidationError:
             raise self._wrong(f"answered {line[:80]!r}") from None
 
-    def _started(self) -> _Running:
+    def _started(self) -> subprocess.Popen[bytes]:
         try:
             # Windows takes a command line apart itself, and knows what a backslash is.
             command = self._command if os.name == "nt" else shlex.split(self._command)
@@ -157,9 +165,7 @@ class Detector:
         except (OSError, ValueError) as error:
             raise self._wrong(f"cannot be started ({error})") from None
         weakref.finalize(self, process.kill)
-        assert process.stdin is not None
-        assert process.stdout is not None
-        return _Running(process, process.stdin, process.stdout)
+        return process
 
     def _wrong(self, told: str) -> HumanclawError:
         return HumanclawError(

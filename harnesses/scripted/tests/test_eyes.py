@@ -84,7 +84,7 @@ def test_a_picture_is_asked_about_once_and_the_program_started_once(tmp_path: Pa
 def test_its_settings_are_recorded(tmp_path: Path) -> None:
     command = written(tmp_path, DETECTOR)
     agent = begun(command, view_of((0, 0, 0)), score=0.4)
-    assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4}
+    assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4, "seconds": 60.0}
 
 
 @pytest.mark.parametrize("options", [{}, {"detector": ""}, {"detector": "  "}])
@@ -110,6 +110,20 @@ def test_a_program_that_does_not_answer_is_told_of(tmp_path: Path, program: str,
     agent = begun(written(tmp_path, program), view_of((255, 0, 0)))
     with pytest.raises(HumanclawError, match=told):
         says(agent)
+
+
+@pytest.mark.parametrize("program", [READING + "import time; time.sleep(60)", "import time; time.sleep(60)"])
+def test_a_program_that_never_answers_is_given_up(tmp_path: Path, program: str) -> None:
+    agent = begun(written(tmp_path, program), view_of((255, 0, 0)), seconds=2.0)
+    with pytest.raises(HumanclawError, match="has not answered within 2 s"):
+        says(agent)
+
+
+def test_a_box_of_sky_is_no_thing(tmp_path: Path) -> None:
+    view = view_of((255, 0, 0))
+    sky = View(view.rgb, np.full((512, 512), np.inf, np.float32), view.ids)
+    with np.errstate(all="raise"):
+        assert says(begun(written(tmp_path, DETECTOR), sky)) == "No couch is in view."
 
 
 def test_a_program_that_is_not_there_is_told_of() -> None:

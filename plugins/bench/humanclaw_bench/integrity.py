@@ -257,16 +257,7 @@ def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> li
 
 def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, str]) -> list[str]:
     """In what a record was played otherwise than run.json says, or than most records of its run."""
-    settings, unlike = record.settings, []
-    pairs = {
-        "backends": (settings.get("body", {}), told.backends),
-        "versions": (record.versions, {"humanclaw": None} | told.versions),
-        "weights": (record.weights, {"base": None} | told.weights),
-    }
-    for kind, (found, wanted) in pairs.items():
-        # Of a run's weights and versions records have others: those of adapters are in a skill's digest.
-        names = found.keys() | wanted.keys() if kind == "backends" else found.keys() & wanted.keys()
-        unlike += [f"{kind} {name}" for name in sorted(names) if found.get(name) != wanted.get(name)]
+    settings = record.settings
     limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
     choice = {kind: list(texts) for kind, texts in told.choice.items() if texts}
     origins = {PureWindowsPath(info.origin).name for info in record.skills.values()}  # Takes either slash.
@@ -276,9 +267,21 @@ def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, s
         "limits": told.limits == limits,
         "choice of plugins": choice == settings.get("plugins", {}),
         "plugin files": {name for name in origins if name.endswith(".py")} <= told.plugin_files.keys(),
+        **{f"{what} of the others": value == usual[what] for what, value in _common(record).items()},
     }
-    unlike += [what for what, alike in same.items() if not alike]
-    return unlike + [f"{what} of the others" for what, value in _common(record).items() if value != usual[what]]
+    return [*(what for what, alike in same.items() if not alike), *_other_parts(record, told)]
+
+
+def _other_parts(record: EpisodeRecord, told: Manifest) -> Iterator[str]:
+    """Yield of what else a record was played with. It has versions of more than the run rests on, and the run has
+    weights of adapters, which a record has in the digests of its skills."""
+    body = record.settings.get("body", {})
+    parts = [("backends", name, body, told.backends) for name in sorted(body.keys() | told.backends.keys())]
+    parts += [("versions", name, record.versions, told.versions) for name in sorted({"humanclaw", *told.versions})]
+    parts += [("weights", name, record.weights, told.weights) for name in sorted(record.weights)]
+    for kind, name, found, wanted in parts:
+        if found.get(name) != wanted.get(name):
+            yield f"{kind} {name}"
 
 
 def _usual(records: Sequence[EpisodeRecord]) -> dict[str, str]:

@@ -16,7 +16,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -234,6 +234,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     agent = plugins.make("agents", job.agent, job.options)
     verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, agent, verifier)
+    job = replace(job, backends=job.backends.chosen(plugins))  # Records have their names.
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}

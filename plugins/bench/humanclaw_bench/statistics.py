@@ -24,6 +24,8 @@ FEW: Final = 5
 """Fewer houses or episodes than this cannot tell how they vary."""
 RARE: Final = 10
 """Fewer successes, or failures, than this do not tell either how much houses differ: none would say "not at all"."""
+ROUNDING: Final = 1e-12
+"""An interval is wider than what sums of equal numbers differ by."""
 ALIKE: Final = 0.13
 """Intraclass correlation of the episodes of a house that is then assumed: that of the agents that were looked at."""
 
@@ -132,12 +134,15 @@ def ratio(
 ) -> Estimate:
     """Sum over sum, houses drawn again for the interval (cluster bootstrap); a mean where all denominators are 1.
 
-    NaN if the denominators sum to 0. Fewer than FEW episodes have no interval.
+    NaN if the denominators sum to 0. No interval where fewer than FEW episodes, or all of them alike, cannot tell how
+    they vary.
     """
     pairs = np.stack([np.asarray(numerators, float), np.asarray(denominators, float)], -1)
     drawn = units(pairs, houses, episodes)
     draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
-    return Estimate(float(_ratio(*pairs.T)), *_percentiles(draws, len(drawn)), len(pairs))
+    low, high = _percentiles(draws, len(drawn))
+    found = Estimate(float(_ratio(*pairs.T)), count=len(pairs))
+    return replace(found, low=low, high=high) if high - low > ROUNDING else found
 
 
 def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) -> Array:

@@ -25,7 +25,7 @@ from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.integrity import check, played_again
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
-from humanclaw_bench.runner import Forecast, run_split
+from humanclaw_bench.runner import Forecast, manifest, run_split
 from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
 
 TOY = Backends("toy", "toy", "toy")
@@ -313,6 +313,13 @@ def test_other_settings_are_refused_and_named(play):
         play(toy_world.specs(1), pause=0.1)
     with pytest.raises(RecordError, match="episodes was 1 and is now 2"):
         play(toy_world.specs(2))
+
+
+def test_run_json_names_the_backends_that_records_name(toys):
+    job = Job("walker", backends=Backends("", "toy", "toy", sensors=("touch", "vision")), files=(toy_world.FILE,))
+    told = manifest(toy_world.specs(1), job, toys)["backends"]
+    first = next(name for name in ("bullet", "mujoco") if name in {one.name for one in toys.registered("simulators")})
+    assert (told["simulator"], tuple(told["sensors"])) == (first, ("vision", "touch"))
 
 
 def test_other_weights_are_refused_and_named(play, toys, monkeypatch):
