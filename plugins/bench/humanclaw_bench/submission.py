@@ -88,7 +88,7 @@ class EpisodeResult(_Value):
 class Submission(_Value):
     """All that a leaderboard shows of a run, and what it takes to check it."""
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     who: Text
     """Whoever submits it, as it is to be shown."""
     made: date
@@ -424,10 +424,15 @@ def _cells(entry: Entry) -> tuple[str, ...]:
 
 def _settings(run: Mapping[str, Any]) -> str:
     """Return what a run was played with that others need not be."""
-    told = {key: run[key] for key in ("options", "limits", "choice", "plugin files") if run.get(key)}
+    told = {key: _given(run[key]) for key in ("options", "limits", "choice", "plugin files") if key in run}
     if told.get("options") == {"profile": "default"}:
         del told["options"]
-    return "; ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()) or "-"
+    return "; ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value) or "-"
+
+
+def _given(value: object) -> object:
+    """Leave out of a mapping what nothing was given for."""
+    return {key: inner for key, inner in value.items() if inner not in ([], "")} if isinstance(value, dict) else value
 
 
 def _false_claims(one: Submission) -> float:
@@ -444,9 +449,9 @@ def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>HumanCLAW-Bench</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 80rem; padding: 0 1rem; }}
-table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; }} caption {{ text-align: left; font-weight: 600; }}
-th, td {{ padding: .3rem .6rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 110rem; padding: 0 1rem; }}
+table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .8rem; }} caption {{ text-align: left; font-weight: 600; }}
+th, td {{ padding: .3rem .4rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
 </style></head><body><h1>HumanCLAW-Bench</h1>
 <p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
 that nobody invented them they cannot say. Rows of different tables are no comparison. Made {made}.</p>
