@@ -83,9 +83,19 @@ def split_digest(specs: Iterable[EpisodeSpec]) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def split_name(digest: str) -> str:
-    """Return the name of the benchmark's split with a digest; empty if it is none of them."""
-    return next((name for name in SPLITS if split_digest(load_split(name)) == digest), "")
+def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]:
+    """Return the benchmark's split with a digest, by name, and its episodes; ("", ()) if none has it.
+
+    episodes: of how many a run is, which may have each several times.
+    """
+    for name in SPLITS:
+        specs = load_split(name)
+        times = episodes // len(specs)
+        if split_digest(specs) == digest:
+            return name, specs
+        if times > 1 and split_digest(found := repeated(specs, times)) == digest:
+            return f"{name}, each {times} times", found
+    return "", ()
 
 
 # -- what contradicts it -----------------------------------------------------------------------------------------------
@@ -223,23 +233,20 @@ def _other_end(one: RecordedEpisode, ends: Sequence[_End]) -> Iterator[str]:
 def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
     """Return the episodes of the split that run.json names, by id; none if they are nowhere to be found."""
     for specs in chain([found], _splits(run, told)):
-        if split_digest(specs) == told.split:
+        if specs and split_digest(specs) == told.split:
             return {spec.id: spec for spec in specs}
     return {}
 
 
 def _splits(run: Path, told: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
-    """Yield what the split of a run may be: the one beside its run.json, and the benchmark's own, repeated or not."""
+    """Yield what the split of a run may be where its records do not tell: the one beside its run.json, and the
+    benchmark's own."""
     if (run / SPLIT).exists():
         try:
             yield read_episodes(run / SPLIT)
         except HumanclawError as error:
             raise RecordError(error.message, error.remedy) from error
-    for name in SPLITS:
-        specs = load_split(name)
-        yield specs
-        if told.episodes > len(specs) and told.episodes % len(specs) == 0:
-            yield repeated(specs, told.episodes // len(specs))
+    yield known_split(told.split, told.episodes)[1]
 
 
 def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> list[str]:

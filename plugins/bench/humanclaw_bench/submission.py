@@ -25,9 +25,9 @@ from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES
-from humanclaw_bench.integrity import Manifest, faults, played_again, read_manifest, split_name
+from humanclaw_bench.integrity import Manifest, faults, known_split, played_again, read_manifest
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
-from humanclaw_bench.splits import load_split, original_of
+from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
 from humanclaw_bench.tables import Column
 
@@ -242,8 +242,8 @@ def _inconsistencies(claimed: Submission) -> Iterator[str]:
 
 def _off_split(claimed: Submission) -> Iterator[str]:
     """Yield in what its episodes are not those of the benchmark's split that it names, if it is one of them."""
-    name = split_name(str(claimed.run.get("split", "")))
-    specs = {spec.id: spec for spec in load_split(name)} if name else {}
+    name, found = known_split(str(claimed.run.get("split", "")), claimed.asked)
+    specs = {spec.id: spec for spec in found}
     if name and claimed.asked != len(specs):
         yield f"asked is {claimed.asked}, and split {name} has {len(specs)}"
     for one in claimed.episodes if name else ():
@@ -374,7 +374,7 @@ def _ended(one: Submission) -> int:
 def _section(split: str, told: bool, entries: Sequence[Entry]) -> str:
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
     asked = max(entry.submission.asked for entry in entries)
-    name = split_name(split) or "not one of the benchmark's"
+    name = known_split(split, asked)[0] or "not one of the benchmark's"
     how = "as told: nobody here has the records" if told else "scored again from the records"
     return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, map(_cells, ordered))
 
@@ -450,7 +450,8 @@ _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>HumanCLAW-Bench</title><style>
 body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 110rem; padding: 0 1rem; }}
-table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .8rem; }} caption {{ text-align: left; font-weight: 600; }}
+table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .8rem; }}
+caption {{ text-align: left; font-weight: 600; }}
 th, td {{ padding: .3rem .4rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
 </style></head><body><h1>HumanCLAW-Bench</h1>
 <p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;

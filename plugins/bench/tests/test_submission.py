@@ -24,7 +24,7 @@ from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission
 from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest
-from humanclaw_bench.splits import load_split
+from humanclaw_bench.splits import load_split, repeated
 
 SAT = [
     step(says="A couch is 2 m ahead.", pixels=500),
@@ -496,6 +496,16 @@ def test_the_page_tells_what_a_run_was_played_with(run: Path) -> None:
     row = html.unescape(page(run)[0])
     assert "<td>judge</td>" in row
     assert 'options {"profile": "paper"}; plugin files {"mine.py": "' in row
+
+
+def test_the_page_names_a_split_of_which_each_episode_was_played_twice(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    for spec in repeated(load_split("smoke"), 2):
+        rollout(folder, FAR, name=spec.id)
+        rewrite(folder, spec.id, dict(spec))
+    submitted(tell(folder))
+    invoke("leaderboard", tmp_path)
+    assert "(smoke, each 2 times), scored again from the records" in page(folder)[0]
 
 
 @pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999", "-5.0"])
