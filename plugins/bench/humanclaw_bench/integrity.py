@@ -202,24 +202,27 @@ def _journal(run: Path) -> dict[str, list[_End]]:
 
 def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     """Yield what the records of a run say otherwise than its run.json."""
-    told = read_manifest(run)
+    told, here = read_manifest(run), [one for one in episodes if one.folder.parent == run]
     for one in episodes:
         if one.folder.parent != run:
             yield f"{one.folder} lies below the run {run} and not in its folder, where its episodes lie: move it away."
-    episodes = [one for one in episodes if one.folder.parent == run]
-    asked = _asked(run, told, [one.record.spec for one in episodes])
-    if not asked:
-        of = f"{counted(told.episodes, 'episode')} of split {told.split[:12]}"
-        here = f"neither the {counted(len(episodes), 'record')} here nor a {SPLIT} beside it"
-        yield f"{run / MANIFEST} names {of}; {here} nor a split of the benchmark is that one."
-    elif len(asked) != told.episodes:
-        split = f"split {told.split[:12]} has {len(asked)}"
-        yield f"{run / MANIFEST} says that the run is of {counted(told.episodes, 'episode')}; {split}."
-    usual, journal = _usual([one.record for one in episodes]), _journal(run)
-    for one in episodes:
+    asked = _asked(run, told, [one.record.spec for one in here])
+    yield from _other_split(run, told, len(here), len(asked))
+    usual, journal = _usual([one.record for one in here]), _journal(run)
+    for one in here:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
         yield from _other_end(one, journal.get(one.record.spec.id, []))
+
+
+def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[str]:
+    """Yield that nobody knows the split that run.json names, or that it has not so many episodes."""
+    split, episodes = f"split {told.split[:12]}", counted(told.episodes, "episode")
+    if not asked:
+        nowhere = f"neither the {counted(here, 'record')} here nor a {SPLIT} beside it nor a split of the benchmark"
+        yield f"{run / MANIFEST} names {episodes} of {split}; {nowhere} is that one."
+    elif asked != told.episodes:
+        yield f"{run / MANIFEST} says that the run is of {episodes}; {split} has {asked}."
 
 
 def _other_end(one: RecordedEpisode, ends: Sequence[_End]) -> Iterator[str]:
