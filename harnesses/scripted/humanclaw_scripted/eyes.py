@@ -12,7 +12,8 @@ import shlex
 import subprocess
 import threading
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
@@ -121,6 +122,16 @@ def _asked(process: subprocess.Popen[bytes], picture: bytes) -> bytes:
         return b""
 
 
+def _within(seconds: float, ask: Callable[[], bytes]) -> bytes | None:
+    """Return an answer, or None if it does not come in time. A program's end is not waited for: those that it has
+    started may keep its output open."""
+    answers: list[bytes] = []
+    asking = threading.Thread(target=lambda: answers.append(ask()), daemon=True)
+    asking.start()
+    asking.join(seconds)
+    return answers[0] if answers else None
+
+
 def _fate(process: subprocess.Popen[bytes]) -> str:
     try:
         return f"ended with exit status {process.wait(timeout=2.0)}"
@@ -144,14 +155,12 @@ class Detector:
         Raises HumanclawError where it cannot be started, ends, does not answer, or answers with something else.
         """
         process = self._process = self._process or self._started()
-        alarm = threading.Timer(self._seconds, process.kill)
-        alarm.start()
-        line = _asked(process, np.ascontiguousarray(picture).tobytes())
-        late = not alarm.is_alive()
-        alarm.cancel()
+        line = _within(self._seconds, partial(_asked, process, np.ascontiguousarray(picture).tobytes()))
+        if line is None:
+            process.kill()
+            raise self._wrong(f"has not answered within {self._seconds:g} s")
         if not line:
-            told = f"has not answered within {self._seconds:g} s" if late else f"{_fate(process)} instead of answering"
-            raise self._wrong(told)
+            raise self._wrong(f"{_fate(process)} instead of answering")
         try:
             return _BOXES.validate_json(line)
         except ValidationError:

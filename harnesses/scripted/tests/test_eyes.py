@@ -112,7 +112,11 @@ def test_a_program_that_does_not_answer_is_told_of(tmp_path: Path, program: str,
         says(agent)
 
 
-@pytest.mark.parametrize("program", [READING + "import time; time.sleep(60)", "import time; time.sleep(60)"])
+SLEEP = "import time; time.sleep(60)"
+SLEEPER = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {SLEEP!r}])"
+
+
+@pytest.mark.parametrize("program", [READING + SLEEP, SLEEP, READING + SLEEPER])
 def test_a_program_that_never_answers_is_given_up(tmp_path: Path, program: str) -> None:
     agent = begun(written(tmp_path, program), view_of((255, 0, 0)), seconds=2.0)
     with pytest.raises(HumanclawError, match="has not answered within 2 s"):

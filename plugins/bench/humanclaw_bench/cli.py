@@ -19,7 +19,7 @@ from humanclaw.storage import write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
-from humanclaw_bench.integrity import asked_of, check, played_again, standing
+from humanclaw_bench.integrity import asked_of, check, is_told, played_again, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
@@ -264,7 +264,7 @@ def verify(run: Path, submission: Path | None) -> None:
         click.echo(fault)
     for name in played_again(run):
         click.echo(f"{name!r:.200} was played again after it had ended.")
-    if not asked_of(run):
+    if not is_told(run):
         click.echo(f"There is no run.json in {run}: nothing tells of which split and settings they are.")
     of = f"{count} of " if count < asked else ""
     click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")

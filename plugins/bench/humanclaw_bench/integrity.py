@@ -33,6 +33,8 @@ JOURNAL: Final = "journal.jsonl"
 """A line for every episode that ended while it was run."""
 MOST: Final = 100_000
 """Episodes of a run; more are a mistake."""
+REPEATS: Final = 100
+"""Of each episode; whoever has more needs the split beside run.json."""
 
 
 # -- what a run says of itself -----------------------------------------------------------------------------------------
@@ -90,10 +92,10 @@ def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]
     """
     for name in SPLITS:
         specs = load_split(name)
-        times = episodes // len(specs)
+        times, rest = divmod(episodes, len(specs))
         if split_digest(specs) == digest:
             return name, specs
-        if times > 1 and split_digest(found := repeated(specs, times)) == digest:
+        if 1 < times <= REPEATS and not rest and split_digest(found := repeated(specs, times)) == digest:
             return f"{name}, each {times} times", found
     return "", ()
 
@@ -119,6 +121,11 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
 def asked_of(run: Path) -> int:
     """Return how many episodes a run is of, 0 if no run.json tells. Raises RecordError if that is damaged."""
     return read_manifest(run).episodes if (run / MANIFEST).exists() else 0
+
+
+def is_told(folder: Path) -> bool:
+    """Whether a run.json says of what the records in a folder are, or the record that it is."""
+    return (folder.absolute().parent / MANIFEST).exists() or any(folder.rglob(MANIFEST))
 
 
 def check(run: Path) -> tuple[int, tuple[str, ...]]:
@@ -170,11 +177,11 @@ def played_again(run: Path) -> tuple[str, ...]:
     A record that was damaged is begun anew, and so is one that somebody threw away since he did not like it: nothing
     tells them apart.
     """
-    return tuple(sorted(name for name, ends in _journal(run).items() if len(ends) > 1))
+    return tuple(sorted(name for name, ends in journal(run).items() if len(ends) > 1))
 
 
 @dataclass(frozen=True)
-class _End:
+class End:
     """How an episode ended."""
 
     outcome: str
@@ -184,19 +191,19 @@ class _End:
         return f"{self.outcome} after {counted(self.steps, 'step')}"
 
 
-def _journal(run: Path) -> dict[str, list[_End]]:
+def journal(run: Path) -> dict[str, list[End]]:
     """Return the ends that count of each episode, as the journal has them. A line that cannot be read, as a disk that
     was full may leave it, tells of nothing."""
     try:
         lines = (run / JOURNAL).read_bytes().splitlines()
     except OSError:
         return {}
-    found: dict[str, list[_End]] = defaultdict(list)
+    found: dict[str, list[End]] = defaultdict(list)
     for line in lines:
-        with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
+        with contextlib.suppress(ValueError, KeyError, TypeError, OverflowError, RecursionError):
             told = json.loads(line)
             if ended(str(told["outcome"]), str(told["limit"])):
-                found[str(told["episode"])].append(_End(str(told["outcome"]), int(told["steps"])))
+                found[str(told["episode"])].append(End(str(told["outcome"]), int(told["steps"])))
     return found
 
 
@@ -208,11 +215,11 @@ def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
             yield f"{one.folder} lies below the run {run} and not in its folder, where its episodes lie: move it away."
     asked = _asked(run, told, [one.record.spec for one in here])
     yield from _other_split(run, told, len(here), len(asked))
-    usual, journal = _usual([one.record for one in here]), _journal(run)
+    usual, ends = _usual([one.record for one in here]), journal(run)
     for one in here:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
-        yield from _other_end(one, journal.get(one.record.spec.id, []))
+        yield from _other_end(one, ends.get(one.record.spec.id, []))
 
 
 def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[str]:
@@ -225,10 +232,10 @@ def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[s
         yield f"{run / MANIFEST} says that the run is of {episodes}; {split} has {asked}."
 
 
-def _other_end(one: RecordedEpisode, ends: Sequence[_End]) -> Iterator[str]:
+def _other_end(one: RecordedEpisode, ends: Sequence[End]) -> Iterator[str]:
     """Yield that a record is not the one that the journal saw end last: of several attempts somebody may have chosen
     the best."""
-    found = _End(one.record.outcome, one.record.steps)
+    found = End(one.record.outcome, one.record.steps)
     if ends and ended(found.outcome, one.record.limit) and found != ends[-1]:
         yield f"{one.folder} is not the record that was made last: {found}; by the journal {ends[-1]}."
 
@@ -270,13 +277,13 @@ def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, s
     settings = record.settings
     limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
     choice = {kind: list(texts) for kind, texts in told.choice.items() if texts}
-    origins = {PureWindowsPath(info.origin).name for info in record.skills.values()}  # Takes either slash.
+    origins = {info.origin for info in record.skills.values() if info.origin.endswith(".py")} - record.versions.keys()
     same = {
         "options": told.options == record.options,
         "verifier": bool(told.verifier) == bool(record.verifier),
         "limits": told.limits == limits,
         "choice of plugins": choice == settings.get("plugins", {}),
-        "plugin files": {name for name in origins if name.endswith(".py")} <= told.plugin_files.keys(),
+        "plugin files": {PureWindowsPath(path).name for path in origins} <= told.plugin_files.keys(),  # Either slash.
         **{f"{what} of the others": value == usual[what] for what, value in _common(record).items()},
     }
     return [*(what for what, alike in same.items() if not alike), *_other_parts(record, told)]
@@ -286,8 +293,11 @@ def _other_parts(record: EpisodeRecord, told: Manifest) -> Iterator[str]:
     """Yield of what else a record was played with. It has versions of more than the run rests on, and the run has
     weights of adapters, which a record has in the digests of its skills."""
     body = record.settings.get("body", {})
+    origins = {info.origin for info in record.skills.values()} & record.versions.keys()
     parts = [("backends", name, body, told.backends) for name in sorted(body.keys() | told.backends.keys())]
-    parts += [("versions", name, record.versions, told.versions) for name in sorted({"humanclaw", *told.versions})]
+    parts += [
+        ("versions", name, record.versions, told.versions) for name in sorted({"humanclaw", *origins, *told.versions})
+    ]
     parts += [("weights", name, record.weights, told.weights) for name in sorted(record.weights)]
     for kind, name, found, wanted in parts:
         if found.get(name) != wanted.get(name):

@@ -7,6 +7,7 @@ from their last recorded step.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -14,7 +15,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,13 +24,13 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
+from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
 from humanclaw.cli import check_options
 from humanclaw.hookspecs import noun
 from humanclaw.storage import within, write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, read_manifest, split_digest
+from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, journal, read_manifest, split_digest
 from humanclaw_bench.metrics import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
@@ -115,9 +116,11 @@ def run_split(
     _check_ids(specs)
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
+        job = _introduced(job, plugins)
         _agree(out, manifest(specs, job, plugins))
         write_episodes(out / SPLIT, specs)
         todo = [spec for spec in specs if not has_ended(out / spec.id)]
+        _catch_up(out, {spec.id for spec in specs} - {spec.id for spec in todo})
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
         pilot = _Pilot(pilot_of(todo))
@@ -220,21 +223,44 @@ def _keep(out: Path, report: WorkerReport) -> None:
     if report.outcome == FAILED:
         mark(folder, FAILED, report.error)
     line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
-    told = json.dumps({"time": round(time.time(), 1)} | line).encode() + b"\n"
+    _note(out, line)
+
+
+def _note(out: Path, line: Mapping[str, Any]) -> None:
+    """Append a line to the journal."""
+    told = json.dumps({"time": round(time.time(), 1), **line}).encode() + b"\n"
     with (out / JOURNAL).open("ab+") as stream:
         stream.seek(-min(1, stream.tell()), os.SEEK_END)
         torn = stream.read() not in (b"", b"\n")  # A full disk cut the last one off.
         stream.write(b"\n" * torn + told)
 
 
+def _catch_up(out: Path, ended: Iterable[str]) -> None:
+    """Note the end of episodes after which the run was killed before it could."""
+    ends = journal(out)
+    for name in sorted(ended):
+        record = RecordedEpisode(out / name).record
+        if End(record.outcome, record.steps) not in ends.get(name, [])[-1:]:
+            _note(out, {"episode": name, "outcome": record.outcome, "limit": record.limit, "steps": record.steps})
+
+
 # -- what a run is made of ---------------------------------------------------------------------------------------------
-def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
-    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not
-    there."""
+def _introduced(job: Job, plugins: Plugins) -> Job:
+    """Fill in how backends, agent and verifier are called in records. Raises HumanclawError if the job names what is
+    not there, or options that nobody takes."""
     agent = plugins.make("agents", job.agent, job.options)
     verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, agent, verifier)
-    job = replace(job, backends=job.backends.chosen(plugins))  # Records have their names.
+    names = {}
+    for kind, made in (("agents", agent), ("verifiers", verifier)):
+        with contextlib.suppress(Exception):  # The episode says what is wrong with a name.
+            names[kind] = str(getattr(made, "name", ""))
+    return replace(job, backends=job.backends.chosen(plugins), names=names)
+
+
+def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
+    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not
+    there."""
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
@@ -242,7 +268,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
         "format": FORMAT,
         "episodes": len(specs),
         "split": split_digest(specs),
-        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits", "choice")},
+        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits", "choice", "names")},
         "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
         "versions": _versions(specs, job, plugins),
         "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},

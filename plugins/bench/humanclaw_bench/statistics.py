@@ -25,7 +25,7 @@ FEW: Final = 5
 RARE: Final = 10
 """Fewer successes, or failures, than this do not tell either how much houses differ: none would say "not at all"."""
 ROUNDING: Final = 1e-12
-"""An interval is wider than what sums of equal numbers differ by."""
+"""By what share sums of equal numbers may differ; an interval is wider."""
 ALIKE: Final = 0.13
 """Intraclass correlation of the episodes of a house that is then assumed: that of the agents that were looked at."""
 
@@ -142,7 +142,7 @@ def ratio(
     draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
     low, high = _percentiles(draws, len(drawn))
     found = Estimate(float(_ratio(*pairs.T)), count=len(pairs))
-    return replace(found, low=low, high=high) if high - low > ROUNDING else found
+    return replace(found, low=low, high=high) if high - low > ROUNDING * abs(found.value) else found
 
 
 def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) -> Array:

@@ -327,11 +327,11 @@ def leaderboard(folder: Path) -> Path:
     found, unread = _entries(folder)
     if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
-    ranked: dict[tuple[str, bool], list[Entry]] = {}
+    ranked: dict[tuple[str, int, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
-            told = one.records != AGREE
-            ranked.setdefault((str(one.submission.run.get("split", "")), told), []).append(one)
+            split, told = str(one.submission.run.get("split", "")), one.records != AGREE
+            ranked.setdefault((split, one.submission.asked, told), []).append(one)
     body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
@@ -371,9 +371,8 @@ def _ended(one: Submission) -> int:
     return sum(result.scores.ended for result in one.episodes)
 
 
-def _section(split: str, told: bool, entries: Sequence[Entry]) -> str:
+def _section(split: str, asked: int, told: bool, entries: Sequence[Entry]) -> str:
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
-    asked = max(entry.submission.asked for entry in entries)
     name = known_split(split, asked)[0] or "not one of the benchmark's"
     how = "as told: nobody here has the records" if told else "scored again from the records"
     return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, map(_cells, ordered))

@@ -47,6 +47,8 @@ class Job:
     """Plugin files to load besides what is installed."""
     choice: Choice = field(default_factory=Choice)
     """Of plugins and skills."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """What agent and verifier call themselves, for where they cannot be made ("agents", "verifiers")."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Worker:
         self._meter = Meter(job.limits)
         self._body: Body | None = None
         self._episode: Episode | None = None
-        self._names: dict[str, str] = {}
+        self._names: Mapping[str, str] = job.names
         """What the last agent and the last verifier called themselves."""
         self._replayed = Usage()
         """What the steps took that were played in an earlier session."""

@@ -25,7 +25,7 @@ from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.integrity import check, played_again
 from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
-from humanclaw_bench.runner import Forecast, manifest, run_split
+from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
 
 TOY = Backends("toy", "toy", "toy")
@@ -256,6 +256,16 @@ def test_an_episode_that_was_thrown_away_is_counted_though_the_journals_last_lin
     assert played_again(folder) == ("toy-1",)
 
 
+def test_an_end_of_which_the_journal_was_not_told_before_the_kill_is_told_when_the_run_goes_on(play):
+    _, _, folder = play(toy_world.specs(2))
+    lines = (folder / "journal.jsonl").read_text().splitlines()
+    (folder / "journal.jsonl").write_text(lines[0].replace('"steps": 4', '"steps": 1') + "\n")
+    assert len(check(folder)[1]) == 1
+    play(toy_world.specs(2))
+    assert check(folder) == (2, ())
+    assert played_again(folder) == ("toy-0",)
+
+
 def test_a_better_attempt_of_another_run_is_not_taken_for_one_of_this(play, tmp_path):
     luck = {"in": "toy-1", "what": "bug", "once": str(tmp_path / "once")}
     _, _, folder = play(toy_world.specs(2), **luck)
@@ -315,11 +325,16 @@ def test_other_settings_are_refused_and_named(play):
         play(toy_world.specs(2))
 
 
-def test_run_json_names_the_backends_that_records_name(toys):
+def test_run_json_names_the_backends_that_records_name(toys, tmp_path):
+    class Nobody(Here):
+        def reports(self, job, queue, out):
+            yield from ()
+
     job = Job("walker", backends=Backends("", "toy", "toy", sensors=("touch", "vision")), files=(toy_world.FILE,))
-    told = manifest(toy_world.specs(1), job, toys)["backends"]
+    run_split(toy_world.specs(1), job, Nobody(), tmp_path, plugins=toys)
+    told = json.loads((tmp_path / "run.json").read_text())["backends"]
     first = next(name for name in ("bullet", "mujoco") if name in {one.name for one in toys.registered("simulators")})
-    assert (told["simulator"], tuple(told["sensors"])) == (first, ("vision", "touch"))
+    assert (told["simulator"], told["sensors"]) == (first, ["vision", "touch"])
 
 
 def test_other_weights_are_refused_and_named(play, toys, monkeypatch):
@@ -420,6 +435,12 @@ def test_an_agent_that_can_be_made_once_only_fails_the_other_episodes_under_its_
     assert sorted(record.outcome for record in records) == ["plugin_error", "plugin_error", "stopped"]
     assert {record.error for record in records} == {"", "toy_world raised ValueError: no weights"}
     assert {record.agent for record in records} == {"walker"}
+
+
+def test_an_agent_that_a_worker_never_could_make_has_its_own_name_all_the_same(play, tmp_path):
+    _, _, folder = play(toy_world.specs(2), agent="single", made=str(tmp_path / "made"))
+    records = [episode.record for episode in load_run(folder)]
+    assert [(record.outcome, record.agent) for record in records] == [("plugin_error", "walker")] * 2
 
 
 def test_an_agent_that_cannot_be_made_at_all_is_named_before_anything_is_played(play, tmp_path):

@@ -395,9 +395,9 @@ def test_numbers_that_contradict_themselves_are_not_ranked_though_nobody_has_the
     assert words in html.unescape(apart)
 
 
-def of_smoke(folder: Path) -> Path:
-    """Records of all episodes of a split of the benchmark."""
-    for spec in load_split("smoke"):
+def of_smoke(folder: Path, times: int = 1) -> Path:
+    """Records of all episodes of a split of the benchmark, of each so many."""
+    for spec in repeated(load_split("smoke"), times):
         rollout(folder, FAR, name=spec.id)
         rewrite(folder, spec.id, dict(spec))
     return tell(folder, agent="model")
@@ -498,12 +498,26 @@ def test_the_page_tells_what_a_run_was_played_with(run: Path) -> None:
     assert 'options {"profile": "paper"}; plugin files {"mine.py": "' in row
 
 
+def test_invented_episodes_do_not_stand_beside_those_of_a_split_played_twice(tmp_path: Path) -> None:
+    folder = of_smoke(tmp_path / "mine", times=2)
+    split = json.loads((folder / "run.json").read_text())["split"]
+    submitted(folder)
+    rollout(tmp_path / "eve", SAT, name="x")
+    tell(tmp_path / "eve", split=split_digest([one.record.spec for one in load_run(tmp_path / "eve")]))
+    invoke("submit", tmp_path / "eve", "--who", "Eve", "--out", tmp_path / "eve.json")
+    content = json.loads((tmp_path / "eve.json").read_text())
+    content["run"]["split"] = split
+    (tmp_path / "eve.json").write_text(submission.Submission.model_validate(content).sealed.model_dump_json())
+    shutil.rmtree(tmp_path / "eve")
+    invoke("leaderboard", tmp_path)
+    tables = page(folder)[0].split("</table>")
+    assert [table for table in tables if "Ada" in table and "Eve" in table] == []
+    assert any("1 episode, split" in table and "Eve" in table for table in tables)
+
+
 def test_the_page_names_a_split_of_which_each_episode_was_played_twice(tmp_path: Path) -> None:
-    folder = tmp_path / "mine"
-    for spec in repeated(load_split("smoke"), 2):
-        rollout(folder, FAR, name=spec.id)
-        rewrite(folder, spec.id, dict(spec))
-    submitted(tell(folder))
+    folder = of_smoke(tmp_path / "mine", times=2)
+    submitted(folder)
     invoke("leaderboard", tmp_path)
     assert "(smoke, each 2 times), scored again from the records" in page(folder)[0]
 
@@ -562,7 +576,11 @@ def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywh
     assert "4 of 4, 1 played again" in page(run)[0]
 
 
-@pytest.mark.parametrize("torn", ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000, "", '{"time": 1, "epis'])
+TORN = ["{", "[]", "{}", '{"episode": "e0"}', "[" * 100_000, "", '{"time": 1, "epis']
+TORN += [json.dumps({"episode": "e0", "outcome": "stopped", "limit": "", "steps": float("inf")})]
+
+
+@pytest.mark.parametrize("torn", TORN)
 def test_a_torn_line_of_the_journal_tells_of_nothing_and_the_others_count(run: Path, torn: str) -> None:
     end = json.dumps({"episode": "e0", "outcome": "stopped", "limit": "", "steps": 1})
     (run / "journal.jsonl").write_text(f"{end}\n{torn}\n{end}\n{torn}")
@@ -574,6 +592,11 @@ def test_verify_names_no_episode_of_a_journal_so_that_it_looks_like_a_line_of_it
     (run / "journal.jsonl").write_text(f"{end}\n{end}")
     assert [line for line in invoke("verify", run).output.splitlines() if line.startswith("9 records")] == []
     assert "\x1b" not in invoke("verify", run).output
+
+
+def test_verify_holds_the_folder_of_an_episode_and_one_of_runs_to_their_run_json(run: Path) -> None:
+    assert "nothing tells" not in invoke("verify", run / "e0").output
+    assert "nothing tells" not in invoke("verify", run.parent).output
 
 
 def test_verify_says_where_no_run_json_tells_what_the_records_are_of(run: Path) -> None:

@@ -212,3 +212,9 @@ def humanclaw_agents(register: object) -> None:
         return made[-1]
 
     register("late", late)
+
+    def single(options: dict) -> Walker:
+        Path(options["made"]).open("x").close()
+        return Walker(options)
+
+    register("single", single)
