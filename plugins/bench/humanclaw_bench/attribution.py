@@ -7,7 +7,7 @@ frame is the last view that a decision was made from, together with what the age
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -141,10 +141,9 @@ def _jammed(recorded: RecordedEpisode) -> bool:
     walks = [_walks(record, step) for step in steps]
     still = [_moved(step) < JAMMED_MOVE for step in steps]
     held = [any(contact.object_id not in record.ground for contact in step.contacts) for step in steps]
-    windows = (slice(start, start + JAMMED_STEPS) for start in range(len(steps) - JAMMED_STEPS + 1))
     return any(
         all(walks[window]) and (all(still[window]) or (all(held[window]) and _extent(steps[window]) <= JAMMED_BOX))
-        for window in windows
+        for window in _windows(JAMMED_STEPS, len(steps))
     )
 
 
@@ -160,9 +159,13 @@ def _confined(recorded: RecordedEpisode) -> bool:
     """25 movement or turning commands in a row within a box of 2 m."""
     steps = recorded.steps
     acts = [_acts(recorded.record, step) for step in steps]
-    starts = range(len(steps) - CONFINED_STEPS + 1)
-    windows = (slice(start, start + CONFINED_STEPS) for start in starts)
+    windows = _windows(CONFINED_STEPS, len(steps))
     return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
+
+
+def _windows(length: int, steps: int) -> Iterator[slice]:
+    """Return all that are so long and lie within so many steps."""
+    return (slice(start, start + length) for start in range(steps - length + 1))
 
 
 def _extent(steps: Sequence[StepRecord]) -> float:

@@ -24,9 +24,10 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 import humanclaw
-from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordedEpisode, RecordError
+from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.hookspecs import noun
+from humanclaw.records import EpisodeRecord
 from humanclaw.storage import within, write_atomically
 from humanclaw.tasks import write_episodes
 from humanclaw_bench.executors import EpisodeQueue, Executor
@@ -119,8 +120,9 @@ def run_split(
         job = _introduced(job, plugins)
         _agree(out, manifest(specs, job, plugins))
         write_episodes(out / SPLIT, specs)
-        todo = [spec for spec in specs if not has_ended(out / spec.id)]
-        _catch_up(out, {spec.id for spec in specs} - {spec.id for spec in todo})
+        records = [ended_record(out / spec.id) for spec in specs]
+        _catch_up(out, filter(None, records))
+        todo = [spec for spec, record in zip(specs, records, strict=True) if record is None]
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
         pilot = _Pilot(pilot_of(todo))
@@ -187,14 +189,14 @@ def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
         raise HumanclawError(f"episode {taken[0]!r} has the name of a file of the run itself.", "Give it another id.")
 
 
-def has_ended(folder: Path) -> bool:
-    """Whether an episode has been run to its end, its own or that of a limit that it would meet again, and its record
-    is whole."""
+def ended_record(folder: Path) -> EpisodeRecord | None:
+    """Return the record of an episode that has been run to its end, its own or that of a limit that it would meet
+    again; None for any other, and for one that is not whole."""
     try:
         found = recorded(folder)
     except RecordError:
-        return False  # The worker that begins it anew says why.
-    return found is not None and ended(found.record.outcome, found.record.limit)
+        return None  # The worker that begins it anew says why.
+    return found.record if found and ended(found.record.outcome, found.record.limit) else None
 
 
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
@@ -235,11 +237,11 @@ def _note(out: Path, line: Mapping[str, Any]) -> None:
         stream.write(b"\n" * torn + told)
 
 
-def _catch_up(out: Path, ended: Iterable[str]) -> None:
+def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
     """Note the end of episodes after which the run was killed before it could."""
     ends = journal(out)
-    for name in sorted(ended):
-        record = RecordedEpisode(out / name).record
+    for record in records:
+        name = record.spec.id
         if End(record.outcome, record.steps) not in ends.get(name, [])[-1:]:
             _note(out, {"episode": name, "outcome": record.outcome, "limit": record.limit, "steps": record.steps})
 

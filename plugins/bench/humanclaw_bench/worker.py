@@ -86,8 +86,6 @@ class Worker:
         self._meter = Meter(job.limits)
         self._body: Body | None = None
         self._episode: Episode | None = None
-        self._names: Mapping[str, str] = job.names
-        """What the last agent and the last verifier called themselves."""
         self._replayed = Usage()
         """What the steps took that were played in an earlier session."""
 
@@ -127,7 +125,6 @@ class Worker:
         except ReplayError as fault:  # Of the replay alone: what a plugin raises is its own error.
             print(f"{fault} It is begun anew.", flush=True)
             self._episode = self._begun(spec, folder, ())
-        self._names = {"agents": self._episode.record.agent, "verifiers": self._episode.record.verifier}
         with self._episode as episode:
             while not (episode.done or self._stopping()):
                 episode.ask()
@@ -146,9 +143,9 @@ class Worker:
         )  # fmt: skip
 
     def _made(self, kind: str, name: str) -> Any:
-        """Make an agent or a verifier, None if it has no name; where that fails, the record has the name of the last
-        one."""
-        return self._plugins.decider(kind, name, self._job.options, self._names.get(kind, "")) if name else None
+        """Make an agent or a verifier, None if it has no name; where that fails, the record has the name that the run
+        knows it by."""
+        return self._plugins.decider(kind, name, self._job.options, self._job.names.get(kind, "")) if name else None
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
         report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)
