@@ -13,9 +13,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from humanclaw import Plugins, Renderer, Scene
-from humanclaw.interfaces import Camera, WorldState, ego_camera
-from humanclaw.navigation import MultiFloorMap
-from humanclaw.pose import Pose2D, matrix_from_quaternion, rest_pose
+from humanclaw.body import Pose2D, matrix_from_quaternion, rest_pose
+from humanclaw.world import Camera, MultiFloorMap, WorldState, ego_camera
 from humanclaw_scripted.agents import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from humanclaw import Keyframes, hookimpl, skill
 from humanclaw.body import JOINT_INDEX
-from humanclaw.measures import Measure
+from humanclaw.skills import Measure
 
 KNEES = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 BEND = {"x-measure": "knees.bend"}

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from humanclaw import Plugins, RecordedEpisode, Skill, load_run
-from humanclaw.tools import reasoning_schema
+from humanclaw.skills import reasoning_schema
 
 Json = dict[str, Any]
 

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from humanclaw import Body, Plugins, RecordedEpisode, run_episode
-from humanclaw.navigation import geodesics
-from humanclaw.tasks import free_episode
+from humanclaw.records import free_episode
+from humanclaw.world import geodesics
 
 INSTRUCTION = "find a couch and sit on it"
 PARTS = ("observe", "decide", "generate", "simulate")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from humanclaw._cache import Cache
+from humanclaw.storage import Cache
 
 
 def test_what_is_put_under_a_key_is_what_comes_back(tmp_path: Path) -> None:

@@ -15,16 +15,14 @@ from declared import folder_of
 from pydantic import Field
 from safetensors.numpy import load_file, save
 
-from humanclaw import Call, Control, Keyframes, Plugins, hookimpl, skill
-from humanclaw._skill_check import CHECKS
+from humanclaw import Call, Control, Keyframes, Plugins, hookimpl, run_episode, skill
 from humanclaw.cli import build
-from humanclaw.contract import Check, Skill
 from humanclaw.errors import CallError
-from humanclaw.loop import run_episode
-from humanclaw.tasks import free_episode
+from humanclaw.records import free_episode
+from humanclaw.skills import Check, Skill, publish
+from humanclaw.skills.checks import CHECKS
 from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, contract, examine, fake_body
 from humanclaw.testing.fakes import Fakes
-from humanclaw.tools import publish
 
 pytest_plugins = ["pytester"]
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from humanclaw import Control, Keyframes, Skill, skill
+from humanclaw.body import FUTURE, rest_pose
 from humanclaw.errors import CallError, PluginError
-from humanclaw.pose import FUTURE, rest_pose
-from humanclaw.tools import publish, tool_spec
+from humanclaw.skills import publish, tool_spec
 
 EIGHT = {
     "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",

@@ -9,7 +9,8 @@ import pytest
 from made import record_episode
 
 from humanclaw.errors import RecordError
-from humanclaw.records import Contact, EpisodeRecord, RecordedEpisode, StepRecord, Usage, write_record
+from humanclaw.records import EpisodeRecord, RecordedEpisode, StepRecord, Usage, write_record
+from humanclaw.world import Contact
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import pytest
 
 import humanclaw_bench.hookspecs
 from humanclaw import Plugins, hookspecs
-from humanclaw.body import JOINT_INDEX
+from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.cli import LazyCommand, build
-from humanclaw.plugins import PREFIX, load_file
-from humanclaw.pose import rest_pose
+from humanclaw.plugins.host import PREFIX
+from humanclaw.plugins.loading import load_file
 
 ROOT = Path(__file__).parents[1]
 HOOKS = {

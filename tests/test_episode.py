@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from humanclaw import Call, CallError, HumanclawError, PluginError, Verdict, run_episode, skill
-from humanclaw.episode import Episode
+from humanclaw import Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
-from humanclaw.records import Answer, Decision, RecordedEpisode, Usage
-from humanclaw.tasks import free_episode
+from humanclaw.records import Answer, Decision, RecordedEpisode, Usage, free_episode
 from humanclaw.testing import fake_body
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))

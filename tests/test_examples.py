@@ -19,9 +19,8 @@ from humanclaw import (
     load_run,
     run_episode,
 )
-from humanclaw.pose import rest_pose
-from humanclaw.records import Feedback
-from humanclaw.tasks import free_episode
+from humanclaw.body import rest_pose
+from humanclaw.records import Feedback, free_episode
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -11,17 +11,16 @@ from contextlib import suppress
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from made import record_episode
 from rooms import two_rooms
 from tiny_motion import write_base
 
 from humanclaw import CallError, CheckpointError, HumanclawError, Plugins, RecordedEpisode, RecordError, SceneError
 from humanclaw.motion.checkpoint import load_base
-from humanclaw.storage import pack_scene, unpack_scene
-from humanclaw.tasks import read_episodes
-from humanclaw.tools import json_objects, read_answer, read_call, read_text
+from humanclaw.records import read_episodes
+from humanclaw.skills import json_objects, read_answer, read_call, read_text
+from humanclaw.world import pack_scene, unpack_scene
 
 fuzz = settings(
     max_examples=int(os.environ.get("HUMANCLAW_FUZZ", "8")),

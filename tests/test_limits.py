@@ -2,13 +2,10 @@
 
 import pytest
 
-from humanclaw import Call
+from humanclaw import Call, run_episode
 from humanclaw.cli.options import parse_limits
 from humanclaw.errors import HumanclawError, LimitError
-from humanclaw.limits import Meter
-from humanclaw.loop import run_episode
-from humanclaw.records import Decision, RecordedEpisode, Usage, Verdict
-from humanclaw.tasks import free_episode
+from humanclaw.records import Decision, Meter, RecordedEpisode, Usage, Verdict, free_episode
 from humanclaw.testing import ScriptedAgent
 
 ANSWER = Usage(tokens_in=900, tokens_out=100, cost=0.25)

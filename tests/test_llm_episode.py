@@ -7,13 +7,10 @@ import re
 import pytest
 from click.testing import CliRunner
 
-from humanclaw import Plugins
+from humanclaw import Plugins, run_episode
 from humanclaw.cli import build
 from humanclaw.errors import HumanclawError
-from humanclaw.limits import Meter
-from humanclaw.loop import run_episode
-from humanclaw.records import RecordedEpisode
-from humanclaw.tasks import free_episode
+from humanclaw.records import Meter, RecordedEpisode, free_episode
 from humanclaw.testing.openai_server import OpenAIServer, call, calls, delayed, status
 
 KEY = "sk-planted-0123456789-abcdef"

@@ -8,12 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from humanclaw import Body, Call, Plugins
-from humanclaw.episode import Episode
+from humanclaw import Body, Call, Episode, Plugins, run_episode
 from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
-from humanclaw.loop import run_episode
-from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict, write_record
-from humanclaw.tasks import free_episode
+from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict, free_episode, write_record
 from humanclaw.testing import ScriptedAgent
 
 STOP = Call("stop")

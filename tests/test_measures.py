@@ -7,9 +7,9 @@ import pytest
 from declared import INFOS, declaration
 
 from humanclaw import Plugins, hookimpl
+from humanclaw.body import rest_pose
 from humanclaw.errors import PluginError
-from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, parameters_of, suited
-from humanclaw.pose import rest_pose
+from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, parameters_of, suited
 
 
 def _chunk(left=0.0, up=0.0, forward=0.0, yaw=0.0):

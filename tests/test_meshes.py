@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw.meshes import area, read_model, simplify
-from humanclaw.scene import Mesh
+from humanclaw.world import Mesh, area, read_model, simplify
 
 RED, BLUE = 0.25, 0.75
 """Where in the atlas of two colours each has its middle."""

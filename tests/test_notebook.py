@@ -11,7 +11,7 @@ import pytest
 from made import picture, record_episode
 
 from humanclaw import RecordedEpisode, load_run
-from humanclaw._notebook import ROWS, card, spread
+from humanclaw.text.notebook import ROWS, card, spread
 
 
 def test_a_record_shows_its_task_its_end_and_its_views(tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from humanclaw import Body, CheckpointError, Plugins
-from humanclaw.body import JOINT_INDEX
+from humanclaw.body import JOINT_INDEX, forward_kinematics, rest_pose
 from humanclaw.cli import build
-from humanclaw.pose import forward_kinematics, rest_pose
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="trains for minutes: HUMANCLAW_SLOW=1")

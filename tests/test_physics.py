@@ -9,12 +9,12 @@ from humanclaw import Backends, default_simulator
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
 from humanclaw.errors import HumanclawError, PluginError
-from humanclaw.half_physics.swing import swings
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
 from humanclaw.testing.physics import Finding, skill_with, table
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import Quartiles, crowded, resident
+from humanclaw.world.half_physics.swing import swings
 
 
 def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
@@ -79,7 +79,7 @@ def _offering(*names):
     plugins = Plugins()
 
     class Offers:
-        from humanclaw.hookspecs import hookimpl
+        from humanclaw.plugins import hookimpl
 
         @hookimpl
         def humanclaw_simulators(self, register):

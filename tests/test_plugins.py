@@ -13,10 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
-from humanclaw._recorder import skill_infos
 from humanclaw.cli import LazyCommand, build
+from humanclaw.episodes.recorder import skill_infos
 from humanclaw.errors import PluginError
-from humanclaw.hookspecs import API_VERSION
+from humanclaw.plugins import API_VERSION
 
 
 @skill()

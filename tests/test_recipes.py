@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw import hookimpl
 from humanclaw.plugins import Plugins
-from humanclaw.recipes import Recipe, WindowTravel
+from humanclaw.skills import Recipe, WindowTravel
 
 
 def _windows(**given) -> WindowTravel:

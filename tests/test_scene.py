@@ -6,8 +6,7 @@ import pytest
 from rooms import asset, block, scene, scene_object, two_rooms
 
 from humanclaw import SceneError
-from humanclaw.scene import Hinge
-from humanclaw.storage import pack_scene, unpack_scene
+from humanclaw.world import Hinge, pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from humanclaw import Body
-from humanclaw._backends import Backends, check_sensors
-from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT
+from humanclaw import Backends, Body
+from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
+from humanclaw.episodes.backends import check_sensors
+from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.errors import HumanclawError
-from humanclaw.interfaces import Execution
-from humanclaw.pose import Motion, rest_pose
-from humanclaw.records import Answer, Call, Contact, Feedback, StepRecord, Touch
-from humanclaw.sensors import proprioception, tactile
+from humanclaw.records import Answer, Feedback, StepRecord, Touch
+from humanclaw.skills import Call
+from humanclaw.world import Contact, Execution
 
 BEFORE = rest_pose(1)
 

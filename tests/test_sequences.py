@@ -6,12 +6,10 @@ import threading
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Body, Call, Control, Decision, Keyframes, Plugins, hookimpl, skill
-from humanclaw.contract import MotionError, parts
-from humanclaw.episode import Episode
+from humanclaw import Backends, Body, Call, Control, Decision, Episode, Keyframes, Plugins, hookimpl, skill
 from humanclaw.errors import HumanclawError, ReplayError
-from humanclaw.records import PlayedPart, RecordedEpisode
-from humanclaw.tasks import free_episode
+from humanclaw.records import PlayedPart, RecordedEpisode, free_episode
+from humanclaw.skills import MotionError, parts
 from humanclaw.testing import fake_body
 from humanclaw.testing.fakes import FAKE, Fakes
 

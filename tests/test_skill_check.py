@@ -15,10 +15,9 @@ from safetensors.numpy import load_file, save
 from humanclaw import Plugins, hookimpl, skill
 from humanclaw.cli import build
 from humanclaw.errors import PluginError
-from humanclaw.measures import Measure
 from humanclaw.motion import DiTGenerator
+from humanclaw.skills import Measure, publish
 from humanclaw.testing import check_skill
-from humanclaw.tools import publish
 
 
 class Folders:

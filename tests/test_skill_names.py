@@ -4,7 +4,7 @@ import ast
 import re
 from pathlib import Path
 
-from humanclaw.measures import ROLES
+from humanclaw.skills import ROLES
 
 ROOT = Path(__file__).parents[1]
 

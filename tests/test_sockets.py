@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from humanclaw.testing import OpenAIServer, call
+from humanclaw.testing.openai_server import OpenAIServer, call
 
 slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes half a minute: HUMANCLAW_SLOW=1")
 GUARD = """

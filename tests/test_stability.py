@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from humanclaw import Backends, Body, Call, Decision, Plugins
-from humanclaw.episode import Episode
-from humanclaw.hookspecs import API_VERSION
-from humanclaw.tasks import free_episode
+from humanclaw import Backends, Body, Call, Decision, Episode, Plugins
+from humanclaw.plugins import API_VERSION
+from humanclaw.records import free_episode
 from humanclaw.testing import examine, fake_scene
 from humanclaw.testing.fakes import FAKE, Fakes
 

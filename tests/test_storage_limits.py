@@ -11,9 +11,8 @@ import pytest
 from made import broken_off, record_episode
 
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
-from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord
+from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord, read_episodes
 from humanclaw.storage import within
-from humanclaw.tasks import read_episodes
 
 SPEC = EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanclaw.pose import Motion
+from humanclaw.body import Motion
 from humanclaw.testing import SimulatorConformance
 from humanclaw.testing.fakes import FakeWorld
 from humanclaw_mujoco.world import mujoco

@@ -9,9 +9,9 @@ import pytest
 
 from humanclaw import Keyframes, Skill, skill
 from humanclaw.errors import CallError
-from humanclaw.records import Call
-from humanclaw.tools import (
+from humanclaw.skills import (
     REASONING_FIELDS,
+    Call,
     answer_schema,
     openai_tools,
     publish,

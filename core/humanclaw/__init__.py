@@ -1,157 +1,58 @@
 """HumanCLAW: a human body for any tool-calling model.
 
-The names below are the public door. They load on first use, so that `import humanclaw` costs nothing. The other doors
-are listed in docs/doors.md; every other module is private.
+The names below are the public door. docs/doors.md lists the other doors; every other module is private.
 """
-
-from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw._lazy import lazy
+from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw._backends import SENSORS, Backends, default_simulator
-    from humanclaw.contract import Check, Control, Keyframes, Skill, skill
-    from humanclaw.embodiment import Body, Chunk
-    from humanclaw.episode import Episode
+    from humanclaw.body.pose import Motion as Motion
+    from humanclaw.episodes.backends import (
+        SENSORS as SENSORS,
+        Backends as Backends,
+        default_simulator as default_simulator,
+    )
+    from humanclaw.episodes.embodiment import Body as Body, SkillExecution as SkillExecution, stand as stand
+    from humanclaw.episodes.episode import Episode as Episode
+    from humanclaw.episodes.loop import run_episode as run_episode
+    from humanclaw.episodes.tools import body_tools as body_tools
     from humanclaw.errors import (
-        CallError,
-        CheckpointError,
-        HumanclawError,
-        LimitError,
-        PluginError,
-        ProviderError,
-        RecordError,
-        ReplayError,
-        SceneError,
+        CallError as CallError,
+        CheckpointError as CheckpointError,
+        HumanclawError as HumanclawError,
+        LimitError as LimitError,
+        PluginError as PluginError,
+        ProviderError as ProviderError,
+        RecordError as RecordError,
+        ReplayError as ReplayError,
+        SceneError as SceneError,
     )
-    from humanclaw.hookspecs import hookimpl
-    from humanclaw.interfaces import (
-        Agent,
-        EpisodeContext,
-        HistoryEntry,
-        MotionGenerator,
-        Observation,
-        Renderer,
-        Reporter,
-        Simulator,
-        Verifier,
+    from humanclaw.motion.generator import MotionGenerator as MotionGenerator
+    from humanclaw.plugins.agents import (
+        Agent as Agent,
+        EpisodeContext as EpisodeContext,
+        HistoryEntry as HistoryEntry,
+        Observation as Observation,
+        Reporter as Reporter,
+        Verifier as Verifier,
     )
-    from humanclaw.limits import Meter
-    from humanclaw.loop import run_episode
-    from humanclaw.plugins import Choice, Plugins
-    from humanclaw.pose import Motion
-    from humanclaw.records import (
-        Attempt,
-        Call,
-        Decision,
-        EpisodeRecord,
-        EpisodeSpec,
-        RecordedEpisode,
-        StepRecord,
-        Usage,
-        Verdict,
-        load_run,
-    )
-    from humanclaw.scene import Scene
+    from humanclaw.plugins.hookspecs import hookimpl as hookimpl
+    from humanclaw.plugins.host import Plugins as Plugins
+    from humanclaw.plugins.registry import Choice as Choice
+    from humanclaw.records.decisions import Attempt as Attempt, Decision as Decision, Usage as Usage, Verdict as Verdict
+    from humanclaw.records.limits import Meter as Meter
+    from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
+    from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
+    from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
+    from humanclaw.skills.call import Call as Call
+    from humanclaw.skills.contract import Check as Check, Skill as Skill
+    from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
+    from humanclaw.world.scene import Scene as Scene
+    from humanclaw.world.simulator import Chunk as Chunk, Simulator as Simulator
+    from humanclaw.world.view import Renderer as Renderer
 
 __version__ = "0.1.0"
-
-_HOMES = {
-    "SENSORS": "_backends",
-    "Agent": "interfaces",
-    "Attempt": "records",
-    "Backends": "_backends",
-    "Body": "embodiment",
-    "Call": "records",
-    "CallError": "errors",
-    "Check": "contract",
-    "CheckpointError": "errors",
-    "Choice": "plugins",
-    "Chunk": "embodiment",
-    "Control": "contract",
-    "Decision": "records",
-    "Episode": "episode",
-    "EpisodeContext": "interfaces",
-    "EpisodeRecord": "records",
-    "EpisodeSpec": "records",
-    "HistoryEntry": "interfaces",
-    "HumanclawError": "errors",
-    "Keyframes": "contract",
-    "LimitError": "errors",
-    "Meter": "limits",
-    "Motion": "pose",
-    "MotionGenerator": "interfaces",
-    "Observation": "interfaces",
-    "PluginError": "errors",
-    "Plugins": "plugins",
-    "ProviderError": "errors",
-    "RecordError": "errors",
-    "RecordedEpisode": "records",
-    "Renderer": "interfaces",
-    "ReplayError": "errors",
-    "Reporter": "interfaces",
-    "Scene": "scene",
-    "SceneError": "errors",
-    "Simulator": "interfaces",
-    "Skill": "contract",
-    "StepRecord": "records",
-    "Usage": "records",
-    "Verdict": "records",
-    "Verifier": "interfaces",
-    "default_simulator": "_backends",
-    "hookimpl": "hookspecs",
-    "load_run": "records",
-    "run_episode": "loop",
-    "skill": "contract",
-}
-__all__ = [
-    "SENSORS",
-    "Agent",
-    "Attempt",
-    "Backends",
-    "Body",
-    "Call",
-    "CallError",
-    "Check",
-    "CheckpointError",
-    "Choice",
-    "Chunk",
-    "Control",
-    "Decision",
-    "Episode",
-    "EpisodeContext",
-    "EpisodeRecord",
-    "EpisodeSpec",
-    "HistoryEntry",
-    "HumanclawError",
-    "Keyframes",
-    "LimitError",
-    "Meter",
-    "Motion",
-    "MotionGenerator",
-    "Observation",
-    "PluginError",
-    "Plugins",
-    "ProviderError",
-    "RecordError",
-    "RecordedEpisode",
-    "Renderer",
-    "ReplayError",
-    "Reporter",
-    "Scene",
-    "SceneError",
-    "Simulator",
-    "Skill",
-    "StepRecord",
-    "Usage",
-    "Verdict",
-    "Verifier",
-    "default_simulator",
-    "hookimpl",
-    "load_run",
-    "run_episode",
-    "skill",
-]
-__getattr__ = lazy(__name__, _HOMES)
+__getattr__, __dir__, __all__ = door(__name__)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from humanclaw.hookspecs import hookimpl
+from humanclaw.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     import click
 
-    from humanclaw.hookspecs import GeneratorFactory, Register
-    from humanclaw.interfaces import MotionGenerator
+    from humanclaw.motion.generator import MotionGenerator
+    from humanclaw.plugins.hookspecs import GeneratorFactory, Register
 
 _COMMANDS = (
     ("check", "check:check", "Hold skills to every named check, and play them; exit code 1 if one has a fault."),

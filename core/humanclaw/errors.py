@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from humanclaw._words import legible
+from humanclaw.text.words import legible
 
 _LONGEST_REASON: Final = 500
 

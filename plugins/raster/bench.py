@@ -19,8 +19,8 @@ import numpy as np
 from PIL import Image
 
 from humanclaw import Motion, Plugins, Scene
-from humanclaw.interfaces import Camera, WorldState, ego_camera
-from humanclaw.pose import rest_pose
+from humanclaw.body import rest_pose
+from humanclaw.world import Camera, WorldState, ego_camera
 
 Draw = Callable[[WorldState, Camera], object]
 NEAR, FAR = 0.05, 60.0

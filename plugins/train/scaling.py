@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from humanclaw.body import FUTURE, HISTORY
 from humanclaw.motion import SIZES, ModelConfig, shipped_base
-from humanclaw.pose import FUTURE, HISTORY
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Normaliser, load_base
 from humanclaw_train.dit import DiT

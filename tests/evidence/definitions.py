@@ -16,12 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from humanclaw import HumanclawError, Motion, Plugins
+from humanclaw.body import HISTORY, Pose2D, root_jerk
 from humanclaw.motion import DiTGenerator
-from humanclaw.outcomes import REACHED, in_view
-from humanclaw.pose import HISTORY, Pose2D, root_jerk
-from humanclaw.records import RecordedEpisode
-from humanclaw.scene import distance_to_nearest
-from humanclaw.tasks import ALIASES
+from humanclaw.records import ALIASES, REACHED, RecordedEpisode, in_view
+from humanclaw.world import distance_to_nearest
 from humanclaw_bench.metrics import Scores, disturbed, generated_trajectory, score
 
 NEW_ALIASES = {"sectional", "screen", "commode"}

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from humanclaw import EpisodeSpec, load_run
-from humanclaw.tasks import write_episodes
+from humanclaw.records import write_episodes
 
 
 def split(folder: Path, episodes: int, steps: int) -> Path:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from humanclaw import Backends, Body, Choice, Episode, Plugins, default_simulator
-from humanclaw.tasks import free_episode
+from humanclaw.records import free_episode
 from humanclaw.testing import resident
 
 EPISODE = 100

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tiny_motion import write_adapter, write_base
 
+from humanclaw.body import rest_pose
 from humanclaw.motion.checkpoint import Card
-from humanclaw.pose import rest_pose
 
 CARD = Card({"steps": 3}, {"chunks": 10}, ("CC0",))
 

@@ -5,8 +5,8 @@ import pytest
 from declared import declaration
 
 from humanclaw import Motion
-from humanclaw.motion import Course
-from humanclaw.pose import rest_pose
+from humanclaw.body import rest_pose
+from humanclaw.skills import Course
 
 DEGREE = np.pi / 180
 WALK, TURN, STEP, SIT = map(declaration, ("walk", "turn_in_place", "side_step", "sit_in_place"))

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE
+from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.pose import Motion, forward_kinematics, rest_pose
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
 LEGS = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]

@@ -8,11 +8,11 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 from tiny_motion import write_adapter
 
+from humanclaw.body import Motion, Pose2D
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import Motion, Pose2D
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
 TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX
+from humanclaw.body import FUTURE, HISTORY, JOINT_INDEX
 from humanclaw.motion import DiTGenerator
 from humanclaw.motion.posture import settle
-from humanclaw.pose import FUTURE, HISTORY
 
 USUAL = np.zeros((24, 3))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from humanclaw.body import Motion, rest_pose
 from humanclaw.motion.setting_out import set_out
-from humanclaw.pose import Motion, rest_pose
 
 
 def _gliding(centimetres: float, frames: int = 15) -> Motion:

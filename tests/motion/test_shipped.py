@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw.body import JOINT_INDEX
-from humanclaw.measures import Declaration, outcomes
-from humanclaw.motion import Course
+from humanclaw.body import HISTORY, JOINT_INDEX, STANDING_HEIGHT, Motion, Pose2D, support_height
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.pose import HISTORY, STANDING_HEIGHT, Motion, Pose2D, support_height
+from humanclaw.skills import Course, Declaration, outcomes
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {

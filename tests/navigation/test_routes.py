@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
-from humanclaw.navigation import (
+from humanclaw.world import (
     CELL,
     RADIUS,
+    Hinge,
     MultiFloorMap,
     OccupancyGrid,
     Routes,
@@ -22,8 +23,7 @@ from humanclaw.navigation import (
     route_difficulty,
     stair_runs,
     viewpoints,
-)  # fmt: skip
-from humanclaw.scene import Hinge
+)
 
 BEDROOM, LIVING = np.array([1.0, 1.0]), np.array([7.0, 1.0])
 

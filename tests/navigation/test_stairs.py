@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from humanclaw import Body, Plugins
-from humanclaw._calls import check_call
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.navigation import MultiFloorMap, goals_at
-from humanclaw.pose import Pose2D
+from humanclaw.body import Pose2D
+from humanclaw.plugins import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records import EpisodeSpec, Feedback
-from humanclaw.scene import Scene, distance_to_box
+from humanclaw.skills import check_call
+from humanclaw.world import MultiFloorMap, Scene, distance_to_box, goals_at
 from humanclaw_scripted.agents import OracleAgent
 
 HOUSE = "house:3"

@@ -6,8 +6,8 @@ import json
 import shutil
 from pathlib import Path
 
-from humanclaw.measures import Declaration
 from humanclaw.records import SkillInfo
+from humanclaw.skills import Declaration
 
 SKILLS = Path(__file__).parents[2] / "skills"
 STROLL = {

@@ -12,13 +12,11 @@ from PIL import Image
 from rooms import two_rooms
 from walker import PICTURE, SKILLS, Walker
 
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.pose import HISTORY, Motion, rest_pose
+from humanclaw.body import HISTORY, Motion, rest_pose
+from humanclaw.plugins import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records import (
     Answer,
     Attempt,
-    Call,
-    Contact,
     EpisodeRecord,
     EpisodeSpec,
     EpisodeWriter,
@@ -28,7 +26,8 @@ from humanclaw.records import (
     Verdict,
     write_record,
 )
-from humanclaw.scene import GROUND, Scene, distance_to_box
+from humanclaw.skills import Call
+from humanclaw.world import GROUND, Contact, Scene, distance_to_box
 from humanclaw_scripted.agents import OracleAgent
 
 

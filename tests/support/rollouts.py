@@ -9,18 +9,10 @@ from typing import Any
 import numpy as np
 from declared import INFOS
 
-from humanclaw.pose import HISTORY, Motion, Pose2D, rest_pose
-from humanclaw.records import (
-    Attempt,
-    Call,
-    Contact,
-    Decision,
-    EpisodeRecord,
-    EpisodeSpec,
-    EpisodeWriter,
-    RecordedEpisode,
-    StepRecord,
-)
+from humanclaw.body import HISTORY, Motion, Pose2D, rest_pose
+from humanclaw.records import Attempt, Decision, EpisodeRecord, EpisodeSpec, EpisodeWriter, RecordedEpisode, StepRecord
+from humanclaw.skills import Call
+from humanclaw.world import Contact
 
 COUCH, LAMP, VASE, BOOK, TABLE = 20, 31, 32, 33, 40
 """The couch is the target; lamp, vase and book can be moved; the table is fixed."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.pose import Pose2D, quaternion_from_matrix, yaw_matrix
-from humanclaw.scene import Asset, Mesh, Room, Scene, SceneObject
+from humanclaw.body import Pose2D, quaternion_from_matrix, yaw_matrix
+from humanclaw.world import Asset, Mesh, Room, Scene, SceneObject
 
 CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)], np.float32)
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
+from humanclaw.body import STATE_SIZE, encode, rest_pose
 from humanclaw.motion.checkpoint import FORMAT, HEADER, MODEL, Base, Card, load_base
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import DiT, ModelConfig, Weights
-from humanclaw.pose import STATE_SIZE, encode, rest_pose
 
 TINY = ModelConfig(32, 2, 4, prediction="clean")
 WALK = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from humanclaw.contract import Skill
-from humanclaw.interfaces import Agent, EpisodeContext, HistoryEntry, Observation, WorldState
-from humanclaw.navigation import STEP, MultiFloorMap, OccupancyGrid
-from humanclaw.pose import STANDING_HEIGHT, Motion, rest_pose
-from humanclaw.records import Call, Decision, EpisodeSpec, Feedback
-from humanclaw.scene import Scene
+from humanclaw.body import STANDING_HEIGHT, Motion, rest_pose
+from humanclaw.plugins import Agent, EpisodeContext, HistoryEntry, Observation
+from humanclaw.records import Decision, EpisodeSpec, Feedback
+from humanclaw.skills import Call, Skill
+from humanclaw.world import STEP, MultiFloorMap, OccupancyGrid, Scene, WorldState
 
 ROOT = Path(__file__).parents[2]
 _FOLDERS = [path.parent for path in sorted(ROOT.glob("skills/*/*/*/schema.json"))]

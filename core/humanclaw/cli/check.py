@@ -13,10 +13,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from humanclaw._skill_check import CHECKS
-from humanclaw._words import counted
 from humanclaw.cli.options import plugin_options
-from humanclaw.plugins import Choice, Plugins
+from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.registry import Choice
+from humanclaw.skills.checks import CHECKS
+from humanclaw.text.words import counted
 
 if TYPE_CHECKING:
     from humanclaw.testing import Report

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw._backends import SENSORS, Backends, check_sensors
-from humanclaw._words import did_you_mean
+from humanclaw.episodes.backends import SENSORS, Backends, check_sensors
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
-from humanclaw.limits import Meter, check_limits
+from humanclaw.records.limits import Meter, check_limits
+from humanclaw.text.words import did_you_mean
 
 if TYPE_CHECKING:
-    from humanclaw.interfaces import Agent, Verifier
-    from humanclaw.plugins import Plugins
+    from humanclaw.plugins.agents import Agent, Verifier
+    from humanclaw.plugins.host import Plugins
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -165,7 +165,7 @@ def check_options(options: Mapping[str, Any], name: str, agent: object, verifier
 
 def _settings(decider: object) -> tuple[str, ...] | None:
     """Return the names of a decider's settings; None if it has none."""
-    from humanclaw._deciders import origin  # Not where the command line starts: pydantic takes its time.
+    from humanclaw.plugins.deciders import origin
 
     try:
         with blaming(origin(decider)):
@@ -215,7 +215,7 @@ def plugin_options(function: F) -> F:
 
     @functools.wraps(function)
     def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
-        from humanclaw.plugins import Choice
+        from humanclaw.plugins.registry import Choice
 
         named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
         if skills is not None and not named:

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from humanclaw.cli.options import SIMULATOR_HELP
 from humanclaw.cli.tables import show_markdown
-from humanclaw.half_physics.profile import PROFILES
+from humanclaw.world.half_physics.profile import PROFILES
 
 _CHECKS: Final = (
     "free-space",

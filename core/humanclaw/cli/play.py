@@ -16,19 +16,23 @@ import click
 from rich.console import Console
 from rich.status import Status
 
-from humanclaw._backends import SIMULATORS, Backends
 from humanclaw.cli import INTERRUPTED
 from humanclaw.cli.options import Deciders
 from humanclaw.cli.progress import StepProgress, summary
-from humanclaw.embodiment import Body
+from humanclaw.episodes.backends import SIMULATORS, Backends
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.loop import run_episode
 from humanclaw.errors import RecordError
-from humanclaw.interfaces import Reporter
-from humanclaw.loop import run_episode
-from humanclaw.navigation import geodesics
-from humanclaw.plugins import Choice, Plugins
-from humanclaw.records import EpisodeRecord, RecordedEpisode, name_of, writing
-from humanclaw.scene import Scene
-from humanclaw.tasks import free_episode
+from humanclaw.plugins.agents import Reporter
+from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.registry import Choice
+from humanclaw.records.folder import writing
+from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.specification import name_of
+from humanclaw.records.steps import EpisodeRecord
+from humanclaw.records.tasks import free_episode
+from humanclaw.world.navigation.approach import geodesics
+from humanclaw.world.scene import Scene
 
 
 def play(

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from humanclaw._words import counted
-from humanclaw.embodiment import Chunk
-from humanclaw.hookspecs import hookimpl
-from humanclaw.records import EpisodeRecord, StepRecord
+from humanclaw.plugins.hookspecs import hookimpl
+from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.text.words import counted
+from humanclaw.world.simulator import Chunk
 
 
 class StepProgress:

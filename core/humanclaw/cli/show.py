@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
-from humanclaw.contract import Skill, bounds
-from humanclaw.plugins import Choice, PluginInfo, Plugins
-from humanclaw.tools import Format, publish
+from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.registry import Choice, PluginInfo
+from humanclaw.skills.contract import Skill, bounds
+from humanclaw.skills.publishing import Format, publish
 
 _WRAPPED: Final = ("parameters", "provides", "state")
 """Columns whose cells may be long: the others are names, which are never broken."""

@@ -1,105 +1,50 @@
-"""The shared motion prior with its adapters, in numpy: load them, generate with them (paper, section 3.3)."""
-
-from __future__ import annotations
+"""How a body moves: the motion prior and its adapters in numpy (paper, section 3.3)."""
 
 from typing import TYPE_CHECKING
 
-from humanclaw._lazy import lazy
+from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.motion.checkpoint import (
-        FORMAT,
-        HEADER,
-        MODEL,
-        Base,
-        Card,
-        Tensors,
-        broken,
-        load_adapter,
-        load_base,
-        own_tensors,
-        read_adapter,
-        read_checkpoint,
-        read_header,
-        shipped_base,
+        FORMAT as FORMAT,
+        HEADER as HEADER,
+        MODEL as MODEL,
+        Base as Base,
+        Card as Card,
+        Tensors as Tensors,
+        broken as broken,
+        load_adapter as load_adapter,
+        load_base as load_base,
+        own_tensors as own_tensors,
+        read_adapter as read_adapter,
+        read_checkpoint as read_checkpoint,
+        read_header as read_header,
+        shipped_base as shipped_base,
     )
-    from humanclaw.motion.control import FOURIER_FREQUENCIES, OCTAVES, AdapterConfig, Encoder
-    from humanclaw.motion.course import Course
-    from humanclaw.motion.dit import SIZES, ModelConfig, Prediction, Weights, time_frequencies
-    from humanclaw.motion.flow import PROFILES, SIGMA_MIN, Solver, noise_of
-    from humanclaw.motion.generator import DiTGenerator
-    from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Limb, solve
+    from humanclaw.motion.control import (
+        FOURIER_FREQUENCIES as FOURIER_FREQUENCIES,
+        OCTAVES as OCTAVES,
+        Adapter as Adapter,
+        AdapterConfig as AdapterConfig,
+        Encoder as Encoder,
+    )
+    from humanclaw.motion.dit import (
+        SIZES as SIZES,
+        DiT as DiT,
+        ModelConfig as ModelConfig,
+        Modulations as Modulations,
+        Prediction as Prediction,
+        Weights as Weights,
+        time_frequencies as time_frequencies,
+    )
+    from humanclaw.motion.flow import (
+        PROFILES as PROFILES,
+        SIGMA_MIN as SIGMA_MIN,
+        Solver as Solver,
+        noise_of as noise_of,
+        velocity as velocity,
+    )
+    from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
+    from humanclaw.motion.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
 
-_HOMES = {
-    "AdapterConfig": "control",
-    "Base": "checkpoint",
-    "Card": "checkpoint",
-    "Course": "course",
-    "DiTGenerator": "generator",
-    "Encoder": "control",
-    "FORMAT": "checkpoint",
-    "FOURIER_FREQUENCIES": "control",
-    "HEADER": "checkpoint",
-    "Limb": "ik",
-    "MODEL": "checkpoint",
-    "ModelConfig": "dit",
-    "OCTAVES": "control",
-    "PROFILES": "flow",
-    "Prediction": "dit",
-    "REACH": "ik",
-    "SIDES": "ik",
-    "SIGMA_MIN": "flow",
-    "SIZES": "dit",
-    "Solver": "flow",
-    "TOE_BASE": "ik",
-    "Tensors": "checkpoint",
-    "Weights": "dit",
-    "broken": "checkpoint",
-    "load_adapter": "checkpoint",
-    "load_base": "checkpoint",
-    "noise_of": "flow",
-    "own_tensors": "checkpoint",
-    "read_adapter": "checkpoint",
-    "read_checkpoint": "checkpoint",
-    "read_header": "checkpoint",
-    "shipped_base": "checkpoint",
-    "solve": "ik",
-    "time_frequencies": "dit",
-}
-__all__ = [
-    "FORMAT",
-    "FOURIER_FREQUENCIES",
-    "HEADER",
-    "MODEL",
-    "OCTAVES",
-    "PROFILES",
-    "REACH",
-    "SIDES",
-    "SIGMA_MIN",
-    "SIZES",
-    "TOE_BASE",
-    "AdapterConfig",
-    "Base",
-    "Card",
-    "Course",
-    "DiTGenerator",
-    "Encoder",
-    "Limb",
-    "ModelConfig",
-    "Prediction",
-    "Solver",
-    "Tensors",
-    "Weights",
-    "broken",
-    "load_adapter",
-    "load_base",
-    "noise_of",
-    "own_tensors",
-    "read_adapter",
-    "read_checkpoint",
-    "read_header",
-    "shipped_base",
-    "solve",
-    "time_frequencies",
-]
-__getattr__ = lazy(__name__, _HOMES)
+__getattr__, __dir__, __all__ = door(__name__)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
-from humanclaw.body import N_JOINTS
+from humanclaw.body.skeleton import N_JOINTS
 from humanclaw.errors import CheckpointError
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights

@@ -19,7 +19,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
+from humanclaw.body.pose import CHUNK, HISTORY, STATE_SIZE
 
 Array = NDArray[np.float32]
 Prediction = Literal["velocity", "clean"]

@@ -14,8 +14,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from humanclaw.body.pose import FUTURE, STATE_SIZE
 from humanclaw.motion.dit import Array, Prediction
-from humanclaw.pose import FUTURE, STATE_SIZE
 
 SIGMA_MIN: Final = 1e-4
 Method = Literal["euler", "midpoint"]

@@ -13,9 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body import JOINT_INDEX, TOE_SOLE
-from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, solve
-from humanclaw.pose import (
+from humanclaw.body.pose import (
     FPS,
     HISTORY,
     Motion,
@@ -25,6 +23,8 @@ from humanclaw.pose import (
     vector_from_matrix,
     yaw_matrix,
 )
+from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
+from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, solve
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe is meant to stand."""

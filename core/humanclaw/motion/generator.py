@@ -9,10 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from humanclaw.body.pose import HISTORY, Motion, Pose2D, decode, encode
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.checkpoint import Base, load_adapter, load_base, shipped_base
 from humanclaw.motion.control import Adapter
@@ -21,7 +23,6 @@ from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.posture import settle
 from humanclaw.motion.setting_out import set_out
-from humanclaw.pose import HISTORY, Motion, Pose2D, decode, encode
 
 
 @dataclass(frozen=True)
@@ -175,3 +176,21 @@ def _checked(history: Motion) -> Motion:
     if len(history) != HISTORY:
         raise ValueError(f"a history needs {HISTORY} frames; got {len(history)}")
     return history
+
+
+# -- motion ------------------------------------------------------------------------------------------------------------
+class MotionGenerator(Protocol):
+    """A motion prior with skill adapters (paper, section 3.3)."""
+
+    def start(self) -> Motion:
+        """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
+
+    def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
+        """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
+
+        values: each parameter that the adapter's header names, in SI; their order says nothing.
+        """
+
+    @property
+    def digest(self) -> str:
+        """Names the weights of the prior."""

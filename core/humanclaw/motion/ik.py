@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
-from humanclaw.pose import matrix_from_vector
+from humanclaw.body.pose import matrix_from_vector
+from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
 
 Array = NDArray[np.float64]
 

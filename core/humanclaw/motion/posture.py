@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body import JOINT_INDEX, N_JOINTS
-from humanclaw.pose import FUTURE, Array, Motion, smoothstep
+from humanclaw.body.pose import FUTURE, Array, Motion, smoothstep
+from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
 
 _BACK: Final = 0.1
 """Share by which it comes back in a chunk. The fastest of these errors grows by 7 % a chunk."""

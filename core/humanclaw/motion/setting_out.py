@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body import JOINT_INDEX
-from humanclaw.pose import FPS, Array, Motion
+from humanclaw.body.pose import FPS, Array, Motion
+from humanclaw.body.skeleton import JOINT_INDEX
 
 _STANDS: Final = 0.1
 """Metres a second: a body whose toes are both slower at the end of the history stands."""

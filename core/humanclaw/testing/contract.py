@@ -14,19 +14,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw._backends import Backends
-from humanclaw._bounded import Bounded, OverdueError
-from humanclaw._skill_check import CHECKS, adapter_header, ranges, read_draft, skill_faults, within
-from humanclaw.body import JOINTS
-from humanclaw.contract import Control, Keyframes, MotionError, Part, Skill, parts
-from humanclaw.embodiment import Body, SkillExecution, untrained
+from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.body.skeleton import JOINTS
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.embodiment import Body, SkillExecution, untrained
 from humanclaw.errors import CallError, ContractError, HumanclawError, PluginError, in_words
-from humanclaw.hookspecs import API_VERSION, hookimpl
-from humanclaw.measures import MEASURES, Measure
 from humanclaw.motion.checkpoint import read_header, shipped_base
-from humanclaw.plugins import Plugins, check_api, load_file
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
-from humanclaw.records import Call
+from humanclaw.plugins.bounded import Bounded, OverdueError
+from humanclaw.plugins.hookspecs import API_VERSION, hookimpl
+from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.loading import check_api, load_file
+from humanclaw.skills.adapter_checks import adapter_header, ranges, within
+from humanclaw.skills.call import Call
+from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import MEASURES, Measure
+from humanclaw.skills.plan import Control, Keyframes, MotionError, Part, parts
 from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
 from humanclaw.testing.sampling import illegal_calls, legal_calls
 

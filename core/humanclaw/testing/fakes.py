@@ -13,18 +13,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw._backends import Backends
-from humanclaw.contract import Skill
-from humanclaw.embodiment import Body
-from humanclaw.hookspecs import Register, RegisterMeasure, RegisterSkill, hookimpl
-from humanclaw.interfaces import Camera, EpisodeContext, Execution, HistoryEntry, Observation, View, WorldState
-from humanclaw.measures import Measure
-from humanclaw.plugins import Plugins
-from humanclaw.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
-from humanclaw.records import Call, Decision
-from humanclaw.scene import Scene
+from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.embodiment import Body
+from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
+from humanclaw.plugins.hookspecs import Register, RegisterMeasure, RegisterSkill, hookimpl
+from humanclaw.plugins.host import Plugins
+from humanclaw.records.decisions import Decision
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Measure
 from humanclaw.testing.sampling import legal_calls
 from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Execution, WorldState
+from humanclaw.world.view import Camera, View
 
 FAKE: Final = "fake"
 """The name under which a world, a renderer, a generator and a scene are registered."""

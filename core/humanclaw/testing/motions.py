@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
-from humanclaw.interfaces import Simulator
-from humanclaw.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
-from humanclaw.records import Contact
-from humanclaw.scene import Scene
+from humanclaw.body.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
+from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Contact, Simulator
 
 _THIGH: Final = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])
 _SHIN: Final = float(-OFFSETS[JOINT_INDEX["left_ankle"]][1])

@@ -13,15 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw._backends import default_simulator
-from humanclaw.contract import Control, Skill
-from humanclaw.errors import HumanclawError
-from humanclaw.half_physics import Profile, find_profile
-from humanclaw.half_physics.exertion import GROUND_FRICTION
-from humanclaw.interfaces import Execution, MotionGenerator, Simulator, stand
-from humanclaw.measures import from_si
-from humanclaw.plugins import Plugins
-from humanclaw.pose import (
+from humanclaw.body.pose import (
     FPS,
     FUTURE,
     HISTORY,
@@ -33,8 +25,19 @@ from humanclaw.pose import (
     rest_pose,
     vector_from_quaternion,
 )
-from humanclaw.scene import Scene
+from humanclaw.episodes.backends import default_simulator
+from humanclaw.episodes.embodiment import stand
+from humanclaw.errors import HumanclawError
+from humanclaw.motion.generator import MotionGenerator
+from humanclaw.plugins.host import Plugins
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import from_si
+from humanclaw.skills.plan import Control
 from humanclaw.testing.scenes import SceneBuilder, block
+from humanclaw.world.half_physics.exertion import GROUND_FRICTION
+from humanclaw.world.half_physics.profile import Profile, find_profile
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Execution, Simulator
 
 Command = Mapping[str, float]
 """What a chunk is to do: measure to its value, metres or radians."""

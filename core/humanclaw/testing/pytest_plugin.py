@@ -39,7 +39,7 @@ class SkillChecks(pytest.Collector):
     _reports: list[Report] | None = None
 
     def collect(self) -> list[pytest.Item]:
-        from humanclaw._skill_check import CHECKS
+        from humanclaw.skills.checks import CHECKS
 
         return [NamedCheck.from_parent(self, name=check) for check in CHECKS]
 
@@ -47,7 +47,7 @@ class SkillChecks(pytest.Collector):
     def reports(self) -> list[Report]:
         """What was found."""
         if self._reports is None:
-            from humanclaw.plugins import Plugins
+            from humanclaw.plugins.host import Plugins
             from humanclaw.testing import check_target
 
             engines = self.config.getoption("--humanclaw-engine") or None

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.contract import Skill
-from humanclaw.tools import parameter_schema
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.publishing import parameter_schema
 
 OPEN: Final = 1000
 """What stands for any number at all where a schema sets no bound: large for a skill, and soon counted to."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import Pose2D
-from humanclaw.scene import Asset, Hinge, Mesh, Scene, SceneObject, Vec3
+from humanclaw.body.pose import Pose2D
+from humanclaw.world.scene import Asset, Hinge, Mesh, Scene, SceneObject, Vec3
 
 Colour = tuple[int, int, int]
 GREY: Colour = (200, 200, 200)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from humanclaw.errors import ProviderError
-from humanclaw.interfaces import EpisodeContext, HistoryEntry, Observation
-from humanclaw.records import Call, Decision
+from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
+from humanclaw.records.decisions import Decision
+from humanclaw.skills.call import Call
 
 Line = Decision | Call | Exception
 

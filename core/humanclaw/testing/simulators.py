@@ -15,11 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from humanclaw.body import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
-from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.half_physics import Profile, find_profile
-from humanclaw.interfaces import Simulator
-from humanclaw.pose import (
+from humanclaw.body.pose import (
     FPS,
     Array,
     Motion,
@@ -30,10 +26,14 @@ from humanclaw.pose import (
     rest_pose,
     vector_from_quaternion,
 )
-from humanclaw.scene import Scene
+from humanclaw.body.skeleton import BODY_GROUPS, JOINT_INDEX, STANDING_HEIGHT
+from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
 from humanclaw.testing.physics import CHECKS, Fixture
 from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
+from humanclaw.world.half_physics.profile import Profile, find_profile
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Simulator
 
 PROFILES: Final = ("default", "paper", "reference")
 

@@ -11,10 +11,10 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from humanclaw.interfaces import Simulator
-from humanclaw.pose import HISTORY, Array, re_rooted
-from humanclaw.scene import Scene, SceneObject
+from humanclaw.body.pose import HISTORY, Array, re_rooted
 from humanclaw.testing.physics import FORWARD, TURN, Fixture, Tick
+from humanclaw.world.scene import Scene, SceneObject
+from humanclaw.world.simulator import Simulator
 
 T = TypeVar("T")
 FIXED, MOVABLE = 300, 60

@@ -24,7 +24,7 @@ import click
 import platformdirs
 
 import humanclaw.testing
-from humanclaw.testing import Reply, Request, calls, text
+from humanclaw.testing.openai_server import Reply, Request, calls, text
 
 HERE = Path(__file__).parent
 CLIENTS = sorted(path.stem.removesuffix("_client") for path in HERE.glob("*_client.py"))

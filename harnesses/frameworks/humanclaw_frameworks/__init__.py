@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 from humanclaw import PluginError, hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import FrameworkFactory, Register
-    from humanclaw.tools import BodyTool
+    from humanclaw.plugins import FrameworkFactory, Register
+    from humanclaw.skills import BodyTool
 
 __version__ = "0.1.0"
 

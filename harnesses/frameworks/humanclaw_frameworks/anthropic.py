@@ -12,7 +12,7 @@ from typing import Any
 from anthropic import beta_tool
 from anthropic.lib.tools import BetaFunctionTool, BetaFunctionToolResultType, ToolError
 
-from humanclaw.tools import BodyTool, ToolResult, in_format
+from humanclaw.skills import BodyTool, ToolResult, in_format
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[BetaFunctionTool[Any]]:

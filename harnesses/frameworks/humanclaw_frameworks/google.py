@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from google.genai import types
 
-from humanclaw.tools import BodyTool, ToolResult, in_format
+from humanclaw.skills import BodyTool, ToolResult, in_format
 
 
 class Tools(list[types.Tool]):

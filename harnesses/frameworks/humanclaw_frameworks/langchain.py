@@ -7,7 +7,7 @@ from typing import Any
 
 from langchain_core.tools import StructuredTool
 
-from humanclaw.tools import BodyTool
+from humanclaw.skills import BodyTool
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[StructuredTool]:

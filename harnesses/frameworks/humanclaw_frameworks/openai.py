@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from humanclaw.tools import BodyTool, ToolResult, in_format
+from humanclaw.skills import BodyTool, ToolResult, in_format
 
 Json = dict[str, Any]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from agents import FunctionTool, ToolOutputImage, ToolOutputText
 
-from humanclaw.tools import BodyTool
+from humanclaw.skills import BodyTool
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[FunctionTool]:

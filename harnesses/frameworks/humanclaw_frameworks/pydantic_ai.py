@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic_ai import BinaryContent, Tool
 
-from humanclaw.tools import BodyTool
+from humanclaw.skills import BodyTool
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[Tool[Any]]:

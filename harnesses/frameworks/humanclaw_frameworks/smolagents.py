@@ -13,7 +13,7 @@ from typing import Any
 from PIL import Image
 from smolagents import Tool
 
-from humanclaw.tools import BodyTool
+from humanclaw.skills import BodyTool
 
 
 class BodyTools(list[Tool]):

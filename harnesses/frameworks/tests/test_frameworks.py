@@ -14,7 +14,7 @@ from openai.types.chat import ChatCompletionMessage
 from PIL import Image
 
 from humanclaw import PluginError, Plugins, hookimpl
-from humanclaw.tools import body_tools
+from humanclaw.episodes.tools import body_tools
 from humanclaw_frameworks import FRAMEWORKS
 
 

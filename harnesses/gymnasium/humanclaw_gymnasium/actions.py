@@ -11,7 +11,7 @@ from gymnasium.spaces import MultiDiscrete
 from numpy.typing import NDArray
 
 from humanclaw import Call, HumanclawError, Skill
-from humanclaw.tools import parameter_schema
+from humanclaw.skills import parameter_schema
 
 Action = NDArray[np.int64]
 _MAX_LEVELS = 10_000

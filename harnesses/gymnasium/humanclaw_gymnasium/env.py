@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from humanclaw import Backends, Body, Call, Decision, Episode, Plugins, Scene
-from humanclaw.interfaces import DistanceFn
-from humanclaw.navigation import geodesics
-from humanclaw.outcomes import REACHED
-from humanclaw.tasks import free_episode
+from humanclaw.records import REACHED, free_episode
+from humanclaw.world import DistanceFn, geodesics
 from humanclaw_gymnasium.actions import Action, Actions
 
 Picture = NDArray[np.uint8]

@@ -9,7 +9,7 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw import Agent
-    from humanclaw.hookspecs import AgentFactory, Register
+    from humanclaw.plugins import AgentFactory, Register
 
 __version__ = "0.1.0"
 

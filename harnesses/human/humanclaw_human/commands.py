@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from humanclaw import Call, CallError, Skill
-from humanclaw.measures import Role, suited
-from humanclaw.tools import bounds
+from humanclaw.skills import Role, bounds, suited
 
 _MOVES: Final[Mapping[str, tuple[int, tuple[str, ...]]]] = {
     "ArrowUp": (1, ("hips.forward", "hips.left", "heading.left")),

@@ -11,7 +11,7 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw import Agent, Verifier
-    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
+    from humanclaw.plugins import AgentFactory, Register, VerifierFactory
     from humanclaw_litellm.asking import ModeCache
 
 __version__ = "0.1.0"

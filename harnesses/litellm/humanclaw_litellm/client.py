@@ -15,8 +15,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
+from concurrent.futures import Future, TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,7 +23,7 @@ import tenacity
 
 from humanclaw import LimitError, Meter, ProviderError
 from humanclaw.records import Usage
-from humanclaw.tools import json_objects
+from humanclaw.skills import json_objects
 from humanclaw_litellm.accounting import price_of, tokens_sent, usage_of
 from humanclaw_litellm.library import TooLongError, load, missing_keys
 from humanclaw_litellm.rates import Gate

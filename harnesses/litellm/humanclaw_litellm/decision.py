@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
-from humanclaw.tools import Reasoning, answer_schema, openai_tools, read_call, read_text
+from humanclaw.skills import Reasoning, answer_schema, openai_tools, read_call, read_text
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator, Reply
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.prompts import Json, step_content, system_message, system_prompt

@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 
 from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.interfaces import ego_camera
-from humanclaw.measures import Role, from_si, suited
-from humanclaw.outcomes import REACHED
+from humanclaw.records import REACHED
+from humanclaw.skills import Role, bounds, from_si, parameter_schema, suited
 from humanclaw.storage import jpeg
-from humanclaw.tools import bounds, parameter_schema
+from humanclaw.world import ego_camera
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]

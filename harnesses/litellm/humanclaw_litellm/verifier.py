@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from humanclaw import Call, CallError, Check, EpisodeContext, HumanclawError, Observation, ProviderError, Skill, Verdict
 from humanclaw.records import Answer, Usage
-from humanclaw.tools import call_schema, json_objects, read_answer
+from humanclaw.skills import call_schema, json_objects, read_answer
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable

@@ -13,7 +13,7 @@ import pytest
 import humanclaw_litellm
 from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer
+from humanclaw.testing.openai_server import OpenAIServer
 
 sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."

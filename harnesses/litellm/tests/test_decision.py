@@ -10,8 +10,9 @@ import pytest
 import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
-from humanclaw.tools import REASONING_FIELDS, THOUGHTS
+from humanclaw.skills import REASONING_FIELDS, THOUGHTS
+from humanclaw.testing import check
+from humanclaw.testing.openai_server import OpenAIServer, call, calls, message, refusing, text
 
 SAID = {
     "visible_state": "a couch 3 m ahead",

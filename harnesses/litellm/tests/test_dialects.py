@@ -7,15 +7,12 @@ from dataclasses import dataclass
 import pytest
 
 from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
-from humanclaw.testing import (
-    AnthropicServer,
-    GeminiServer,
-    OllamaServer,
+from humanclaw.testing import check
+from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+from humanclaw.testing.openai_server import (
     OpenAIServer,
-    VLLMServer,
     call,
     calls,
-    check,
     delayed,
     dropped,
     message,

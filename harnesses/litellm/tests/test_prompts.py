@@ -12,7 +12,7 @@ import walkthrough
 
 from humanclaw import Call, Decision, HistoryEntry, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer, call
+from humanclaw.testing.openai_server import OpenAIServer, call
 from humanclaw_litellm.library import load
 from humanclaw_litellm.prompts import data
 from humanclaw_litellm.settings import Settings
@@ -137,7 +137,7 @@ def test_a_model_of_anthropic_is_told_where_its_cache_may_end_and_others_are_not
 
 
 def _sent(begin, view, lived, **options):
-    from humanclaw.testing import AnthropicServer
+    from humanclaw.testing.dialects import AnthropicServer
 
     server = AnthropicServer if "claude" in options["model"] else OpenAIServer
     with server([call("stop")]) as scripted:

@@ -15,7 +15,7 @@ import traceback
 import pytest
 
 from humanclaw import HumanclawError, Meter, ProviderError
-from humanclaw.testing import (
+from humanclaw.testing.openai_server import (
     OpenAIServer,
     Reply,
     call,

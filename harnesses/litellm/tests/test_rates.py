@@ -9,12 +9,9 @@ import time
 import pytest
 
 from humanclaw import LimitError, Meter
-from humanclaw.testing import (
-    AnthropicServer,
-    GeminiServer,
-    OllamaServer,
+from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
+from humanclaw.testing.openai_server import (
     OpenAIServer,
-    VLLMServer,
     call,
     redirected,
     status,

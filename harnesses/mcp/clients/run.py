@@ -28,7 +28,7 @@ import click
 import platformdirs
 
 from humanclaw import load_run
-from humanclaw.testing import OpenAIServer, Reply, Request, call, text
+from humanclaw.testing.openai_server import OpenAIServer, Reply, Request, call, text
 
 HERE = Path(__file__).parent
 CLIENTS = {

@@ -28,12 +28,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from humanclaw import Skill, StepRecord
-from humanclaw.body import JOINTS
-from humanclaw.outcomes import FLOOR_THRESHOLD
-from humanclaw.pose import Pose2D
+from humanclaw.body import JOINTS, Pose2D
+from humanclaw.records import ALIASES, FLOOR_THRESHOLD, SEATS
+from humanclaw.skills import bounds, parameter_schema, publish
 from humanclaw.storage import jpeg
-from humanclaw.tasks import ALIASES, SEATS
-from humanclaw.tools import bounds, parameter_schema, publish
 from humanclaw_mcp.session import Snapshot
 from humanclaw_mcp.settings import Settings
 

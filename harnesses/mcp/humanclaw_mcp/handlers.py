@@ -12,7 +12,7 @@ from mcp.server.subscriptions import InMemorySubscriptionBus
 from mcp.shared.exceptions import MCPError
 
 from humanclaw import CallError, Decision, HumanclawError
-from humanclaw.tools import read_call
+from humanclaw.skills import read_call
 from humanclaw_mcp import content, telling
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.session import Session, Snapshot, Task

@@ -21,11 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins, StepRecord
-from humanclaw.interfaces import WorldState
-from humanclaw.navigation import geodesics
-from humanclaw.pose import Pose2D
-from humanclaw.records import Outcome
-from humanclaw.tasks import free_episode
+from humanclaw.body import Pose2D
+from humanclaw.records import Outcome, free_episode
+from humanclaw.world import WorldState, geodesics
 from humanclaw_mcp.settings import Settings
 
 _LONGEST_NAME: Final = 64

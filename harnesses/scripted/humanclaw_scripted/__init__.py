@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from humanclaw import Agent, Verifier
-    from humanclaw.hookspecs import AgentFactory, Register, VerifierFactory
+    from humanclaw.plugins import AgentFactory, Register, VerifierFactory
     from humanclaw_scripted.faults import Fault
 
 __version__ = "0.1.0"

@@ -13,23 +13,23 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation, PluginError, Scene, Skill
-from humanclaw.body import LINKS, STANDING_HEIGHT, Capsule
-from humanclaw.interfaces import WorldState, ego_camera
-from humanclaw.measures import Parameter, Role, from_si, suited
-from humanclaw.navigation import (
+from humanclaw.body import LINKS, STANDING_HEIGHT, Array, Capsule, Pose2D, matrix_from_vector, wrap_angle
+from humanclaw.skills import Parameter, Role, from_si, suited
+from humanclaw.world import (
     MultiFloorMap,
     OccupancyGrid,
     Routes,
     Segment,
     StairRun,
     Viewpoint,
+    WorldState,
+    distance_to_nearest,
+    ego_camera,
     length,
     room_at,
     stair_runs,
     viewpoints,
 )
-from humanclaw.pose import Array, Pose2D, matrix_from_vector, wrap_angle
-from humanclaw.scene import distance_to_nearest
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)

@@ -9,10 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HumanclawError
-from humanclaw.interfaces import WorldState
-from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import distance_to_nearest
+from humanclaw.body import Array, Pose2D
+from humanclaw.records import REACHED
+from humanclaw.world import WorldState, distance_to_nearest
 from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
 
 LOOK_AROUND: Final = 45

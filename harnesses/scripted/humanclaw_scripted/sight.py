@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt, label
 from scipy.spatial import cKDTree
 
-from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
-from humanclaw.navigation import CELL, RADIUS, OccupancyGrid
-from humanclaw.pose import Array, Pose2D, rest_pose, wrap_angle
+from humanclaw.body import Array, Pose2D, rest_pose, wrap_angle
+from humanclaw.world import CELL, GAZE_PITCH, RADIUS, OccupancyGrid, View, ego_camera
 
 STRIDE: Final = 2
 """Every so manieth pixel is looked at."""

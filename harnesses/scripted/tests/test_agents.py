@@ -22,9 +22,8 @@ from humanclaw import (
     Observation,
     Scene,
 )
-from humanclaw.navigation import OccupancyGrid
 from humanclaw.records import Feedback
-from humanclaw.scene import distance_to_box
+from humanclaw.world import OccupancyGrid, distance_to_box
 from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
 
 

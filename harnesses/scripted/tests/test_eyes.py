@@ -13,8 +13,8 @@ import pytest
 from walker import PICTURE, SKILLS
 
 from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
-from humanclaw.interfaces import View, ego_camera
-from humanclaw.pose import rest_pose
+from humanclaw.body import rest_pose
+from humanclaw.world import View, ego_camera
 
 # What is red is a couch, and what is blue one that the program is not sure of.
 DETECTOR = """

@@ -12,9 +12,8 @@ from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
-from humanclaw.outcomes import acknowledges
-from humanclaw.records import Difficulty
-from humanclaw.scene import distance_to_box
+from humanclaw.records import Difficulty, acknowledges
+from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
 from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier, options
 

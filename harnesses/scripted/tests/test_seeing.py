@@ -11,10 +11,9 @@ from scipy.spatial import cKDTree
 from walker import PICTURE, SKILLS, Walker
 
 from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
-from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
-from humanclaw.pose import Pose2D, rest_pose
+from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
-from humanclaw.scene import distance_to_box
+from humanclaw.world import GAZE_PITCH, View, distance_to_box, ego_camera
 from humanclaw_scripted.seeing import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 

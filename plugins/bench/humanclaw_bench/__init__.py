@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from humanclaw import RecordedEpisode
-    from humanclaw.hookspecs import Register
+    from humanclaw.plugins import Register
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
     from humanclaw_bench.overview import Page

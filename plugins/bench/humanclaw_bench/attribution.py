@@ -14,11 +14,10 @@ from typing import Final, Literal
 import numpy as np
 
 from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
-from humanclaw.measures import to_si
-from humanclaw.outcomes import REACHED, in_view
-from humanclaw.pose import Array
-from humanclaw.records import Vec3
-from humanclaw.scene import distance_to_nearest
+from humanclaw.body import Array
+from humanclaw.records import REACHED, Vec3, in_view
+from humanclaw.skills import to_si
+from humanclaw.world import distance_to_nearest
 from humanclaw_bench.metrics import Scores, claims, is_sit, sat_down, score
 
 Stage = Literal["find", "nav", "interact"]

@@ -15,8 +15,8 @@ from tqdm import tqdm
 
 from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
 from humanclaw.cli import Deciders, LazyCommand, counted, decider_options, plugin_files, plugin_options
+from humanclaw.records import write_episodes
 from humanclaw.storage import write_atomically
-from humanclaw.tasks import write_episodes
 from humanclaw_bench import submission as submissions
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import asked_of, check, is_told, played_again, standing
@@ -29,11 +29,11 @@ from humanclaw_bench.splits import (
     candidates,
     hidden,
     load_split,
+    make as make_splits,
     repeated,
     secret_houses,
     summary,
 )  # fmt: skip
-from humanclaw_bench.splits import make as make_splits
 from humanclaw_bench.tables import (
     WRITERS,
     Result,

@@ -19,7 +19,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
-from humanclaw.pose import HISTORY
+from humanclaw.body import HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
 from humanclaw_bench.metrics import Extra, Scores, ended, score

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from humanclaw import EpisodeSpec, Plugins, RecordedEpisode
-    from humanclaw.hookspecs import Register
+    from humanclaw.plugins import Register
     from humanclaw_bench.executors import Executor
 
 hookspec = pluggy.HookspecMarker("humanclaw")

@@ -18,8 +18,9 @@ from typing import Final, Literal
 import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, RecordError, StepRecord, Verdict
-from humanclaw.body import BODY_GROUPS
-from humanclaw.outcomes import (
+from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array, Pose2D, root_jerk
+from humanclaw.records import (
+    Outcome,
     acknowledges,
     end_distance,
     in_view,
@@ -30,9 +31,7 @@ from humanclaw.outcomes import (
     stopped_seated,
     stopped_within_reach,
     touched_above_ground,
-)  # fmt: skip
-from humanclaw.pose import FUTURE, HISTORY, Array, Pose2D, root_jerk
-from humanclaw.records import Outcome
+)
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio

@@ -26,10 +26,9 @@ from filelock import FileLock, Timeout
 import humanclaw
 from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import check_options
-from humanclaw.hookspecs import noun
-from humanclaw.records import EpisodeRecord
+from humanclaw.plugins import noun
+from humanclaw.records import EpisodeRecord, write_episodes
 from humanclaw.storage import within, write_atomically
-from humanclaw.tasks import write_episodes
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, journal, read_manifest, split_digest
 from humanclaw_bench.metrics import ended

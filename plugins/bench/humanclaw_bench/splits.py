@@ -22,10 +22,9 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene
-from humanclaw.navigation import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
-from humanclaw.pose import Array, Pose2D
-from humanclaw.records import name_of
-from humanclaw.tasks import SEATS, instruction, read_episodes
+from humanclaw.body import Array, Pose2D
+from humanclaw.records import SEATS, instruction, name_of, read_episodes
+from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
 SPLITS: Final = ("val", "val-400", "mini", "smoke")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri, stdtrit  # scipy.stats takes a second to load.
 
-from humanclaw.pose import Array
+from humanclaw.body import Array
 
 CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 2000

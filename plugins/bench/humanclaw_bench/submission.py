@@ -24,8 +24,7 @@ from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.integrity import MOST as EPISODES
-from humanclaw_bench.integrity import Manifest, faults, known_split, played_again, read_manifest
+from humanclaw_bench.integrity import MOST as EPISODES, Manifest, faults, known_split, played_again, read_manifest
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate

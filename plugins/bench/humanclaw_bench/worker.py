@@ -25,9 +25,9 @@ from humanclaw import (
     ReplayError,
     StepRecord,
 )
-from humanclaw.navigation import geodesics
 from humanclaw.records import Outcome, Usage, close_record, writing
 from humanclaw.storage import within, write_atomically
+from humanclaw.world import geodesics
 
 FAILED: Final = "infra_error"
 

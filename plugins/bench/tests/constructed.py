@@ -18,7 +18,7 @@ import numpy as np
 from rollouts import LAMP, TABLE, rollout, step, touch
 
 from humanclaw import Decision, RecordedEpisode, StepRecord
-from humanclaw.pose import Pose2D
+from humanclaw.body import Pose2D
 from humanclaw.records import Attempt
 
 FIND: Final = (

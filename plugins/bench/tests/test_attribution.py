@@ -10,9 +10,9 @@ from rollouts import COUCH, TABLE, pacing, roaming, rollout, step, stuck, touch
 from rooms import two_rooms
 
 from humanclaw import Call, RecordedEpisode, StepRecord, run_episode
-from humanclaw.navigation import geodesics
-from humanclaw.tasks import free_episode
+from humanclaw.records import free_episode
 from humanclaw.testing import ScriptedAgent
+from humanclaw.world import geodesics
 from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage
 from humanclaw_bench.metrics import score
 

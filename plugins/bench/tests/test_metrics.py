@@ -11,11 +11,10 @@ import pytest
 from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
 
 from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
-from humanclaw.body import JOINTS, OFFSETS, PARENTS
-from humanclaw.interfaces import Execution
-from humanclaw.pose import FPS, HISTORY, Pose2D, rest_pose, root_jerk
-from humanclaw.records import Answer, Attempt, Contact, PlayedPart, Usage
+from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, rest_pose, root_jerk
+from humanclaw.records import Answer, Attempt, PlayedPart, Usage
 from humanclaw.testing import contacts, touches
+from humanclaw.world import Contact, Execution
 from humanclaw_bench.metrics import (
     ALL,
     Scores,

@@ -8,8 +8,8 @@ import pytest
 from toy_world import FILE
 
 from humanclaw import Backends, Body, Call, Decision, Episode, EpisodeSpec, Plugins, RecordedEpisode
-from humanclaw.outcomes import end_distance
-from humanclaw.pose import Pose2D
+from humanclaw.body import Pose2D
+from humanclaw.records import end_distance
 from humanclaw_bench.metrics import score
 
 

@@ -6,8 +6,8 @@ from declared import INFOS, STROLL, info
 from rollouts import COUCH, roaming, rollout, step
 
 from humanclaw import Call
-from humanclaw.measures import Declaration
 from humanclaw.records import SkillInfo
+from humanclaw.skills import Declaration
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.metrics import score
 

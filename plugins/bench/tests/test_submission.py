@@ -18,9 +18,8 @@ from manifests import tell
 from rollouts import COUCH, rollout, step
 
 from humanclaw import RecordError, load_run
-from humanclaw.pose import Pose2D
-from humanclaw.records import EpisodeRecord, SkillInfo, write_record
-from humanclaw.tasks import write_episodes
+from humanclaw.body import Pose2D
+from humanclaw.records import EpisodeRecord, SkillInfo, write_episodes, write_record
 from humanclaw_bench import submission
 from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest

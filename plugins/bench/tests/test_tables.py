@@ -21,8 +21,7 @@ from rollouts import COUCH, rollout, step
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
 from humanclaw.cli import Commands
-from humanclaw.records import StepRecord, Verdict
-from humanclaw.tasks import write_episodes
+from humanclaw.records import StepRecord, Verdict, write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.export import metrics_of, scored

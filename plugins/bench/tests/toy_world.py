@@ -26,10 +26,10 @@ from humanclaw import (
     Scene,
     hookimpl,
 )
+from humanclaw.body import FUTURE, HISTORY, Pose2D, rest_pose
 from humanclaw.errors import PluginRunError
-from humanclaw.interfaces import Execution, View, WorldState
-from humanclaw.pose import FUTURE, HISTORY, Pose2D, rest_pose
 from humanclaw.records import Usage
+from humanclaw.world import Execution, View, WorldState
 
 FILE = __file__
 

@@ -9,8 +9,8 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
-    from humanclaw.half_physics import Profile
-    from humanclaw.hookspecs import Register, SimulatorFactory
+    from humanclaw.plugins import Register, SimulatorFactory
+    from humanclaw.world import Profile
 
 __version__ = "0.1.0"
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
-from humanclaw.half_physics import LINK_OF, Profile, capsule_frame, link_inertia, link_mass
-from humanclaw.pose import Array
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, Array, Box
+from humanclaw.world import LINK_OF, Profile, capsule_frame, link_inertia, link_mass
 from humanclaw_bullet.engine import Client
 
 

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Scene, SceneError
-from humanclaw.half_physics import ObjectMotion, Swing, box_of, centre_of_mass, inertia
-from humanclaw.pose import Array, matrix_from_quaternion
-from humanclaw.scene import Asset, SceneObject
+from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia
 from humanclaw_bullet.engine import Client
 
 _STILL = 0.1

@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import Scene
-from humanclaw.body import JOINTS
-from humanclaw.half_physics import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
-from humanclaw.pose import Array
+from humanclaw.body import JOINTS, Array
+from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
 from humanclaw_bullet.body import load_body
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.objects import Objects

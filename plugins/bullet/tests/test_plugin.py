@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
-from humanclaw.half_physics import HalfPhysics
 from humanclaw.testing import SceneBuilder, reset_times
+from humanclaw.world import HalfPhysics
 from humanclaw_bullet.world import bullet
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw import Scene
-    from humanclaw.hookspecs import Register, SceneFactory
+    from humanclaw.plugins import Register, SceneFactory
 
 __version__ = "0.1.0"
 

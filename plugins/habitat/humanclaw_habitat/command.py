@@ -10,7 +10,7 @@ import click
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.cli import counted
-from humanclaw.tasks import write_episodes
+from humanclaw.records import write_episodes
 from humanclaw_habitat.categories import GOALS
 from humanclaw_habitat.dataset import Dataset
 from humanclaw_habitat.episodes import LeftOut, convert, read_books

@@ -24,11 +24,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
-from humanclaw.navigation import DistanceField, MultiFloorMap, goals_at, route_difficulty
-from humanclaw.pose import Array, Pose2D
-from humanclaw.records import Difficulty, name_of
-from humanclaw.scene import SceneObject, distance_to_box
-from humanclaw.tasks import SEATS, instruction
+from humanclaw.body import Array, Pose2D
+from humanclaw.records import SEATS, Difficulty, instruction, name_of
+from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at, route_difficulty
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from humanclaw.pose import Array, matrix_from_quaternion, wrap_angle
-from humanclaw.scene import Quaternion
+from humanclaw.body import Array, matrix_from_quaternion, wrap_angle
+from humanclaw.world import Quaternion
 
 
 def axes(up: Sequence[float], front: Sequence[float]) -> Array:

@@ -20,11 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Scene, SceneError
-from humanclaw.meshes import (
+from humanclaw.body import Array, Pose2D
+from humanclaw.storage import Cache
+from humanclaw.world import (
     ANYWHERE,
     MIDDLE,
+    Asset,
     KeepOutBox,
+    Mesh,
     Part,
+    SceneObject,
     back_of,
     bake,
     base_of,
@@ -33,14 +38,13 @@ from humanclaw.meshes import (
     exact,
     lightened,
     moved,
+    pack_scene,
     read_model,
     seat_of,
     turned,
+    unpack_scene,
     with_lid,
 )
-from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import Asset, Mesh, SceneObject
-from humanclaw.storage import Cache, pack_scene, unpack_scene
 from humanclaw_habitat import urdf
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS

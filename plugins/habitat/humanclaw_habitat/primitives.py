@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import SceneError
-from humanclaw.meshes import Part
-from humanclaw.pose import Array
+from humanclaw.body import Array
+from humanclaw.world import Part
 
 DEFAULT_SCALE: Final = (0.1, 0.1, 0.1)
 """Of an object whose template is the shape itself, without a config."""

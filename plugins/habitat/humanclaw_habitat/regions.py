@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from humanclaw.pose import Array
-from humanclaw.scene import Room
+from humanclaw.body import Array
+from humanclaw.world import Room
 from humanclaw_habitat.attributes import Region
 
 _STEP: Final = 0.25

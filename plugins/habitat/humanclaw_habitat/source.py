@@ -15,8 +15,8 @@ import numpy as np
 from tqdm import tqdm
 
 from humanclaw import Scene, SceneError
-from humanclaw.pose import Array, Pose2D, matrix_from_quaternion
-from humanclaw.scene import Asset, Room, SceneObject
+from humanclaw.body import Array, Pose2D, matrix_from_quaternion
+from humanclaw.world import Asset, Room, SceneObject
 from humanclaw_habitat.attributes import Placing, SceneInstance, Template
 from humanclaw_habitat.categories import MOVABLE, category_of
 from humanclaw_habitat.dataset import Dataset

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from humanclaw.meshes import Part, bake, exact
-from humanclaw.pose import Array
-from humanclaw.scene import Mesh
+from humanclaw.body import Array
+from humanclaw.world import Mesh, Part, bake, exact
 
 Faces = NDArray[np.int64]
 

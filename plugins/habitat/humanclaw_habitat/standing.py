@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw import Plugins, Scene, SceneError, default_simulator
-from humanclaw.navigation import OccupancyGrid
+from humanclaw.world import OccupancyGrid
 from humanclaw_habitat.starting import indoors
 
 

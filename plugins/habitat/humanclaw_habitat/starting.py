@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import Scene
-from humanclaw.navigation import CELL, OccupancyGrid
-from humanclaw.pose import Array, Pose2D
+from humanclaw.body import Array, Pose2D
+from humanclaw.world import CELL, OccupancyGrid
 
 _HEAD: Final = 1.9
 """A ceiling is at least so far over its floor, metres."""

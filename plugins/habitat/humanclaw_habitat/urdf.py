@@ -16,8 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from humanclaw import SceneError
-from humanclaw.meshes import Part
-from humanclaw.pose import Array
+from humanclaw.body import Array
+from humanclaw.world import Part
 from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")

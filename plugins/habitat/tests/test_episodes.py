@@ -13,9 +13,9 @@ from click.testing import CliRunner, Result
 from toy_dataset import HALF, episode, write, write_episodes
 
 from humanclaw import Body, EpisodeSpec, Plugins, RecordedEpisode, run_episode
+from humanclaw.body import Pose2D, wrap_angle
 from humanclaw.cli import build
-from humanclaw.pose import Pose2D, wrap_angle
-from humanclaw.tasks import read_episodes
+from humanclaw.records import read_episodes
 from humanclaw_bench.metrics import score
 from humanclaw_scripted.agents import OracleAgent
 

@@ -14,8 +14,8 @@ import pytest
 from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
-from humanclaw.navigation import OccupancyGrid
-from humanclaw.pose import matrix_from_quaternion
+from humanclaw.body import matrix_from_quaternion
+from humanclaw.world import OccupancyGrid
 
 
 @pytest.fixture(scope="module")

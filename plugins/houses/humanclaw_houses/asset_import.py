@@ -12,10 +12,13 @@ from typing import Final
 import numpy as np
 
 from humanclaw import HumanclawError
-from humanclaw.meshes import (
+from humanclaw.body import Array
+from humanclaw.records import ALIASES
+from humanclaw.world import (
     ANYWHERE,
     MIDDLE,
     KeepOutBox,
+    Mesh,
     Part,
     back_of,
     bake,
@@ -30,9 +33,6 @@ from humanclaw.meshes import (
     turned,
     with_lid,
 )
-from humanclaw.pose import Array
-from humanclaw.scene import Mesh
-from humanclaw.tasks import ALIASES
 from humanclaw_houses.importers.categories import category_of, misfit, otherwise, scale_of, sits
 from humanclaw_houses.importers.source_models import Collection, SourceModel, Vec3, digest_of
 from humanclaw_houses.importers.sweethome import slug

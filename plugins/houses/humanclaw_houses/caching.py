@@ -11,7 +11,8 @@ from importlib.resources.abc import Traversable
 from typing import Final
 
 from humanclaw import Scene, SceneError
-from humanclaw.storage import Cache, pack_scene, unpack_scene
+from humanclaw.storage import Cache
+from humanclaw.world import pack_scene, unpack_scene
 
 CORE: Final = ("body.py", "meshes", "navigation", "pose.py", "scene.py", "tasks.py")
 """The parts of the core in which a change may change a house."""

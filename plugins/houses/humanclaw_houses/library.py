@@ -20,9 +20,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from humanclaw import HumanclawError, SceneError
-from humanclaw.meshes import read_mesh, write_model
-from humanclaw.scene import Asset, Mesh
 from humanclaw.storage import write_atomically
+from humanclaw.world import Asset, Mesh, read_mesh, write_model
 
 INDEX: Final = "index.json"
 _IMPORT: Final = "Make one with `humanclaw assets import SOURCE --out {}`."

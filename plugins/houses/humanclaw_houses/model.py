@@ -12,7 +12,7 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from humanclaw.scene import Asset, Mesh
+from humanclaw.world import Asset, Mesh
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
 from humanclaw_houses.textures import Pixels, Tile
 

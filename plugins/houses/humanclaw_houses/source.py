@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Scene, SceneError
-from humanclaw.pose import Pose2D
-from humanclaw.scene import Quaternion, Room, SceneObject
+from humanclaw.body import Pose2D
+from humanclaw.world import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.furnish import Kit, furnish, scatter
 from humanclaw_houses.library import Library

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Scene
-from humanclaw.navigation import RADIUS, MultiFloorMap, OccupancyGrid
-from humanclaw.pose import Array, Pose2D
+from humanclaw.body import Array, Pose2D
+from humanclaw.world import RADIUS, MultiFloorMap, OccupancyGrid
 
 Mask = NDArray[np.bool_]
 

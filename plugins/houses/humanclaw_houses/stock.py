@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from manifold3d import Manifold
 
-from humanclaw.scene import Asset
-from humanclaw.tasks import SEATS
+from humanclaw.records import SEATS
+from humanclaw.world import Asset
 from humanclaw_houses.building import Placed
 from humanclaw_houses.importers.categories import sits
 from humanclaw_houses.library import Entry, Library

@@ -11,10 +11,9 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from humanclaw import Scene
-from humanclaw.navigation import RADIUS
-from humanclaw.pose import matrix_from_quaternion
-from humanclaw.scene import STRUCTURE, SceneObject
-from humanclaw.tasks import SEATS
+from humanclaw.body import matrix_from_quaternion
+from humanclaw.records import SEATS
+from humanclaw.world import RADIUS, STRUCTURE, SceneObject
 from humanclaw_houses.starting import WalkableArea
 
 REACH: Final = 0.42

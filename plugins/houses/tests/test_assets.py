@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.cli import build
-from humanclaw.tasks import SEATS
+from humanclaw.records import SEATS
 from humanclaw_houses.door import open_house
 from humanclaw_houses.importers.categories import category_of, scale_of
 from humanclaw_houses.importers.sweethome import licence_of, properties

@@ -14,9 +14,8 @@ import pytest
 
 import humanclaw_houses
 from humanclaw import Plugins, Scene, SceneError
-from humanclaw.navigation import goals_at
-from humanclaw.scene import STRUCTURE, SceneObject
-from humanclaw.tasks import SEATS
+from humanclaw.records import SEATS
+from humanclaw.world import STRUCTURE, SceneObject, goals_at
 from humanclaw_houses.plan import Layout, draw_plans
 from humanclaw_houses.source import house, layout_of, storeys_of
 from humanclaw_houses.starting import WalkableArea

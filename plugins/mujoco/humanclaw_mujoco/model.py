@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Scene, SceneError
-from humanclaw.body import JOINTS, OFFSETS, PARENTS, Box
-from humanclaw.half_physics import (
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, Array, Box, quaternion_from_matrix
+from humanclaw.world import (
     LINK_OF,
+    Asset,
     Profile,
+    SceneObject,
     Swing,
     box_of,
     capsule_frame,
@@ -23,8 +25,6 @@ from humanclaw.half_physics import (
     link_inertia,
     link_mass,
 )
-from humanclaw.pose import Array, quaternion_from_matrix
-from humanclaw.scene import Asset, SceneObject
 
 FIXED_GROUP, BODY_GROUP = 0, 1
 _MARGIN: Final = 0.03

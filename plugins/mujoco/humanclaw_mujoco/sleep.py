@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import Array
+from humanclaw.body import Array
 from humanclaw_mujoco.model import HINGED, MOVABLE, Model
 
 _LULLED: Final = 0.1

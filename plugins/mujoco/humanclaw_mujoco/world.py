@@ -16,8 +16,8 @@ import mujoco as mj
 import numpy as np
 
 from humanclaw import Scene
-from humanclaw.half_physics import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
-from humanclaw.pose import Array, matrix_from_quaternion
+from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 

@@ -7,8 +7,8 @@ import mujoco as mj
 import numpy as np
 
 import humanclaw_mujoco
-from humanclaw.half_physics import HalfPhysics
 from humanclaw.testing import SceneBuilder, reset_times
+from humanclaw.world import HalfPhysics
 from humanclaw_mujoco.world import mujoco
 
 

@@ -9,7 +9,7 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw import Renderer
-    from humanclaw.hookspecs import Register, RendererFactory
+    from humanclaw.plugins import Register, RendererFactory
 
 __version__ = "0.1.0"
 

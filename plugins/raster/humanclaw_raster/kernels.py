@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from humanclaw.pose import Array
+from humanclaw.body import Array
 from humanclaw_raster.packing import LEVELS, Floats, Model
 
 NEAR: Final = 0.02

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import Array
-from humanclaw.scene import Mesh
+from humanclaw.body import Array
+from humanclaw.world import Mesh
 
 CLUSTER: Final = 64
 """Triangles that are kept or dropped together when they leave the view."""

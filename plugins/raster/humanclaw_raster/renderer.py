@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError, Motion, Scene
-from humanclaw.body import JOINT_INDEX
-from humanclaw.interfaces import BODY_ID, Camera, View, WorldState
-from humanclaw.pose import Array, forward_kinematics, matrix_from_quaternion
+from humanclaw.body import JOINT_INDEX, Array, forward_kinematics, matrix_from_quaternion
+from humanclaw.world import BODY_ID, Camera, View, WorldState
 from humanclaw_raster import kernels
 from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
 from humanclaw_raster.overhead import OverheadMapper

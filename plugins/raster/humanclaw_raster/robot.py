@@ -7,9 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body import LINKS, Box, Capsule
-from humanclaw.pose import Array
-from humanclaw.scene import Mesh
+from humanclaw.body import LINKS, Array, Box, Capsule
+from humanclaw.world import Mesh
 
 PALETTE: Final = np.array([[[66, 133, 214], [235, 240, 246], [34, 40, 52], [120, 232, 255]]], np.uint8)
 BLUE, WHITE, DARK, GLOW = range(4)

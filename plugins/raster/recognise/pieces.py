@@ -16,9 +16,8 @@ import numpy as np
 from recognise import CATEGORIES, OUT, SCORES, Target, detected, score, standing, targets
 
 from humanclaw import Plugins, Renderer, Scene
-from humanclaw.interfaces import ego_camera
-from humanclaw.scene import Asset, SceneObject
 from humanclaw.testing import SceneBuilder
+from humanclaw.world import Asset, SceneObject, ego_camera
 from humanclaw_houses.library import Library
 
 SIDES = (-60, -30, 0, 30, 60)

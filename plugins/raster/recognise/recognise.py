@@ -21,9 +21,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from humanclaw import Plugins, Renderer, Scene
-from humanclaw.interfaces import WorldState, ego_camera
-from humanclaw.navigation import MultiFloorMap
-from humanclaw.pose import Pose2D, rest_pose
+from humanclaw.body import Pose2D, rest_pose
+from humanclaw.world import MultiFloorMap, WorldState, ego_camera
 from humanclaw_scripted.eyes import Box, Detector
 
 HERE, OUT = Path(__file__).parent, Path("build/recognise")

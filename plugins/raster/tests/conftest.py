@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from humanclaw import Scene
-from humanclaw.interfaces import Camera, WorldState
-from humanclaw.pose import Pose2D, rest_pose
-from humanclaw.scene import Asset, Mesh, SceneObject
+from humanclaw.body import Pose2D, rest_pose
+from humanclaw.world import Asset, Camera, Mesh, SceneObject, WorldState
 from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from humanclaw import HumanclawError
-from humanclaw.body import JOINT_INDEX
-from humanclaw.interfaces import BODY_ID, Camera, WorldState, ego_camera
-from humanclaw.pose import matrix_from_quaternion, rest_pose
-from humanclaw.scene import Mesh
+from humanclaw.body import JOINT_INDEX, matrix_from_quaternion, rest_pose
+from humanclaw.world import BODY_ID, Camera, Mesh, WorldState, ego_camera
 from humanclaw_raster.renderer import RasterRenderer
 
 STANDING = WorldState(rest_pose(), {})

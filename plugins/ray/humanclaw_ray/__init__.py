@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw.hookspecs import Register
+    from humanclaw.plugins import Register
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw import Plugins, Reporter
-    from humanclaw.hookspecs import Register, ReporterFactory
+    from humanclaw.plugins import Register, ReporterFactory
 
 __version__ = "0.1.0"
 

@@ -20,10 +20,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.body import Array
 from humanclaw.cli import counted
-from humanclaw.outcomes import touched_above_ground
-from humanclaw.pose import Array
-from humanclaw.records import Usage
+from humanclaw.records import Usage, touched_above_ground
 from humanclaw_report.facts import (
     ContactRow,
     Milestone,

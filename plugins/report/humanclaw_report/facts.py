@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.cli import counted
-from humanclaw.outcomes import end_distance, in_view, on_target, reached, touched_above_ground
+from humanclaw.records import end_distance, in_view, on_target, reached, touched_above_ground
 
 
 @dataclass(frozen=True)

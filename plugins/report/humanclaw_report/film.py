@@ -15,12 +15,9 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from tqdm import tqdm
 
 from humanclaw import Motion, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
-from humanclaw.body import JOINT_INDEX
-from humanclaw.interfaces import Camera, WorldState, ego_camera
-from humanclaw.navigation import OccupancyGrid, floors_of
-from humanclaw.pose import FPS, HISTORY, Array
-from humanclaw.scene import GROUND
+from humanclaw.body import FPS, HISTORY, JOINT_INDEX, Array
 from humanclaw.storage import gif
+from humanclaw.world import GROUND, Camera, OccupancyGrid, WorldState, ego_camera, floors_of
 from humanclaw_report.maps import HouseMap, PathMap, house_maps, path_maps, storeys_at
 
 Picture = NDArray[np.uint8]

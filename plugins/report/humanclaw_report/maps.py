@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import RecordedEpisode, Scene
-from humanclaw.navigation import OBSTACLE_HEIGHTS, STEP, floors_of
-from humanclaw.pose import HISTORY, Array, matrix_from_quaternion
+from humanclaw.body import HISTORY, Array, matrix_from_quaternion
 from humanclaw.records import Vec3
-from humanclaw.scene import SceneObject
+from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, floors_of
 
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
 """Start to end of a path: even in lightness, so that it reads on light and on dark paper."""

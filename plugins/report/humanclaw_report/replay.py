@@ -12,13 +12,21 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import Motion, RecordedEpisode, Scene
-from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, PARENTS, Box
-from humanclaw.interfaces import GAZE_PITCH
-from humanclaw.navigation import floors_of
-from humanclaw.outcomes import touched_above_ground
-from humanclaw.pose import FPS, HISTORY, Array, matrix_from_vector, quaternion_from_matrix
-from humanclaw.scene import STRUCTURE, Asset, Mesh
+from humanclaw.body import (
+    FPS,
+    HISTORY,
+    JOINT_INDEX,
+    LINKS,
+    OFFSETS,
+    PARENTS,
+    Array,
+    Box,
+    matrix_from_vector,
+    quaternion_from_matrix,
+)
+from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
+from humanclaw.world import GAZE_PITCH, STRUCTURE, Asset, Mesh, floors_of
 from humanclaw_report.facts import name_of_object
 
 EVERY: Final = 2

@@ -13,7 +13,7 @@ from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
-from humanclaw.interfaces import Camera, View, WorldState
+from humanclaw.world import Camera, View, WorldState
 from humanclaw_report.film import AHEAD, DISTANCE, GIF_SIZE, Replay, film, follow, hung_on, opened, poster, sight
 
 

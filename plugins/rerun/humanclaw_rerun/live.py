@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Chunk, EpisodeRecord, HumanclawError, Motion, Plugins, Scene, StepRecord
-from humanclaw.pose import HISTORY
+from humanclaw.body import HISTORY
 from humanclaw.storage import jpeg
 from humanclaw_rerun.log import EpisodeLog
 

@@ -16,10 +16,8 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene, StepRecord
-from humanclaw.body import PARENTS
-from humanclaw.interfaces import Camera, ego_camera
-from humanclaw.pose import FPS, HISTORY, Array
-from humanclaw.scene import Mesh, SceneObject
+from humanclaw.body import FPS, HISTORY, PARENTS, Array
+from humanclaw.world import Camera, Mesh, SceneObject, ego_camera
 
 Kind = Literal["simulated", "generated"]
 TIME: Final = "time"

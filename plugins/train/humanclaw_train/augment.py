@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, JOINTS
-from humanclaw.pose import matrix_from_vector
+from humanclaw.body import JOINT_INDEX, JOINTS, matrix_from_vector
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
+from humanclaw.body import FPS, FUTURE
 from humanclaw.cli import show_markdown
-from humanclaw.pose import FPS, FUTURE
 from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics

@@ -22,8 +22,7 @@ from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
 from humanclaw_train.first_steps import FirstSteps
 from humanclaw_train.likeness import NaturalnessRow, skills_table
-from humanclaw_train.naturalness import REPORT as NATURALNESS
-from humanclaw_train.naturalness import NaturalnessReport
+from humanclaw_train.naturalness import REPORT as NATURALNESS, NaturalnessReport
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
 from humanclaw_train.travel import uncommanded_table

@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINTS, N_JOINTS
-from humanclaw.measures import MEASURES, Measure, Parameter, outcomes
-from humanclaw.pose import (
+from humanclaw.body import (
     CHUNK,
     FPS,
     HISTORY,
+    JOINTS,
+    N_JOINTS,
     Array,
     forward_kinematics,
     heading,
@@ -35,6 +35,7 @@ from humanclaw.pose import (
     vector_from_matrix,
     yaw_matrix,
 )
+from humanclaw.skills import MEASURES, Measure, Parameter, outcomes
 from humanclaw_train import mocap
 from humanclaw_train.mocap import MocapError, SourceMotion
 from humanclaw_train.retarget import retarget

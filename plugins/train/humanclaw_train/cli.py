@@ -17,7 +17,7 @@ import click
 
 from humanclaw import CallError, Choice, HumanclawError, Plugins, Skill, default_simulator
 from humanclaw.cli import plugin_options
-from humanclaw.measures import Measure
+from humanclaw.skills import Measure
 
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError
-from humanclaw.measures import MEASURES, Declaration, Measure
-from humanclaw.pose import Array
-from humanclaw.recipes import Feet, GaitParameters, Recipe, WindowTravel
+from humanclaw.body import Array
+from humanclaw.skills import MEASURES, Declaration, Feet, GaitParameters, Measure, Recipe, WindowTravel
 
 if TYPE_CHECKING:
     from humanclaw import Plugins

@@ -14,9 +14,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, forward_kinematics, heading
-from humanclaw.recipes import WindowTravel
+from humanclaw.body import (
+    CHUNK,
+    FPS,
+    FUTURE,
+    HISTORY,
+    JOINT_INDEX,
+    SOLE,
+    STANDING_HEIGHT,
+    TOE_SOLE,
+    Array,
+    forward_kinematics,
+    heading,
+)
+from humanclaw.skills import WindowTravel
 from humanclaw_train.chunks import Chunks, Clip, cut
 from humanclaw_train.commands import Trained
 

@@ -17,8 +17,7 @@ import torch
 from torch import Tensor
 
 from humanclaw import HumanclawError
-from humanclaw.body import JOINT_INDEX
-from humanclaw.pose import CHUNK, FPS, HISTORY, STATE_SIZE
+from humanclaw.body import CHUNK, FPS, HISTORY, JOINT_INDEX, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
 

@@ -18,8 +18,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from humanclaw.body import CHUNK, HISTORY, STATE_SIZE
 from humanclaw.motion import ModelConfig, time_frequencies
-from humanclaw.pose import CHUNK, HISTORY, STATE_SIZE
 
 Residual = Callable[[int, Tensor], Tensor]
 """What a control branch adds to layer l, given the tokens z_l that enter it."""

@@ -26,10 +26,10 @@ import numpy as np
 from tqdm import tqdm
 
 from humanclaw import CheckpointError, HumanclawError
+from humanclaw.body import Array, wrap_angle
 from humanclaw.cli import show_markdown
-from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
-from humanclaw.pose import Array, wrap_angle
+from humanclaw.skills import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import (

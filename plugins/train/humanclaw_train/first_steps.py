@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body import HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.pose import HISTORY, Array
 from humanclaw_train import measures
 from humanclaw_train.rollouts import Command, extend
 from humanclaw_train.tables import cell, table

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.pose import FPS, FUTURE, smoothstep
+from humanclaw.body import FPS, FUTURE, smoothstep
 from humanclaw_train.curves import Array, bump, cubic, smoother
 
 Ints = NDArray[np.int_]

@@ -12,9 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
+from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, matrix_from_vector, smoothstep, wrap_angle
 from humanclaw.motion import REACH, SIDES, TOE_BASE, Limb, solve
-from humanclaw.pose import matrix_from_vector, smoothstep, wrap_angle
 
 Array = NDArray[np.float64]
 

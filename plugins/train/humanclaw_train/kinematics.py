@@ -8,8 +8,7 @@ from typing import Final
 import torch
 from torch import Tensor
 
-from humanclaw.body import JOINT_INDEX, N_JOINTS, OFFSETS, PARENTS, SOLE, TOE_SOLE
-from humanclaw.pose import STATE_SIZE
+from humanclaw.body import JOINT_INDEX, N_JOINTS, OFFSETS, PARENTS, SOLE, STATE_SIZE, TOE_SOLE
 
 ROOT: Final = slice(0, 3)
 ROTATIONS: Final = slice(3, 3 + 3 * N_JOINTS)

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Motion
-from humanclaw.measures import Declaration
+from humanclaw.body import FUTURE, HISTORY, Array, forward_kinematics
 from humanclaw.motion import DiTGenerator
-from humanclaw.pose import FUTURE, HISTORY, Array, forward_kinematics
+from humanclaw.skills import Declaration
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, canonical
 from humanclaw_train.measures import Features

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, TOE_SOLE
-from humanclaw.pose import FPS, HISTORY, Array, forward_kinematics, support_height
+from humanclaw.body import FPS, HISTORY, JOINT_INDEX, TOE_SOLE, Array, forward_kinematics, support_height
 
 _TOUCH: Final = 0.02
 """A sole lower than this counts as being on the ground, metres."""

@@ -16,8 +16,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import HumanclawError
-from humanclaw.body import JOINTS, OFFSETS, PARENTS
-from humanclaw.pose import Array, matrix_from_quaternion, matrix_from_vector
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, Array, matrix_from_quaternion, matrix_from_vector
 
 ASF_INCH: Final = 0.0254
 """ASF lengths are inches divided by the file's own `length`."""

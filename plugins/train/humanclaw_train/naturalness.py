@@ -32,11 +32,10 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import CheckpointError, HumanclawError, Motion
-from humanclaw.body import JOINT_INDEX
+from humanclaw.body import FPS, FUTURE, HISTORY, JOINT_INDEX, Array, forward_kinematics, root_jerk
 from humanclaw.cli import show_markdown
-from humanclaw.measures import MEASURES, suited
 from humanclaw.motion import DiTGenerator
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array, forward_kinematics, root_jerk
+from humanclaw.skills import MEASURES, suited
 from humanclaw_train import measures
 from humanclaw_train.chunks import Chunks, Clip, load_pack
 from humanclaw_train.fidelity import generator_options, made_generator

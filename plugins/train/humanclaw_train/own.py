@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, Motion
+from humanclaw.body import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.cli import show_markdown
-from humanclaw.measures import MEASURES, Declaration, Measure, Parameter, from_si, outcomes
 from humanclaw.motion import load_base, shipped_base
-from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
-from humanclaw.recipes import Recipe
+from humanclaw.skills import MEASURES, Declaration, Measure, Parameter, Recipe, from_si, outcomes
 from humanclaw_train import mocap
 from humanclaw_train.build import histograms, table
 from humanclaw_train.chunks import Chunks, Clip, cut, load_pack

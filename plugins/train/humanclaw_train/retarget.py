@@ -16,8 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, JOINTS, OFFSETS, PARENTS, SOLE, TOE_SOLE
-from humanclaw.pose import FPS, Array, matrix_from_vector, support_height, vector_from_matrix, yaw_matrix
+from humanclaw.body import (
+    FPS,
+    JOINT_INDEX,
+    JOINTS,
+    OFFSETS,
+    PARENTS,
+    SOLE,
+    TOE_SOLE,
+    Array,
+    matrix_from_vector,
+    support_height,
+    vector_from_matrix,
+    yaw_matrix,
+)
 from humanclaw_train.mocap import MocapError, Rest, SourceMotion
 
 # -- which source joint plays which of ours ----------------------------------------------------------------------------

@@ -16,9 +16,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, JOINTS
+from humanclaw.body import (
+    FUTURE,
+    HISTORY,
+    JOINT_INDEX,
+    JOINTS,
+    Array,
+    heading,
+    matrix_from_vector,
+    smoothstep,
+    vector_from_matrix,
+)
 from humanclaw.motion import SIDES
-from humanclaw.pose import FUTURE, HISTORY, Array, heading, matrix_from_vector, smoothstep, vector_from_matrix
 from humanclaw_train import ik
 from humanclaw_train.augment import UPPER
 from humanclaw_train.ik import Feet

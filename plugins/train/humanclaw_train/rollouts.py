@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import CheckpointError, Motion
-from humanclaw.measures import MEASURES, Declaration, Measure, Parameter
+from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator, read_header
-from humanclaw.pose import FUTURE, HISTORY, Array
+from humanclaw.skills import MEASURES, Declaration, Measure, Parameter
 from humanclaw_train.chunks import canonical
 
 Installed = Callable[[], Mapping[str, Path]]

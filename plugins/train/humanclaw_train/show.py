@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
-from humanclaw.interfaces import Camera, WorldState
-from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, to_si
-from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
+from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
+from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, to_si
 from humanclaw.storage import gif
+from humanclaw.world import Camera, WorldState
 from humanclaw_train.chunks import Clip, canonical, load_pack
 from humanclaw_train.simulated import flat, stage
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
-    from humanclaw.scene import Asset
+    from humanclaw.world import Asset
 
 Picture = NDArray[np.uint8]
 SIZE: Final = (240, 320)

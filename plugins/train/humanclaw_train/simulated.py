@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from humanclaw import Motion, Scene
-from humanclaw.body import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
-from humanclaw.interfaces import stand
-from humanclaw.measures import Declaration
+from humanclaw import Motion, Scene, stand
+from humanclaw.body import CHUNK, HISTORY, JOINT_INDEX, LINKS, OFFSETS, Array, Box, Capsule, Pose2D, re_rooted
 from humanclaw.motion import DiTGenerator
-from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, re_rooted
-from humanclaw.scene import Asset, Mesh, SceneObject
+from humanclaw.skills import Declaration
+from humanclaw.world import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 

@@ -27,11 +27,11 @@ import torch
 from threadpoolctl import ThreadpoolController
 from torch import Tensor, nn
 
+import humanclaw.motion as inference
 from humanclaw import HumanclawError
+from humanclaw.body import FUTURE, HISTORY, STATE_SIZE
 from humanclaw.cli import show_markdown
-from humanclaw.motion import SIZES, AdapterConfig, DiTGenerator, Solver, control, dit
-from humanclaw.motion import flow as numpy_flow
-from humanclaw.pose import FUTURE, HISTORY, STATE_SIZE
+from humanclaw.motion import SIZES, AdapterConfig, DiTGenerator, Solver
 from humanclaw_train.checkpoint import weights_of
 from humanclaw_train.control import Adapter
 from humanclaw_train.dit import DiT, Modulations
@@ -86,16 +86,16 @@ class Timing:
 
 # -- runtimes ----------------------------------------------------------------------------------------------------------
 def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
-    base = dit.DiT(field.base.config, weights_of(field.base))
-    adapter = control.Adapter(base, field.adapter.config, weights_of(field.adapter))
+    base = inference.DiT(field.base.config, weights_of(field.base))
+    adapter = inference.Adapter(base, field.adapter.config, weights_of(field.adapter))
     limit = partial(ThreadpoolController().limit, limits=threads, user_api="blas")
 
     def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
         history, noisy, values, tau, blocks, final, branch = (part.numpy() for part in arguments)
         with limit():
             residual = adapter.residual(adapter.condition(values), branch)
-            output = base(history, noisy, dit.Modulations(blocks, final), residual)
-        return torch.from_numpy(numpy_flow.velocity(base.config.prediction, output, noisy, float(tau[0])))
+            output = base(history, noisy, inference.Modulations(blocks, final), residual)
+        return torch.from_numpy(inference.velocity(base.config.prediction, output, noisy, float(tau[0])))
 
     return evaluate
 

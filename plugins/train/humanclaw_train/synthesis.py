@@ -21,10 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE, STANDING_HEIGHT
+from humanclaw.body import (
+    FPS,
+    FUTURE,
+    HISTORY,
+    JOINT_INDEX,
+    N_JOINTS,
+    SOLE,
+    STANDING_HEIGHT,
+    forward_kinematics,
+    matrix_from_vector,
+    rest_pose,
+    smoothstep,
+    vector_from_matrix as to_vector,
+)
 from humanclaw.motion import Limb, solve
-from humanclaw.pose import FPS, FUTURE, HISTORY, forward_kinematics, matrix_from_vector, rest_pose, smoothstep
-from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import augment, gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
 from humanclaw_train.commands import Commands, Trained

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Motion
-from humanclaw.pose import FUTURE, HISTORY, Array
-from humanclaw.recipes import Draw
+from humanclaw.body import FUTURE, HISTORY, Array
+from humanclaw.skills import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained

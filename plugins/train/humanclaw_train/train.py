@@ -30,8 +30,7 @@ import torch
 from torch import Tensor, nn
 
 from humanclaw import HumanclawError
-from humanclaw.body import N_JOINTS
-from humanclaw.measures import MEASURES, Declaration
+from humanclaw.body import CHUNK, FUTURE, HISTORY, N_JOINTS
 from humanclaw.motion import (
     PROFILES,
     SIZES,
@@ -40,11 +39,11 @@ from humanclaw.motion import (
     DiTGenerator,
     Encoder,
     Prediction,
+    load_base as read_base,
     read_header,
     shipped_base,
 )
-from humanclaw.motion import load_base as read_base
-from humanclaw.pose import CHUNK, FUTURE, HISTORY
+from humanclaw.skills import MEASURES, Declaration
 from humanclaw.storage import write_atomically
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Base, Normaliser, load_adapter, load_base, save_adapter, save_base

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Motion
-from humanclaw.measures import MEASURES
-from humanclaw.motion import Course, DiTGenerator
-from humanclaw.pose import FPS, FUTURE, HISTORY, Array
+from humanclaw.body import FPS, FUTURE, HISTORY, Array
+from humanclaw.motion import DiTGenerator
+from humanclaw.skills import MEASURES, Course
 from humanclaw_train.chunks import canonical
 from humanclaw_train.rollouts import Command, extend
 from humanclaw_train.tables import table

@@ -10,8 +10,8 @@ torch = pytest.importorskip("torch")
 from tiny_motion import WALK
 
 from humanclaw import Motion
+from humanclaw.body import decode, encode
 from humanclaw.motion import PROFILES, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
-from humanclaw.pose import decode, encode
 from humanclaw_train import flow
 from humanclaw_train.checkpoint import load_adapter, load_base
 from humanclaw_train.control import Adapter

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from humanclaw import HumanclawError, Motion
-from humanclaw.body import JOINT_INDEX
-from humanclaw.measures import MEASURES, Measure
+from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, rest_pose, support_height
 from humanclaw.motion import load_base, read_header, shipped_base
-from humanclaw.pose import HISTORY, forward_kinematics, rest_pose, support_height
+from humanclaw.skills import MEASURES, Measure
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.mocap import MocapError

@@ -9,8 +9,18 @@ import pytest
 from declared import declaration
 
 from humanclaw import Motion, Plugins
-from humanclaw.body import JOINT_INDEX, JOINTS, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.pose import FPS, Pose2D, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.body import (
+    FPS,
+    JOINT_INDEX,
+    JOINTS,
+    SOLE,
+    STANDING_HEIGHT,
+    TOE_SOLE,
+    Pose2D,
+    matrix_from_vector,
+    rest_pose,
+    vector_from_matrix,
+)
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
 from humanclaw_train.commands import trained
 from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel

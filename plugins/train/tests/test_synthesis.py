@@ -8,10 +8,8 @@ import pytest
 from declared import STROLL
 
 from humanclaw import HumanclawError, Motion, Plugins
-from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.measures import Declaration
-from humanclaw.pose import CHUNK, FUTURE, HISTORY, rest_pose
-from humanclaw.recipes import Draw, GaitParameters, Recipe
+from humanclaw.body import CHUNK, FUTURE, HISTORY, JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE, rest_pose
+from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
 from humanclaw_train import synthesis
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
 from humanclaw_train.chunks import outcome

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
-from humanclaw.hookspecs import RegisterRecipe, RegisterSkill
+from humanclaw.plugins import RegisterRecipe, RegisterSkill
 
 __version__ = "0.1.0"
 

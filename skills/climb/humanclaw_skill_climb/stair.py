@@ -1,6 +1,6 @@
 """What both stair skills are asked: height and depth of a step, most often those of a staircase indoors."""
 
-from humanclaw.recipes import Draw
+from humanclaw.skills import Draw
 
 STAIR = {
     "h": Draw(0.07, 0.26, usual=0.17, spread=0.02, jitter=0.004),

@@ -1,6 +1,6 @@
 """How the chunks of `climb_upstairs` are found in clips and synthesised."""
 
-from humanclaw.recipes import GaitParameters, Recipe
+from humanclaw.skills import GaitParameters, Recipe
 from humanclaw_skill_climb.stair import STAIR
 
 RECIPE = Recipe(

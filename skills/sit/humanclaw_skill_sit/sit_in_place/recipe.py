@@ -1,6 +1,6 @@
 """How the chunks of `sit_in_place` are found in clips and synthesised."""
 
-from humanclaw.recipes import Draw, GaitParameters, Recipe
+from humanclaw.skills import Draw, GaitParameters, Recipe
 
 RECIPE = Recipe(
     name="sit_in_place",

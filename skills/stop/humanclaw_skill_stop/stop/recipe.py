@@ -1,6 +1,6 @@
 """How the chunks of `stop` are found in clips and synthesised."""
 
-from humanclaw.recipes import GaitParameters, Recipe
+from humanclaw.skills import GaitParameters, Recipe
 
 RECIPE = Recipe(
     name="stop",

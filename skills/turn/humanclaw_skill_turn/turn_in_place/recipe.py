@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanclaw.recipes import Draw, GaitParameters, Recipe
+from humanclaw.skills import Draw, GaitParameters, Recipe
 
 RECIPE = Recipe(
     name="turn_in_place",

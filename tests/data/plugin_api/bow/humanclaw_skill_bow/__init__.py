@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from humanclaw import Check, Chunk, EpisodeRecord, Keyframes, StepRecord, hookimpl, skill
-from humanclaw.hookspecs import RegisterSkill
+from humanclaw.plugins import RegisterSkill
 
 HUMANCLAW_API = "1.0"
 heard: list[str] = []

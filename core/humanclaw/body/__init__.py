@@ -1,0 +1,53 @@
+"""What a body is: its skeleton and shapes, poses and motion."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.body.pose import (
+        CHUNK as CHUNK,
+        FPS as FPS,
+        FUTURE as FUTURE,
+        HISTORY as HISTORY,
+        JERK_STRIDE as JERK_STRIDE,
+        STATE_SIZE as STATE_SIZE,
+        Array as Array,
+        Motion as Motion,
+        Pose2D as Pose2D,
+        decode as decode,
+        encode as encode,
+        forward_kinematics as forward_kinematics,
+        heading as heading,
+        matrix_from_quaternion as matrix_from_quaternion,
+        matrix_from_vector as matrix_from_vector,
+        quaternion_from_matrix as quaternion_from_matrix,
+        re_rooted as re_rooted,
+        rest_pose as rest_pose,
+        root_jerk as root_jerk,
+        smoothstep as smoothstep,
+        support_height as support_height,
+        vector_from_matrix as vector_from_matrix,
+        vector_from_quaternion as vector_from_quaternion,
+        wrap_angle as wrap_angle,
+        yaw_matrix as yaw_matrix,
+    )
+    from humanclaw.body.skeleton import (
+        BODY_GROUPS as BODY_GROUPS,
+        EYE as EYE,
+        JOINT_INDEX as JOINT_INDEX,
+        JOINTS as JOINTS,
+        LINKS as LINKS,
+        N_JOINTS as N_JOINTS,
+        OFFSETS as OFFSETS,
+        PARENTS as PARENTS,
+        SOLE as SOLE,
+        STANDING_HEIGHT as STANDING_HEIGHT,
+        TOE_SOLE as TOE_SOLE,
+        BodyGroup as BodyGroup,
+        Box as Box,
+        Capsule as Capsule,
+        Link as Link,
+    )
+
+__getattr__, __dir__, __all__ = door(__name__)

@@ -1,0 +1,292 @@
+"""Rotations, forward kinematics, canonical frames and the 219-number state of the motion model (paper, section 3.3).
+
+Conventions: metres, radians, seconds; Y up; at yaw 0 the body faces +Z with its left towards +X; positive yaw is a left
+turn. Rotations are axis-angle vectors (rotation vectors) unless a name says otherwise. Needs numpy alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS, OFFSETS, PARENTS, SOLE, STANDING_HEIGHT, TOE_SOLE
+
+Array = NDArray[np.float64]
+
+FPS: Final = 30
+HISTORY: Final = 5
+FUTURE: Final = 15
+CHUNK: Final = HISTORY + FUTURE
+STATE_SIZE: Final = 3 + 3 * N_JOINTS + 3 * N_JOINTS + 3 * N_JOINTS  # 219
+
+_FEET: Final = (
+    (JOINT_INDEX["left_ankle"], SOLE), (JOINT_INDEX["right_ankle"], SOLE),
+    (JOINT_INDEX["left_foot"], TOE_SOLE), (JOINT_INDEX["right_foot"], TOE_SOLE),
+)  # fmt: skip
+
+
+# -- rotations ---------------------------------------------------------------------------------------------------------
+def matrix_from_vector(vector: Array) -> Array:
+    """Map (..., 3) rotation vectors to (..., 3, 3) matrices (Rodrigues)."""
+    vector = np.asarray(vector, float)
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    safe = np.where(angle < 1e-8, 1.0, angle)
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vector.shape[:-1], 3, 3)
+    sin = np.where(angle < 1e-8, 1.0, np.sin(angle) / safe)
+    cos = np.where(angle < 1e-8, 0.5, (1 - np.cos(angle)) / safe**2)
+    return np.asarray(np.eye(3) + sin * cross + cos * (cross @ cross))
+
+
+def vector_from_matrix(matrix: Array) -> Array:
+    """Map (..., 3, 3) matrices to (..., 3) rotation vectors of length at most pi."""
+    return vector_from_quaternion(quaternion_from_matrix(matrix))
+
+
+def quaternion_from_matrix(matrix: Array) -> Array:
+    """Map (..., 3, 3) matrices to (..., 4) unit quaternions x, y, z, w with w >= 0."""
+    m = np.asarray(matrix, float)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # One column per choice of the largest component: dividing by it is what keeps every case well conditioned.
+    square = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], -1)
+    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
+    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    rows = np.stack(
+        [
+            np.stack([square[..., 0], xy, xz, wx], -1),
+            np.stack([xy, square[..., 1], yz, wy], -1),
+            np.stack([xz, yz, square[..., 2], wz], -1),
+            np.stack([wx, wy, wz, square[..., 3]], -1),
+        ],
+        -2,
+    )
+    best = np.argmax(square, -1)[..., None, None]
+    quaternion = np.take_along_axis(rows, np.broadcast_to(best, (*rows.shape[:-2], 1, 4)), -2)[..., 0, :]
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    return np.asarray(np.where(quaternion[..., 3:] < 0, -quaternion, quaternion))
+
+
+def matrix_from_quaternion(quaternion: Array) -> Array:
+    """Map (..., 4) quaternions x, y, z, w to (..., 3, 3) matrices."""
+    q = np.asarray(quaternion, float)
+    x, y, z, w = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
+            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
+            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def vector_from_quaternion(quaternion: Array) -> Array:
+    """Map (..., 4) quaternions x, y, z, w to (..., 3) rotation vectors along the shortest arc."""
+    q = np.asarray(quaternion, float)
+    q = np.where(q[..., 3:] < 0, -q, q)
+    length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(length, q[..., 3:])
+    return np.asarray(q[..., :3] * np.where(length < 1e-9, 2.0, angle / np.where(length < 1e-9, 1.0, length)))
+
+
+def wrap_angle(angle: float | Array) -> Array:
+    """Radians to the same direction in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def yaw_matrix(yaw: float | Array) -> Array:
+    """Rotation about +Y; a positive yaw carries +Z towards +X."""
+    yaw = np.asarray(yaw, float)
+    return matrix_from_vector(np.stack([np.zeros_like(yaw), yaw, np.zeros_like(yaw)], -1))
+
+
+def heading(root_rotation: Array) -> Array:
+    """Map (..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave
+    alone."""
+    left = matrix_from_vector(root_rotation)[..., :, 0]
+    return np.asarray(np.arctan2(-left[..., 2], left[..., 0]))
+
+
+# -- motion ------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Motion:
+    """Poses at 30 frames a second in one Y-up frame.
+
+    root: (T, 3) pelvis positions, metres. rotations: (T, 24, 3) local rotation vectors; joint 0 is the root's
+    orientation.
+    """
+
+    root: Array
+    rotations: Array
+
+    def __post_init__(self) -> None:
+        if self.root.ndim != 2 or self.root.shape[1] != 3 or self.rotations.shape != (len(self.root), N_JOINTS, 3):
+            raise ValueError(
+                f"a motion needs root (T, 3) and rotations (T, {N_JOINTS}, 3); "
+                f"got {self.root.shape} and {self.rotations.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    def __getitem__(self, frames: slice) -> Motion:
+        return Motion(self.root[frames], self.rotations[frames])
+
+    @property
+    def seconds(self) -> float:
+        return len(self) / FPS
+
+    def joints(self) -> Array:
+        """Compute (T, 24, 3) joint positions by forward kinematics."""
+        return forward_kinematics(self.root, self.rotations)[0]
+
+    def yaw(self) -> Array:
+        """Compute (T,) heading in radians."""
+        return heading(self.rotations[:, 0])
+
+    def then(self, other: Motion) -> Motion:
+        """Return this motion followed by the other one."""
+        return Motion(np.concatenate([self.root, other.root]), np.concatenate([self.rotations, other.rotations]))
+
+
+def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
+    """Map (..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3)
+    orientations."""
+    local = matrix_from_vector(rotations)
+    positions: list[Array] = [np.asarray(root, float)]
+    orientations: list[Array] = [local[..., 0, :, :]]
+    for joint in range(1, N_JOINTS):
+        parent = PARENTS[joint]
+        positions.append(positions[parent] + orientations[parent] @ OFFSETS[joint])
+        orientations.append(orientations[parent] @ local[..., joint, :, :])
+    return np.stack(positions, -2), np.stack(orientations, -3)
+
+
+def rest_pose(frames: int = 1) -> Motion:
+    """Standing upright with the arms hanging: the pose a body has before it has moved."""
+    rotations = np.zeros((frames, N_JOINTS, 3))
+    rotations[:, JOINT_INDEX["left_shoulder"]] = (0.0, 0.0, -1.25)
+    rotations[:, JOINT_INDEX["right_shoulder"]] = (0.0, 0.0, 1.25)
+    root = np.tile([0.0, STANDING_HEIGHT, 0.0], (frames, 1))
+    return Motion(root, rotations)
+
+
+def support_height(joints: Array) -> Array:
+    """Map (..., 24, 3) joint positions to the height of the lowest sole, metres."""
+    return np.asarray(np.min(np.stack([joints[..., joint, 1] - drop for joint, drop in _FEET], -1), axis=-1))
+
+
+# -- canonical frames --------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Pose2D:
+    """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it
+    spans."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    x: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    floor: float = 0.0
+
+    @classmethod
+    def of(cls, motion: Motion, index: int = -1, floor: float | None = None) -> Pose2D:
+        """Return the floor-projected hip frame of one pose; without a floor the height of that pose's lowest sole."""
+        one = motion[index:] if index == -1 else motion[index : index + 1]
+        if floor is None:
+            floor = float(support_height(one.joints())[0])
+        return cls(float(one.root[0, 0]), float(one.root[0, 2]), float(one.yaw()[0]), floor)
+
+    @classmethod
+    def of_history(cls, history: Motion) -> Pose2D:
+        """Return the canonical frame of a chunk: the last history pose's hip frame, floor at the history's lowest
+        sole."""
+        return cls.of(history, -1, float(support_height(history.joints()).min()))
+
+    def to_local(self, motion: Motion) -> Motion:
+        """Express a motion given in the outer frame in this one."""
+        turn = yaw_matrix(-self.yaw)
+        return _turned(replace(motion, root=motion.root - [self.x, self.floor, self.z]), turn)
+
+    def to_world(self, motion: Motion) -> Motion:
+        """Apply the inverse of to_local."""
+        turned = _turned(motion, yaw_matrix(self.yaw))
+        return replace(turned, root=turned.root + [self.x, self.floor, self.z])
+
+    def point_to_local(self, point: Array) -> Array:
+        """Return (..., 3) points of the outer frame in this one."""
+        return np.asarray((np.asarray(point, float) - [self.x, self.floor, self.z]) @ yaw_matrix(self.yaw))
+
+
+def re_rooted(generated: Motion, simulated: Motion) -> Motion:
+    """Return generated frames, moved as one piece so that the last of them stands where the body really is.
+
+    The motion model continues its own poses and not the simulated ones: what contact did to the body is physics'
+    affair, and the model never meets a pose that no person would take. Position and heading, which contact changes for
+    good, are physical.
+    """
+    there = Pose2D.of(simulated, floor=float(simulated.root[-1, 1]))
+    here = Pose2D.of(generated, floor=float(generated.root[-1, 1]))
+    return there.to_world(here.to_local(generated))
+
+
+def _turned(motion: Motion, turn: Array) -> Motion:
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = vector_from_matrix(turn @ matrix_from_vector(motion.rotations[:, 0]))
+    return Motion(motion.root @ turn.T, rotations)
+
+
+# -- the state of the motion model -------------------------------------------------------------------------------------
+def encode(motion: Motion) -> Array:
+    """Motion in its canonical frame to (T, 219) states: root 3, root rotation 3, joint rotations 69, positions 72,
+    velocities 72.
+
+    A velocity is the difference to the frame before, metres a frame; the first frame takes that of the second.
+    """
+    joints = motion.joints()
+    velocity = np.diff(joints, axis=0, prepend=joints[:1])
+    if len(motion) > 1:
+        velocity[0] = velocity[1]
+    flat = (motion.root, motion.rotations.reshape(len(motion), -1), joints.reshape(len(motion), -1))
+    return np.concatenate([*flat, velocity.reshape(len(motion), -1)], axis=1)
+
+
+def decode(state: Array) -> Motion:
+    """Map (T, 219) states to the motion that their root and rotations describe.
+
+    The redundant joint positions are not read.
+    """
+    state = np.asarray(state, float)
+    if state.ndim != 2 or state.shape[1] != STATE_SIZE:
+        raise ValueError(f"a state sequence needs shape (T, {STATE_SIZE}); got {state.shape}")
+    return Motion(state[:, :3].copy(), state[:, 3 : 3 + 3 * N_JOINTS].reshape(-1, N_JOINTS, 3).copy())
+
+
+JERK_STRIDE: Final = 8
+"""Frames between the points of the jerk's third difference: 0.27 s, the time scale of decisions."""
+
+
+def root_jerk(motion: Motion) -> float:
+    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames (paper, section
+    4.2).
+
+    Root translation and rotation carry the rest skeleton's joints but for the hands, so gait plays no part; then a
+    moving average of 3 frames and the third difference of points 8 frames apart.
+    """
+    rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
+    points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
+    smooth = (points[:-2] + points[1:-1] + points[2:]) / 3
+    if len(smooth) <= 3 * JERK_STRIDE:
+        return float("nan")
+    a, b, c, d = (smooth[k * JERK_STRIDE : len(smooth) - (3 - k) * JERK_STRIDE] for k in range(4))
+    return float(np.linalg.norm(d - 3 * c + 3 * b - a, axis=-1).mean() / (JERK_STRIDE / FPS) ** 3)
+
+
+def smoothstep(share: Array) -> Array:
+    """From 0 to 1 with no velocity at either end; share is held within 0 and 1."""
+    share = np.clip(share, 0.0, 1.0)
+    return np.asarray(share * share * (3 - 2 * share))

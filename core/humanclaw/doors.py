@@ -1,0 +1,95 @@
+"""How packages show what is public: names load on first use, and former paths answer for one more version."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any, Final
+
+FORMER: Final = {
+    "half_physics": ("world",),
+    "hookspecs": ("plugins",),
+    "interfaces": ("world", "motion", "plugins"),
+    "measures": ("skills",),
+    "meshes": ("world",),
+    "navigation": ("world",),
+    "outcomes": ("records",),
+    "pose": ("body",),
+    "recipes": ("skills",),
+    "scene": ("world",),
+    "tasks": ("records",),
+    "tools": ("skills",),
+}
+"""Modules that were doors up to plugin API 1.0, and the doors that have their names now."""
+MOVED: Final = {
+    "humanclaw.motion": {"Course": "skills"},
+    "humanclaw.storage": {"pack_scene": "world", "unpack_scene": "world"},
+}
+"""Names that went to another door with plugin API 1.1."""
+
+
+def door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return `__getattr__`, `__dir__` and `__all__` of a package.
+
+    The package's public names are those that its `if TYPE_CHECKING:` block imports. Type checkers read the block as
+    imports; at run time a name is imported on first use, so that importing the package costs nothing.
+    """
+    homes = dict(_imported(sys.modules[package]))
+    moved = MOVED.get(package, {})
+
+    def load(name: str) -> Any:
+        if name in moved:
+            return getattr(_deprecated(f"{package}.{name}", f"humanclaw.{moved[name]}"), name)
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(homes[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return load, lambda: sorted({*vars(sys.modules[package]), *homes}), sorted(homes)
+
+
+def _imported(module: ModuleType) -> Iterator[tuple[str, str]]:
+    """Yield each name that a package imports for type checkers, and the module that defines it."""
+    loader = module.__spec__.loader if module.__spec__ else None
+    source = loader.get_source(module.__name__)  # type: ignore[union-attr]
+    for block in ast.parse(source).body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            for node in block.body:
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    yield from ((name.name, node.module) for name in node.names)
+
+
+def _deprecated(former: str, now: str) -> ModuleType:
+    warnings.warn(f"{former} is deprecated: import it from {now}.", DeprecationWarning, stacklevel=3)
+    return importlib.import_module(now)
+
+
+class FormerPaths(MetaPathFinder, Loader):
+    """Finds the modules of FORMER, which have no file any more."""
+
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None) -> Any:
+        """Return a spec for a former door; None for every other module."""
+        package, _, name = fullname.rpartition(".")
+        return ModuleSpec(fullname, self) if package == "humanclaw" and name in FORMER else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Let the module answer with the names of the doors that took its place."""
+        doors = [f"humanclaw.{name}" for name in FORMER[module.__name__.rpartition(".")[2]]]
+        warnings.warn(
+            f"{module.__name__} is deprecated: import from {' or '.join(doors)}.", DeprecationWarning, stacklevel=2
+        )
+        homes = {name: one for one in reversed(doors) for name in importlib.import_module(one).__all__}
+
+        def load(name: str) -> Any:
+            if name not in homes:
+                raise AttributeError(f"module {module.__name__!r} has no attribute {name!r}")
+            return getattr(importlib.import_module(homes[name]), name)
+
+        vars(module).update(__getattr__=load, __all__=sorted(homes))

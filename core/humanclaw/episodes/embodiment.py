@@ -1,0 +1,288 @@
+"""A body in a scene, driven by skill calls (the Python door)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.sensors import proprioception, tactile
+from humanclaw.episodes.tools import body_tools
+from humanclaw.errors import CheckpointError, blaming
+from humanclaw.motion.generator import MotionGenerator
+from humanclaw.plugins.agents import Observation
+from humanclaw.plugins.host import Plugins
+from humanclaw.records.feedback import Feedback, Proprioception, Touch
+from humanclaw.records.steps import PlayedPart
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.course import Course
+from humanclaw.skills.measures import Declaration
+from humanclaw.skills.plan import Control, Part, parts
+from humanclaw.storage.pictures import jpeg
+from humanclaw.text.notebook import card
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Chunk, Simulator, WorldState
+from humanclaw.world.view import Renderer, View, ego_camera
+
+T = TypeVar("T", bound=np.generic)
+
+
+Watcher = Callable[[Chunk], bool]
+"""Told of each chunk once it has been played; false leaves out the rest of the call."""
+
+
+@dataclass(frozen=True)
+class SkillExecution:
+    """What one executed call did: at least one chunk, and the wall time of its parts in seconds."""
+
+    call: Call
+    chunks: tuple[Chunk, ...]
+    seconds: Mapping[str, float]
+    proprioception: Proprioception | None = None
+    tactile: tuple[Touch, ...] | None = None
+    """What sensors other than vision tell of it; None for one that is off."""
+    parts: tuple[PlayedPart, ...] = ()
+    """What was played of a sequence, in order; empty for a call of one part."""
+    cancelled: bool = False
+    """Whether some of it was left out."""
+
+    @property
+    def feedback(self) -> Feedback:
+        """What its agent is told."""
+        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
+
+
+class Body:
+    """A human body in a scene. Not thread-safe; close it, or use it as a context manager."""
+
+    def __init__(
+        self,
+        scene: str | Scene = "house:0",
+        start: Pose2D | None = None,
+        *,
+        seed: int = 0,
+        plugins: Plugins | None = None,
+        backends: Backends | None = None,
+    ) -> None:
+        """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
+
+        seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
+        """
+        self.plugins = plugins or Plugins.discover()
+        self.backends = (backends or Backends()).chosen(self.plugins)
+        self.sensors = self.backends.sensors
+        self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
+        self._simulator: Simulator = self._make("simulators", self.backends.simulator)
+        self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
+        self._shown: Scene | None = None
+        self.resets = 0
+        """How often it was put somewhere: what was begun before the last time is over."""
+        self.reset(scene, start, seed=seed)
+
+    def _make(self, kind: str, name: str) -> Any:
+        return self.plugins.make(kind, name, profile=self.backends.profile)
+
+    def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
+        """Stand in a scene, everything in it at rest."""
+        wanted: Scene = self.plugins.scene(scene) if isinstance(scene, str) else scene
+        if self._shown is not wanted:
+            self._renderer.load(wanted)
+        self.scene = self._shown = wanted
+        self.start = start or self.scene.start
+        self.seed = seed
+        self.step = 0
+        self.resets += 1
+        self.last: SkillExecution | None = None
+        self._history = stand(self._simulator, self._generator, self.scene, self.start)
+        self._state = self._simulator.state()
+        self._course = Course()
+        return self.observe()
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """Every skill that can be called, by name."""
+        return self.plugins.skills
+
+    @property
+    def history(self) -> Motion:
+        """The five frames that the next motion continues, world frame."""
+        return self._history
+
+    @property
+    def weights(self) -> str:
+        """Digest of the motion prior's weights."""
+        return self._generator.digest
+
+    def state(self) -> WorldState:
+        """Return the true state of the world: for scoring and for privileged agents, never for models."""
+        return self._state
+
+    def view(self) -> View:
+        """Render what the eyes see: colours, depth and object ids, none of which can be written to."""
+        seen = self._renderer.render(self._state, ego_camera(self._state.body))
+        return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
+
+    def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
+        """Look, and be told what became of the last call."""
+        return Observation(self.step, instruction, self.view().rgb, feedback or Feedback())
+
+    def call(self, skill: str, /, **params: Any) -> Observation:
+        """Check a call, execute it, and look. What it did is in `last`.
+
+        Raises PluginError for an unknown skill, CallError for parameters outside its schema.
+        """
+        done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
+        return self.observe(feedback=done.feedback)
+
+    def tools(self, framework: str) -> Any:
+        """Every skill that can run, and `look`, as an agent framework's own objects: "openai", "langchain", ...
+
+        Raises PluginError with the nearest names if no plugin knows the framework, and if it is not installed.
+        """
+        return self.plugins.make("frameworks", framework, body_tools(self))
+
+    def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
+        """Carry out a call that has been checked already, chunk by chunk.
+
+        watch: told of each chunk, between which the body can be looked at; when it says false, the rest is left out.
+        """
+        skill = self.plugins.skill(call.skill)
+        with blaming(self.plugins.owner(call.skill)):
+            plan = parts(skill.plan(call.params))
+        before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
+        played: list[int] = []
+        cancelled, moment = False, time.perf_counter()
+        for number, commanded, left in self._chunks(skill, plan):
+            seconds["generate"] += time.perf_counter() - moment
+            moment = time.perf_counter()
+            chunks.append(self._simulate(commanded))
+            played.append(number)
+            seconds["simulate"] += time.perf_counter() - moment
+            if watch is not None and not watch(chunks[-1]) and left:
+                cancelled = True
+                break
+            moment = time.perf_counter()
+        self.step += 1
+        told = _played(plan, played) if len(plan) > 1 else ()
+        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
+        return self.last
+
+    def _simulate(self, commanded: Motion) -> Chunk:
+        execution = self._simulator.execute(commanded)
+        self._state = self._simulator.state()
+        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
+        return Chunk(commanded, execution)
+
+    def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
+        told = [(chunk.commanded, chunk.execution) for chunk in chunks]
+        return (
+            proprioception(before, told) if "body" in self.sensors else None,
+            tactile([execution for _, execution in told]) if "touch" in self.sensors else None,
+        )
+
+    def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
+        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended.
+
+        Yields the number of the part, the motion, and whether more follows.
+        """
+        index = 0
+        for number, part in enumerate(plan):
+            for commanded, left in self._pieces(skill, part, index):
+                yield number, commanded, left or number + 1 < len(plan)
+                index += 1
+
+    def _pieces(self, skill: Skill, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
+        """Yield the chunks of one part, the first of which is that of this index in the call."""
+        if isinstance(part, Control):
+            if part.adapter == skill.adapter:
+                require_trained(skill)
+            key = (self.seed, self.step, index)
+            yield self._generated(self._declared(skill, part.adapter), part, key), False
+            return
+        motion = part.over(self._history)
+        for first in range(0, len(motion), FUTURE):
+            piece = motion[first : first + FUTURE]
+            yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
+
+    def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
+        """Generate the motion of a control, on the course of the calls before it."""
+        values = part.values if declared is None else self._course.steer(declared, part.values)
+        motion = self._generator.generate(self._history, part.adapter, values, key)
+        if declared is not None:
+            self._course = self._course.after(declared, part.values, self._history, motion)
+        return motion
+
+    def _declared(self, skill: Skill, adapter: Path) -> Declaration | None:
+        """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
+        if adapter == skill.adapter:
+            return skill.declaration
+        return next((one.declaration for one in self.plugins.skills.values() if one.adapter == adapter), None)
+
+    def _repr_html_(self) -> str:
+        """Return what the eyes see now, for a notebook."""
+        last = str(self.last.feedback) if self.last else "Nothing was called yet."
+        return card(f"Body in {self.scene.name}, step {self.step}", [last], [("view", jpeg(self.view().rgb))])
+
+    def close(self) -> None:
+        self._simulator.close()
+        self._renderer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _fixed(picture: NDArray[T]) -> NDArray[T]:
+    """Return a copy that nobody can write to: agent, verifier and record see one and the same."""
+    return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
+
+
+def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:
+    """Return what was played of each part, of whose chunks these are the numbers."""
+    return tuple(
+        PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
+        if isinstance(part, Control)
+        else PlayedPart("keyframes", numbers.count(number), ", ".join(part.rotations))
+        for number, part in enumerate(plan)
+        if number in numbers
+    )
+
+
+def require_trained(skill: Skill) -> None:
+    """Refuse a skill without an adapter. Raises CheckpointError if it has not been trained."""
+    if not skill.trained:
+        raise untrained(skill)
+
+
+def untrained(skill: Skill) -> CheckpointError:
+    """Return the error of a skill whose adapter is not there."""
+    return CheckpointError(
+        f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
+        f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
+    )
+
+
+def _offset(pose: Motion, motion: Motion) -> Array:
+    """From where the motion begins to where the body is, on the plane."""
+    return np.asarray([1.0, 0.0, 1.0] * (pose.root[-1] - motion.root[0]))
+
+
+def _moved(motion: Motion, by: Array) -> Motion:
+    return Motion(motion.root + by, motion.rotations)
+
+
+def stand(simulator: Simulator, generator: MotionGenerator, scene: Scene, start: Pose2D) -> Motion:
+    """Put a body into a scene, in the stance that motion goes on from: a simulator stands it there in a pose of its
+    own. Returns the five frames of it, the history of the first motion, world frame."""
+    stance = re_rooted(generator.start(), simulator.reset(scene, start).body)
+    return re_rooted(stance, simulator.execute(stance).simulated)

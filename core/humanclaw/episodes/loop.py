@@ -1,0 +1,43 @@
+"""The loop: an agent decides, the episode does the rest (paper, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.episode import Episode
+from humanclaw.plugins.agents import Agent, Verifier
+from humanclaw.records.limits import Meter
+from humanclaw.records.specification import EpisodeSpec
+from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.world.simulator import DistanceFactory
+
+
+def run_episode(
+    body: Body,
+    spec: EpisodeSpec,
+    agent: Agent,
+    verifier: Verifier | None = None,
+    *,
+    folder: Path | None = None,
+    options: Mapping[str, Any] | None = None,
+    distance: DistanceFactory | None = None,
+    replay: Sequence[StepRecord] = (),
+    meter: Meter | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> EpisodeRecord:
+    """Run one episode to its end. See Episode for the arguments.
+
+    stopping: asked before each step; when true, the episode is broken off there and recorded as interrupted.
+    A provider's failure, a plugin's and a limit are outcomes; if the record's `limit` is "run", no further
+    episode may begin. Everything else
+    that is raised, KeyboardInterrupt included, is raised again once the record is closed.
+    """
+    with Episode(
+        body, spec, agent, verifier, folder=folder, options=options, distance=distance, replay=replay, meter=meter
+    ) as episode:
+        while not (episode.done or stopping()):
+            episode.ask()
+    return episode.record

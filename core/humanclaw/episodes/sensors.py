@@ -1,0 +1,81 @@
+"""Senses beyond sight, for those who ask for them: where one's own limbs are (`body`), and what they touch (`touch`).
+
+The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). What is told here is
+what a person would feel: heights above one's own soles, displacements beside those intended, which part of the body
+touches something and for how long. Never a coordinate of the scene, never a name of what is touched.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import Array, Motion, Pose2D, support_height, wrap_angle
+from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.records.feedback import Displacement, Proprioception, Touch
+from humanclaw.world.simulator import Contact, Execution
+
+_UNDERFOOT: Final = 0.05
+"""Metres below the ankle at which what a foot touches is what it stands on."""
+_PARTS: Final = {"head": "head", "torso": "torso", "arm_hand": "arm or hand", "leg_foot": "leg or foot"}
+
+
+# -- where the limbs are -----------------------------------------------------------------------------------------------
+def proprioception(before: Motion, chunks: Sequence[tuple[Motion, Execution]]) -> Proprioception:
+    """Feel one call.
+
+    Args:
+        before: the pose (one frame) in which the call began.
+        chunks: what was commanded (15 frames each, world frame) and what became of it.
+    """
+    last = chunks[-1][1].simulated
+    joints = last.joints()[-1]
+    lean = joints[JOINT_INDEX["neck"]] - joints[JOINT_INDEX["pelvis"]]
+    tilt = float(np.degrees(np.arccos(np.clip(lean[1] / np.linalg.norm(lean), -1, 1))))
+    meant, moved, start = np.zeros(4), np.zeros(4), before
+    for commanded, execution in chunks:
+        here = Pose2D.of(start, floor=0.0)
+        meant += _shift(here, start, commanded)
+        moved += _shift(here, start, execution.simulated)
+        start = execution.simulated[-1:]
+    height = float(last.root[-1, 1] - support_height(joints))
+    return Proprioception(height, tilt, Displacement(*map(float, meant)), Displacement(*map(float, moved)))
+
+
+def _shift(frame: Pose2D, start: Motion, motion: Motion) -> Array:
+    """(4,) left, up, forward in metres and turn in radians, from a pose to the end of a motion."""
+    way = frame.point_to_local(motion.root[-1]) - frame.point_to_local(start.root[-1])
+    return np.array([*way, float(wrap_angle(float(motion.yaw()[-1] - start.yaw()[-1])))])
+
+
+# -- what they touch ---------------------------------------------------------------------------------------------------
+def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
+    """Find the parts of the body that touched something other than what they stood on, in the order of their names."""
+    frames: dict[str, set[tuple[int, int]]] = defaultdict(set)
+    gives_way: dict[str, bool] = defaultdict(bool)
+    for number, execution in enumerate(executions):
+        joints = execution.simulated.joints()
+        for contact in execution.contacts:
+            meeting = {(number, frame) for frame in contact.frames if not _underfoot(contact, joints[frame])}
+            if meeting:
+                frames[_part(contact)] |= meeting
+                gives_way[_part(contact)] |= contact.movable
+    return tuple(Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames))
+
+
+def _underfoot(contact: Contact, joints: Array) -> bool:
+    side, _, part = contact.joint.partition("_")
+    if part not in ("ankle", "foot"):
+        return False
+    return contact.height < float(joints[JOINT_INDEX[f"{side}_ankle"], 1]) - _UNDERFOOT
+
+
+def _part(contact: Contact) -> str:
+    if contact.joint == "pelvis":
+        return "hips"
+    side = contact.joint.split("_")[0]
+    part = _PARTS[contact.group]
+    return f"{side} {part}" if side in ("left", "right") else part

@@ -1,0 +1,58 @@
+"""How HumanCLAW is extended: the plugin host, its hooks, and the protocols of agents, verifiers and reporters."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.plugins.agents import (
+        Agent as Agent,
+        EpisodeContext as EpisodeContext,
+        HistoryEntry as HistoryEntry,
+        Installed as Installed,
+        Observation as Observation,
+        Reporter as Reporter,
+        Verifier as Verifier,
+    )
+    from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
+    from humanclaw.plugins.hookspecs import (
+        API_VERSION as API_VERSION,
+        OBSERVERS as OBSERVERS,
+        PROJECT as PROJECT,
+        AgentFactory as AgentFactory,
+        FrameworkFactory as FrameworkFactory,
+        GeneratorFactory as GeneratorFactory,
+        Options as Options,
+        Register as Register,
+        RegisterMeasure as RegisterMeasure,
+        RegisterRecipe as RegisterRecipe,
+        RegisterSkill as RegisterSkill,
+        RendererFactory as RendererFactory,
+        ReporterFactory as ReporterFactory,
+        SceneFactory as SceneFactory,
+        SimulatorFactory as SimulatorFactory,
+        VerifierFactory as VerifierFactory,
+        hookimpl as hookimpl,
+        hookspec as hookspec,
+        humanclaw_agents as humanclaw_agents,
+        humanclaw_chunk as humanclaw_chunk,
+        humanclaw_commands as humanclaw_commands,
+        humanclaw_episode_end as humanclaw_episode_end,
+        humanclaw_frameworks as humanclaw_frameworks,
+        humanclaw_hookspecs as humanclaw_hookspecs,
+        humanclaw_measures as humanclaw_measures,
+        humanclaw_motion_generators as humanclaw_motion_generators,
+        humanclaw_recipes as humanclaw_recipes,
+        humanclaw_renderers as humanclaw_renderers,
+        humanclaw_reports as humanclaw_reports,
+        humanclaw_scenes as humanclaw_scenes,
+        humanclaw_simulators as humanclaw_simulators,
+        humanclaw_skills as humanclaw_skills,
+        humanclaw_step as humanclaw_step,
+        humanclaw_verifiers as humanclaw_verifiers,
+        noun as noun,
+    )
+    from humanclaw.plugins.host import Plugins as Plugins
+    from humanclaw.plugins.registry import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
+
+__getattr__, __dir__, __all__ = door(__name__)

@@ -1,0 +1,92 @@
+"""What comes from agents and verifiers, which is code of somebody else: held to its type where it comes in."""
+
+from __future__ import annotations
+
+import functools
+import json
+import reprlib
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from humanclaw.errors import blaming
+from humanclaw.records.decisions import recordable
+from humanclaw.records.specification import Name
+
+T = TypeVar("T")
+_SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
+
+
+@dataclass(frozen=True)
+class Unmade:
+    """Stands where an agent or a verifier should that could not be made: its episode has a record, which says why."""
+
+    name: str
+    owner: str
+    """The plugin whose factory raised."""
+    fault: BaseException
+    privileged: bool = False
+
+    def begin(self, context: object) -> None:
+        """Raise what the factory raised."""
+        raise self.fault
+
+    decide = verify = begin
+
+
+def origin(decider: object) -> str:
+    """Return the package that an agent or a verifier comes from, or the plugin that could make none."""
+    if isinstance(decider, Unmade):
+        return decider.owner
+    return type(decider).__module__.partition(".")[0]
+
+
+def admit(value: T, kind: type[T], whose: str) -> T:
+    """Take a decision or a verdict, as a record can hold it.
+
+    Raises TypeError, which says what was expected and what came, for what is none or holds what none can hold.
+    """
+    if not isinstance(value, kind):
+        raise TypeError(f"{whose} {reprlib.repr(value)} and no {kind.__name__}")
+    return _typed(recordable(value, kind), kind, f"{whose} a malformed {kind.__name__}: ")
+
+
+def name_of(decider: Any) -> str:
+    """Return a decider's name, as a record can hold it. Raises PluginRunError for one that is none."""
+    with blaming(origin(decider)):
+        return _typed(decider.name, Name, "name: ")
+
+
+def is_privileged(decider: object) -> bool:
+    """Tell whether a decider wants to be told scene and true state. Raises PluginRunError for what breaks there."""
+    with blaming(origin(decider)):
+        return bool(getattr(decider, "privileged", False))
+
+
+def settings_of(decider: object) -> dict[str, Any]:
+    """Return a decider's settings as they are now, empty if it has none. Raises PluginRunError for what JSON cannot
+    hold."""
+    with blaming(origin(decider)):
+        found = getattr(decider, "settings", None) or {}
+        try:
+            read: dict[str, Any] = json.loads(_SETTINGS.dump_json(dict(found)))
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"settings are a mapping that JSON can hold; got {reprlib.repr(found)}") from error
+        return read
+
+
+@functools.cache
+def _reader(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _typed(value: object, kind: type[T], whose: str) -> T:
+    try:
+        read: T = _reader(kind).validate_python(value, strict=True)  # type: ignore[arg-type]
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = "".join(f"{part}." for part in first["loc"]).rstrip(".")
+        told = f"{where}: {first['msg']}" if where else first["msg"]
+        raise TypeError(f"{whose}{told}; got {reprlib.repr(first['input'])}") from None
+    return read

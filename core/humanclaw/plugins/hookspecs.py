@@ -1,0 +1,162 @@
+"""Everything a plugin can add, one function each. A plugin implements the hooks it needs with @humanclaw.hookimpl.
+
+Factories are registered by name and run only when something asks for that name, so a plugin's module stays cheap to
+import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who implement them say
+@hookimpl(optionalhook=True), so that they also work where that plugin is not installed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, TypeVar
+
+import pluggy
+
+if TYPE_CHECKING:
+    import click
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from humanclaw.motion.generator import MotionGenerator
+    from humanclaw.plugins.agents import Agent, Reporter, Verifier
+    from humanclaw.records.steps import EpisodeRecord, StepRecord
+    from humanclaw.skills.body_tool import BodyTool
+    from humanclaw.skills.contract import Skill
+    from humanclaw.skills.measures import Measure
+    from humanclaw.skills.recipes import Recipe
+    from humanclaw.world.scene import Scene
+    from humanclaw.world.simulator import Chunk, Simulator
+    from humanclaw.world.view import Renderer
+
+PROJECT: Final = "humanclaw"
+API_VERSION: Final = "1.0"
+"""Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
+docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
+minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""
+OBSERVERS: Final = frozenset({"humanclaw_chunk", "humanclaw_step", "humanclaw_episode_end"})
+"""Hooks that an episode waits for: each plugin's are called in a thread of their own, and for its HUMANCLAW_PATIENCE at
+most (seconds, a number of the module; 30 without it; float("inf") to be called in the episode's own thread)."""
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+F = TypeVar("F", contravariant=True)
+
+
+class RegisterSkill(Protocol):
+    def __call__(self, skill: Skill | Path) -> None:
+        """Register a skill, or a folder that holds schema.json, checklist.toml and adapter.safetensors."""
+
+
+class RegisterMeasure(Protocol):
+    def __call__(self, measure: Measure) -> None:
+        """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
+
+
+class RegisterRecipe(Protocol):
+    def __call__(self, recipe: Recipe) -> None:
+        """Register the recipe of the skill that it names."""
+
+
+class Register(Protocol[F]):
+    def __call__(self, name: str, value: F, description: str = "") -> None:
+        """Register something under a name; a factory is called when it is asked for."""
+
+
+Options: TypeAlias = Mapping[str, Any]
+SceneFactory: TypeAlias = "Callable[[str], Scene]"
+SimulatorFactory: TypeAlias = "Callable[..., Simulator]"
+RendererFactory: TypeAlias = "Callable[[], Renderer]"
+GeneratorFactory: TypeAlias = "Callable[..., MotionGenerator]"
+AgentFactory: TypeAlias = "Callable[[Options], Agent]"
+VerifierFactory: TypeAlias = "Callable[[Options], Verifier]"
+ReporterFactory: TypeAlias = "Callable[..., Reporter]"
+FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
+
+
+def noun(kind: str) -> str:
+    """Return what a person calls one of a kind: "motion generator" for "motion_generators"."""
+    return kind.removesuffix("s").replace("_", " ")
+
+
+@hookspec
+def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
+    """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a
+    kind of things that have a name: Plugins.registered(kind) and Plugins.make(kind, name) know them."""
+
+
+@hookspec
+def humanclaw_measures(register: RegisterMeasure) -> None:
+    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
+
+
+@hookspec
+def humanclaw_skills(register: RegisterSkill) -> None:
+    """Register skills."""
+
+
+@hookspec
+def humanclaw_recipes(register: RegisterRecipe) -> None:
+    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised
+    (humanclaw.recipes)."""
+
+
+@hookspec
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
+    """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument."""
+
+
+@hookspec
+def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
+    """Register simulators: factory(profile: str = "default") -> Simulator."""
+
+
+@hookspec
+def humanclaw_renderers(register: Register[RendererFactory]) -> None:
+    """Register renderers: factory() -> Renderer."""
+
+
+@hookspec
+def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
+    """Register motion generators: factory(profile: str = "default") -> MotionGenerator."""
+
+
+@hookspec
+def humanclaw_agents(register: Register[AgentFactory]) -> None:
+    """Register agents: factory(options: Mapping[str, Any]) -> Agent, with the options of the run."""
+
+
+@hookspec
+def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
+    """Register verifiers: factory(options: Mapping[str, Any]) -> Verifier, with the options of the run."""
+
+
+@hookspec
+def humanclaw_reports(register: Register[ReporterFactory]) -> None:
+    """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
+    Reporter."""
+
+
+@hookspec
+def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
+    """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
+
+
+@hookspec
+def humanclaw_commands(cli: click.Group) -> None:
+    """Add commands to the command line."""
+
+
+@hookspec
+def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
+    """Take note of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
+
+
+@hookspec
+def humanclaw_step(episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
+    """Hear of a step once it is recorded; view is what the eyes saw before it, (height, width, 3)."""
+
+
+@hookspec
+def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
+    """Hear that an episode's record is complete; folder is where it was written, if anywhere."""

@@ -1,0 +1,106 @@
+"""Loading plugins: from entry points and files, held to the versions that they were made for."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+import pluggy
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from humanclaw.errors import PluginError, in_words
+from humanclaw.plugins import hookspecs
+from humanclaw.plugins.distributions import version
+
+PATIENCE: Final = 30.0
+"""Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
+
+
+def check_api(made_for: object, name: str) -> None:
+    """Hold a plugin to the version of the plugin API that it was made for: the same major, and no later minor.
+
+    Raises PluginError, with which of the two to upgrade.
+    """
+    try:
+        major, minor = map(int, str(made_for).split("."))
+    except ValueError:
+        told = f"plugin {name!r} was made for plugin API {made_for!r}, which is no version."
+        raise PluginError(told, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
+    ours = tuple(map(int, hookspecs.API_VERSION.split(".")))
+    if major != ours[0] or minor > ours[1]:
+        newer = "humanclaw" if (major, minor) > ours else name
+        told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
+        raise PluginError(told, f"Run `pip install --upgrade {newer}`.")
+
+
+def check_patience(seconds: object, name: str) -> None:
+    """Raise PluginError for a HUMANCLAW_PATIENCE that is no time."""
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
+        told = f"plugin {name!r} has HUMANCLAW_PATIENCE = {seconds!r}, which is no number of seconds above 0."
+        raise PluginError(told, 'Write one, such as 60.0, or float("inf").')
+
+
+def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
+    """Name, version and distribution of a plugin. It is called like its distribution, whatever that calls its entry
+    point: two of them may call theirs the same."""
+    # Where pip was interrupted there is no metadata: None both, says the standard library.
+    try:
+        name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+    except (TypeError, FileNotFoundError):  # Says importlib_metadata, which litellm brings, where there is none.
+        name, version = "", ""
+    return name or point.name, version or "", name or ""
+
+
+def has_hook(plugin: object, hook: str) -> bool:
+    """Whether a plugin has a hook; a module that answers for its names itself may raise anything."""
+    try:
+        return hasattr(plugin, hook)
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        return False
+
+
+def held_to_requirements(point: importlib.metadata.EntryPoint) -> importlib.metadata.EntryPoint:
+    if point.dist:
+        _check_requirement(point.dist)
+    return point
+
+
+def _check_requirement(dist: importlib.metadata.Distribution) -> None:
+    """Hold a distribution to the humanclaw that its own metadata say it was made for."""
+    for text in dist.requires or ():
+        requirement = Requirement(text)
+        if canonicalize_name(requirement.name) == "humanclaw" and version() not in requirement.specifier:
+            raise PluginError(
+                f"{dist.name} {dist.version} needs humanclaw{requirement.specifier}, this is {version()}.",
+                f"Run `pip install --upgrade {dist.name} humanclaw`.",
+            )
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in words; one of pluggy's says more with less."""
+    if isinstance(error, pluggy.PluginValidationError):
+        return " ".join(str(error.args[0]).split())
+    return in_words(error)
+
+
+def load_file(path: Path) -> ModuleType:
+    """Import one Python file as a plugin module. Raises PluginError if it is missing or fails."""
+    if not path.is_file():
+        raise PluginError(f"there is no plugin file {path}.", "Give the path of a Python file.")
+    spec = importlib.util.spec_from_file_location(f"humanclaw_plugin_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"{path} is not a Python file.", "Give the path of a file that ends in .py.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise PluginError(f"plugin file {path} failed to load: {reason_of(error)}.") from error
+    return module

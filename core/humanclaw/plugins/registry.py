@@ -1,0 +1,163 @@
+"""What plugins register, and which of it is wanted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from packaging.utils import canonicalize_name
+
+from humanclaw.errors import PluginError
+from humanclaw.plugins import hookspecs
+from humanclaw.plugins.hookspecs import noun
+from humanclaw.plugins.loading import reason_of
+from humanclaw.skills.checks import skill_faults
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Measure
+
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which plugins and skills are wanted, of those that are there.
+
+    An owner is a distribution, with or without `humanclaw-`, or the name of a plugin file without .py.
+    """
+
+    prefer: tuple[str, ...] = ()
+    """owner or owner:name: what goes before others of the same name."""
+    without: tuple[str, ...] = ()
+    """owner, owner:name, or the name of a skill: what is left out."""
+    skills: tuple[str, ...] = ()
+    """name or owner:name: the skills that can be called, and no others; empty for all."""
+
+    def rank(self, one: Registration) -> int:
+        """How far in front something goes; less is further."""
+        wanted = (*(name for name in self.skills if ":" in name), *self.prefer)
+        return next((place for place, text in enumerate(wanted) if means(text, one)), len(wanted))
+
+    def drops(self, one: Registration, kind: str) -> bool:
+        """Whether something of a plugin is left out."""
+        return any(
+            (":" in text and means(text, one)) or (kind == "skills" and text == one.name) for text in self.without
+        )
+
+
+@dataclass(frozen=True)
+class PluginInfo:
+    """A plugin as `humanclaw plugins` lists it."""
+
+    name: str
+    """Its distribution, or its file without .py: the owner of what it registers."""
+    version: str
+    origin: str
+    """The distribution or file it came from."""
+    provides: tuple[str, ...] = ()
+    error: str = ""
+    """Why it is disabled; empty if it is in use."""
+    disabled: Mapping[str, str] = field(default_factory=dict)
+    """Of its skills those that break the contract, by name, and why. The others are in use."""
+    duplicates: tuple[str, ...] = ()
+    """Of what it registers that for which another plugin goes first, each told with both owners."""
+    notes: tuple[str, ...] = ()
+    """What of it is deprecated, and what takes its place."""
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Something registered under a name: a skill, a factory, or what else a hook takes."""
+
+    name: str
+    owner: str
+    value: Any
+    description: str = ""
+
+
+@dataclass
+class Registry:
+    """What one plugin registers, gathered apart so that a plugin that fails half-way leaves nothing behind."""
+
+    owner: str
+    found: dict[str, list[Registration]] = field(default_factory=dict)
+    """By kind: the name of the hook without `humanclaw_`."""
+    disabled: dict[str, str] = field(default_factory=dict)
+    """Skills that break the contract, by name, and why."""
+    faulty: list[Registration] = field(default_factory=list)
+    """The same as they were registered."""
+    left_out: list[Registration] = field(default_factory=list)
+    """What is not wanted."""
+    notes: tuple[str, ...] = ()
+
+    def register(self, kind: str) -> Callable[..., None]:
+        """Return the argument `register` of a hook. It takes a name, a value and a description, or a value that has
+        them itself."""
+
+        def register(named: Any, value: Any = None, description: str = "") -> None:
+            if value is None:
+                value = self._skill(named) if kind == "skills" else named
+                if value is None:
+                    return
+                named, description = value.name, value.description
+            if not isinstance(named, str) or not _NAME.fullmatch(named):
+                raise PluginError(
+                    f"{named!r} is no name of a {noun(kind)}.", f"Use a name that matches {_NAME.pattern}."
+                )
+            self.found.setdefault(kind, []).append(Registration(named, self.owner, value, description))
+
+        return register
+
+    def _skill(self, given: Skill | Path) -> Skill | None:
+        """Return the skill, or None for a folder that holds none: its neighbours are not to blame."""
+        try:
+            return _skill(given)
+        except Exception as error:
+            if not isinstance(given, Path):
+                raise
+            self._disable(given.name, given, str(error) if isinstance(error, PluginError) else reason_of(error))
+            return None
+
+    def _disable(self, name: str, value: Skill | Path, reason: str) -> None:
+        self.disabled[name] = reason
+        self.faulty.append(Registration(name, self.owner, value))
+
+    def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
+        """Hold each skill to the contract, and take out those that break it."""
+        kept = []
+        for one in self.found.get("skills", []):
+            if faults := skill_faults(one.value, measures, base):
+                self._disable(one.name, one.value, " ".join(map(str, faults)))
+            else:
+                kept.append(one)
+        self.found["skills"] = kept
+
+    def keep(self, choice: Choice) -> None:
+        """Leave out what is not wanted, and what a plugin names twice."""
+        for kind, found in self.found.items():
+            wanted = [one for one in found if not choice.drops(one, kind)]
+            self.left_out += [one for one in found if choice.drops(one, kind)]
+            self.found[kind] = list({one.name: one for one in reversed(wanted)}.values())[::-1]
+
+
+def _skill(given: Skill | Path) -> Skill:
+    skill = Skill.from_folder(given) if isinstance(given, Path) else given
+    if not isinstance(skill, Skill):
+        raise PluginError(
+            f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
+        )
+    return skill
+
+
+def means(text: str, one: Registration) -> bool:
+    """Whether owner or owner:name means something that a plugin registers."""
+    owner, _, name = text.partition(":")
+    return is_owner(owner, one.owner) and name in ("", one.name)
+
+
+def is_owner(text: str, owner: str) -> bool:
+    """Whether a text names a plugin: distributions are one name whatever their case and their dashes."""
+    names = canonicalize_name(text), canonicalize_name(f"{hookspecs.PROJECT}-{text}")
+    return canonicalize_name(owner.partition("/")[0]) in names or text == owner

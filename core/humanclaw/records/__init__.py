@@ -1,0 +1,74 @@
+"""What is decided, done and kept: specifications, decisions, records and the facts read from them."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.records.decisions import (
+        Answer as Answer,
+        Attempt as Attempt,
+        Decision as Decision,
+        Refusal as Refusal,
+        Usage as Usage,
+        Verdict as Verdict,
+    )
+    from humanclaw.records.feedback import (
+        Displacement as Displacement,
+        Feedback as Feedback,
+        Proprioception as Proprioception,
+        Touch as Touch,
+    )
+    from humanclaw.records.folder import (
+        EpisodeWriter as EpisodeWriter,
+        close_record as close_record,
+        write_record as write_record,
+        writing as writing,
+    )
+    from humanclaw.records.limits import Meter as Meter
+    from humanclaw.records.outcomes import (
+        FLOOR_THRESHOLD as FLOOR_THRESHOLD,
+        REACHED as REACHED,
+        SEEN_PIXELS as SEEN_PIXELS,
+        end_distance as end_distance,
+        footing as footing,
+        in_view as in_view,
+        on_target as on_target,
+        reached as reached,
+        role_of as role_of,
+        sits_of as sits_of,
+        stopped_seated as stopped_seated,
+        stopped_within_reach as stopped_within_reach,
+        succeeded as succeeded,
+        touched_above_ground as touched_above_ground,
+    )
+    from humanclaw.records.reading import (
+        RecordedEpisode as RecordedEpisode,
+        RecordedRun as RecordedRun,
+        load_run as load_run,
+    )
+    from humanclaw.records.sighting import acknowledges as acknowledges
+    from humanclaw.records.specification import EpisodeSpec as EpisodeSpec, Record as Record, name_of as name_of
+    from humanclaw.records.steps import (
+        EpisodeRecord as EpisodeRecord,
+        Outcome as Outcome,
+        PlayedPart as PlayedPart,
+        SkillInfo as SkillInfo,
+        StepRecord as StepRecord,
+    )
+    from humanclaw.records.tasks import (
+        ALIASES as ALIASES,
+        SEATS as SEATS,
+        category_of as category_of,
+        free_episode as free_episode,
+        instruction as instruction,
+        read_episodes as read_episodes,
+        wants_to_sit as wants_to_sit,
+        write_episodes as write_episodes,
+    )
+    from humanclaw.skills.call import Call as Call
+    from humanclaw.world.navigation.difficulty import Difficulty as Difficulty
+    from humanclaw.world.scene import Vec3 as Vec3
+    from humanclaw.world.simulator import Contact as Contact
+
+__getattr__, __dir__, __all__ = door(__name__)

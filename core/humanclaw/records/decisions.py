@@ -1,0 +1,158 @@
+"""What is decided in a step: the call, the reasoning around it, its verification, its cost. In the loop and in the
+record alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, TypeVar
+
+from humanclaw.errors import CallError
+from humanclaw.skills.call import Call, check_call
+from humanclaw.skills.contract import Skill
+from humanclaw.text.json import DEEPEST, HELD, LARGEST
+from humanclaw.text.words import legible
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US
+    dollars."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    tokens_in: int = 0
+    tokens_out: int = 0
+    cost: float = 0.0
+    estimated: bool = False
+    cost_estimated: bool = False
+    """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
+    tokens_reasoning: int = 0
+    """Of tokens_out those that the model thought with, as far as the provider tells."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for what nothing can cost: it would lift every limit."""
+        counts = (self.tokens_in, self.tokens_out, self.tokens_reasoning, self.cost)
+        if not all(0 <= count < math.inf for count in counts):
+            raise ValueError(f"tokens and cost are finite and not below 0; got {counts}")
+
+    def __add__(self, other: Usage) -> Usage:
+        return Usage(
+            self.tokens_in + other.tokens_in,
+            self.tokens_out + other.tokens_out,
+            self.cost + other.cost,
+            self.estimated or other.estimated,
+            self.cost_estimated or other.cost_estimated,
+            self.tokens_reasoning + other.tokens_reasoning,
+        )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is
+    legal."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    calls: tuple[Call, ...] = ()
+    visible_state: str = ""
+    progress: str = ""
+    mid_level_goal: str = ""
+    mid_level_change: str = ""
+    """'keep' or 'revise'."""
+    reasoning: str = ""
+    raw: str = ""
+    prompt_digest: str = ""
+    usage: Usage = field(default_factory=Usage)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A decision that was submitted, usable or not."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    decision: Decision
+    error: str = ""
+    """Why it was handed back; empty if its call was used."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Nothing was executed: the agent has to read the error and decide again."""
+
+    error: str
+    attempts_left: int
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verifier's answer to one check."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    check: str
+    passed: bool
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Accept the proposed call, or put another one from the same pool in its place."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    accepted: bool
+    replacement: Call | None = None
+    answers: tuple[Answer, ...] = ()
+    failed_open: str = ""
+    """Why the call was let through unverified, if it was."""
+    usage: Usage = field(default_factory=Usage)
+
+    @property
+    def failed(self) -> tuple[Answer, ...]:
+        """The checks that the call did not pass."""
+        return tuple(answer for answer in self.answers if not answer.passed)
+
+
+def recordable(value: T, kind: type[T]) -> T:
+    """Bring a decision or a verdict, which a model may have written, into what a record can hold.
+
+    Texts become legible, texts and nesting are bounded. What a schema would refuse it still refuses.
+    """
+    found = {part.name: getattr(value, part.name) for part in fields(kind)}  # type: ignore[arg-type]
+    listed = {name: tuple(part) if isinstance(part, list) else part for name, part in found.items()}
+    return kind(**{name: _bounded(part) for name, part in listed.items()})
+
+
+def _bounded(value: Any, depth: int = 0) -> Any:
+    if isinstance(value, str):
+        return legible(value)
+    if isinstance(value, int) and abs(value) > LARGEST:
+        return float("inf") if value > 0 else float("-inf")  # A reader of the record would stumble over its digits.
+    if value is None or isinstance(value, bool | int | float):
+        return value
+    if depth > DEEPEST:
+        return "..."
+    if isinstance(value, Call):
+        return Call(_bounded(str(value.skill)), _bounded(value.params))
+    if kind := next((kind for kind in (Answer, Usage) if isinstance(value, kind)), None):
+        return recordable(value, kind)
+    if isinstance(value, Mapping):
+        return {_bounded(str(key)): _bounded(inner, depth + 1) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return tuple(_bounded(inner, depth + 1) for inner in value)
+    if isinstance(value, list):
+        return [_bounded(inner, depth + 1) for inner in value]
+    return _bounded(str(value))
+
+
+def check(decision: Decision, skills: Mapping[str, Skill]) -> Call:
+    """Take the one legal call of a decision, defaults filled in. Raises CallError, written for the model."""
+    if len(decision.calls) != 1:
+        count = "no call" if not decision.calls else f"{len(decision.calls)} calls"
+        raise CallError(f"Nothing was executed: the answer held {count}; make exactly one skill call a step.")
+    return check_call(decision.calls[0], skills)

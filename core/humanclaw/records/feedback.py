@@ -1,0 +1,135 @@
+"""What an agent is told of its last step: as values in the record, as words where a model or a person reads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+
+from humanclaw.body.pose import FPS
+from humanclaw.body.skeleton import STANDING_HEIGHT
+from humanclaw.records.decisions import Answer
+from humanclaw.skills.call import Call
+from humanclaw.text.json import STRICT
+
+_UPRIGHT: Final = 0.85
+_BENT: Final = 0.62
+"""Shares of the standing height down to which a body stands upright, and stands with bent knees."""
+_TILTED: Final = 20.0
+"""Degrees from which on a trunk is worth a word."""
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """A way in the body's own frame: metres to the left, up and forward, and a turn to the left in radians."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    left: float
+    up: float
+    forward: float
+    turn: float
+
+    def __str__(self) -> str:
+        left, up, forward = np.round(100 * np.array([self.left, self.up, self.forward])).astype(int)
+        turn = round(float(np.degrees(self.turn)))
+        parts = [
+            f"{abs(forward)} cm {'forward' if forward > 0 else 'back'}" if forward else "",
+            f"{abs(left)} cm to the {'left' if left > 0 else 'right'}" if left else "",
+            f"{abs(up)} cm {'up' if up > 0 else 'down'}" if abs(up) > 2 else "",
+            f"a turn of {abs(turn)} degrees to the {'left' if turn > 0 else 'right'}" if abs(turn) > 1 else "",
+        ]
+        return ", ".join(part for part in parts if part) or "nowhere"
+
+
+@dataclass(frozen=True)
+class Proprioception:
+    """Where the limbs are after a step, and how the body went beside how its limbs meant to."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    hip_height: float
+    """Of the pelvis above the soles, metres."""
+    trunk_tilt: float
+    """Degrees from upright."""
+    intended: Displacement
+    moved: Displacement
+
+    def __str__(self) -> str:
+        tilt = "" if self.trunk_tilt < _TILTED else f", trunk tilted by {self.trunk_tilt:.0f} degrees"
+        return (
+            f"You feel yourself {self._posture()}{tilt}: your hips are {100 * self.hip_height:.0f} cm above your "
+            "soles. "
+            f"Your limbs meant {self.intended}; your body went {self.moved}."
+        )
+
+    def _posture(self) -> str:
+        share = self.hip_height / STANDING_HEIGHT
+        if share > _UPRIGHT:
+            return "standing upright"
+        return "standing with bent knees" if share > _BENT else "seated or squatting"
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A part of the body touched something other than what it stood on."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    part: str
+    """As in 'left arm or hand'."""
+    frames: int
+    gives_way: bool
+    """Whether something of it can be moved."""
+
+    def __str__(self) -> str:
+        return f"your {self.part} for {self.frames / FPS:.1f} s{' (it gives way)' if self.gives_way else ''}"
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What became of the last step, or why the last answer was refused. str() says it in words."""
+
+    executed: Call | None = None
+    replaced: Call | None = None
+    """The call that was proposed, where the verifier put another in its place."""
+    failed: tuple[Answer, ...] = ()
+    """The checks that it had failed."""
+    refusal: str = ""
+    """Why nothing was executed."""
+    proprioception: Proprioception | None = None
+    tactile: tuple[Touch, ...] | None = None
+    """None without the sense; empty if nothing was touched."""
+    cancelled: bool = False
+    """Whether the call was broken off."""
+
+    def __bool__(self) -> bool:
+        return self.executed is not None or bool(self.refusal)
+
+    def __str__(self) -> str:
+        if self.executed is None:
+            return self.refusal
+        return f"{self._action()} {self.sensor_readings}".strip()
+
+    @property
+    def sensor_readings(self) -> str:
+        """What the body felt, in words; empty for one that only sees."""
+        return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
+
+    def _action(self) -> str:
+        if self.replaced is None:
+            return f"Executed {self.executed}{', and broke it off' if self.cancelled else ''}."
+        why = "; ".join(answer.note or answer.check for answer in self.failed)
+        return (
+            f"{self.replaced} was not executed: the check before execution failed{f' ({why})' if why else ''}. "
+            f"Executed {self.executed} in its place."
+        )
+
+
+def _touched(tactile: tuple[Touch, ...] | None) -> str:
+    if tactile is None:
+        return ""
+    if not tactile:
+        return "You touch nothing but what you stand on."
+    return f"Something touched {', '.join(map(str, tactile))}."

@@ -1,0 +1,99 @@
+"""The folder of an episode's record: episode.json, steps.jsonl, motion.npz, frames/."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from humanclaw.body.pose import Array
+from humanclaw.errors import RecordError
+from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.storage.files import write_atomically
+
+AGAIN = "Run the episode again, or remove its folder."
+
+
+# -- the folder --------------------------------------------------------------------------------------------------------
+class EpisodeWriter:
+    """Writes one episode folder; every step is on disk before the next begins."""
+
+    def __init__(self, folder: Path, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
+        """kept: the steps that the folder begins with, those of an earlier run."""
+        self.folder = folder
+        lines = "".join(step.model_dump_json() + "\n" for step in kept)
+        with writing(folder):
+            (folder / "frames").mkdir(parents=True, exist_ok=True)
+            write_record(folder, record.model_copy(update={"files": {}}))
+            for old in ("motion.npz", *frames_in(folder)):
+                (folder / old).unlink(missing_ok=True)  # Of an earlier run: what is kept of it is drawn again.
+            write_atomically(folder / "steps.jsonl", lines.encode())
+            self._steps = (folder / "steps.jsonl").open("ab", buffering=0)
+
+    def frame(self, name: str, data: bytes) -> str:
+        """Keep a picture; returns its path relative to the folder."""
+        with writing(self.folder):
+            write_atomically(self.folder / "frames" / name, data)
+        return f"frames/{name}"
+
+    def step(self, step: StepRecord) -> None:
+        """Append a line, whole or not at all. Raises RecordError if there is no room for it."""
+        line, before = step.model_dump_json().encode() + b"\n", self._steps.tell()
+        with writing(self.folder):
+            try:
+                if self._steps.write(line) < len(line):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                os.fsync(self._steps.fileno())
+            except OSError:
+                self._steps.truncate(before)
+                raise
+
+    def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
+        """Close the record: motion.npz, then the final episode.json. Raises RecordError if there is no room for
+        them."""
+        self._steps.close()
+        motion = io.BytesIO()
+        np.savez_compressed(motion, **arrays)  # type: ignore[arg-type]
+        with writing(self.folder):
+            write_atomically(self.folder / "motion.npz", motion.getvalue())
+            close_record(self.folder, record)
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Tell of a full disk, a folder that cannot be written to and the like as RecordError, in a sentence."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot write the record to {folder}: {error.strerror or error}."
+        raise RecordError(reason, "Make room there, or name another folder with --out.") from error
+
+
+def write_record(folder: Path, record: EpisodeRecord) -> None:
+    """Write episode.json with its seal."""
+    with writing(folder):
+        write_atomically(folder / "episode.json", record.sealed.model_dump_json(indent=1).encode())
+
+
+def close_record(folder: Path, record: EpisodeRecord) -> None:
+    """Write the last episode.json, which holds the digest of every other file: from then on damage is found."""
+    there = [name for name in ("steps.jsonl", "motion.npz") if (folder / name).exists()]
+    digests = {name: hashlib.sha256(read_file(folder / name)).hexdigest() for name in (*there, *frames_in(folder))}
+    write_record(folder, record.model_copy(update={"files": digests}))
+
+
+def frames_in(folder: Path) -> list[str]:
+    return sorted(f"frames/{path.name}" for path in (folder / "frames").glob("*.jpg"))
+
+
+def read_file(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}.", AGAIN) from error

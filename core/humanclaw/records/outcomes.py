@@ -1,0 +1,97 @@
+"""The facts of a step that success rests on, each defined once: what is seen, reached, sat on, stood on,
+acknowledged."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence, Set
+from typing import Final
+
+from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.sighting import acknowledges as acknowledges
+from humanclaw.records.specification import EpisodeSpec
+from humanclaw.records.steps import StepRecord
+from humanclaw.world.simulator import Contact
+
+SEEN_PIXELS: Final = 100
+"""Pixels of the 512 x 512 view from which on a target counts as seen."""
+REACHED: Final = 0.2
+"""Metres from the body to a target's bounding box within which it counts as reached."""
+FLOOR_THRESHOLD: Final = 0.0205
+"""Contacts lower than this over the floor of the start are steps on the ground, metres."""
+
+
+def in_view(step: StepRecord) -> bool:
+    """Tell whether the targets together cover enough of the view that the step was decided from."""
+    return sum(step.target_pixels.values()) >= SEEN_PIXELS
+
+
+def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
+    """Return the role of the skill that a step called.
+
+    Empty for a step without a call, or of a skill that the record does not know.
+    """
+    info = recorded.record.skills.get(step.call.skill) if step.call else None
+    return info.role if info else ""
+
+
+def on_target(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Tell whether the pelvis touches a target in the last frame of a step."""
+    return bool(set(step.pelvis_contacts) & set(recorded.record.spec.target_ids))
+
+
+def stopped_within_reach(steps: Sequence[StepRecord]) -> bool:
+    """Tell whether an active stop ended the steps with the body within reach of a target (NavSR)."""
+    last = steps[-1] if steps else None
+    return last is not None and last.status == "stopped" and _distance(last) <= REACHED
+
+
+def stopped_seated(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
+    """Tell whether the body sat down, and an active stop ended the steps with the pelvis on a target (InteractSR).
+
+    sits: names of the skills of role sit. What the pelvis touches at the stop is what it touched in the last physics
+    frame before it.
+    """
+    if not steps or steps[-1].status != "stopped":
+        return False
+    sat = any(step.call and step.call.skill in sits for step in steps)
+    return sat and bool(set(steps[-1].pelvis_contacts) & set(spec.target_ids))
+
+
+def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
+    """Decide whether an episode ended in success: stopped on the seat if it was to be sat on, else within reach."""
+    return stopped_seated(spec, steps, sits) if spec.interact else stopped_within_reach(steps)
+
+
+def sits_of(recorded: RecordedEpisode) -> frozenset[str]:
+    """Return the names of the skills of role sit, as a record has them."""
+    return frozenset(name for name, info in recorded.record.skills.items() if info.role == "sit")
+
+
+def footing(contact: Contact, ground: Set[int]) -> bool:
+    """Tell whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
+    return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
+
+
+def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
+    """Return the contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an
+    upper floor."""
+    level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
+    return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
+
+
+def end_distance(recorded: RecordedEpisode) -> float:
+    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if
+    unknown.
+
+    A stop moves nothing, so this is where the body was when it was called.
+    """
+    return _distance(recorded.steps[-1]) if recorded.steps else float("inf")
+
+
+def _distance(step: StepRecord) -> float:
+    return float("inf") if step.target_distance is None else step.target_distance
+
+
+def reached(recorded: RecordedEpisode) -> bool:
+    """Tell whether the body ends within reach of a target, stopped or not."""
+    return end_distance(recorded) <= REACHED

@@ -1,0 +1,77 @@
+"""Whether a sentence says that the target is in view: the text rule of FindSR (paper, section 4.1), in lists.
+
+It reads what a model wrote, so it can only be a rule of thumb. It is one for everybody, and all of it stands here.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from humanclaw.records.tasks import ALIASES
+
+
+def _words(*patterns: str) -> re.Pattern[str]:
+    return re.compile("|".join(rf"\b(?:{pattern})\b" for pattern in patterns))
+
+
+_CLAUSE: Final = re.compile(
+    r"[.!](?=\s|$)|[;\n]|,?\s+(?:but|while|whereas|although|though|however|because|so)\s+"
+    r"|,?\s+and\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its)\b)"
+    r"|,\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its|with|without)\b)"
+)
+"""Where a clause ends: at a full stop, a semicolon, a contrast, and where "and" or a comma begins a new subject."""
+_QUESTION: Final = re.compile(r"(?:[^.!?;\n]|\.(?=\d))*\?")
+"""Whoever asks has not seen."""
+_HARMLESS: Final = _words(
+    r"(?:not|no longer) (?:very |too |so |that )?far(?: away| off)?",
+    r"not only|(?:no|without(?: a)?) doubt|can(?:not| ?not|['\u2019]t) be missed",
+    r"(?:partly|partially|half|slightly|mostly)[ -](?:hidden|occluded|covered|blocked|out of (?:view|sight))",
+    r"(?:no|without(?: an?| any)?) (?:obstacles?|obstructions?)|nothing (?:blocks|between|in the way)",
+    r"(?:not|not yet|have not|haven['\u2019]t) (?:yet )?(?:reached|within reach|in reach|close enough|near enough)",
+    r"not (?:yet )?touching",
+    r"find (?:a|my|the) (?:way|path|route)|search (?:is )?(?:complete|over|done)",
+    r"(?:may|might|could|can) be (?:sat on|reached)",
+)
+"""Denials of something else than the sighting; they are taken out before the rest is read."""
+_OTHER: Final = _words(
+    r"flower beds?", r"(?:shower|window|fire) screens?", r"power plants?", r"toilet (?:paper|rolls?|brush)"
+)
+"""Things that only sound like a target."""
+_NEGATION: Final = _words(
+    r"no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|zero|hardly|false",
+    r"\w+n['\u2019]t|unable|fail(?:s|ed)? to|lacks?|doubt(?:s|ful)?",
+    r"absent|missing|invisible|unseen|hidden|occluded|gone|lost|disappeared|vanished|out of (?:view|sight)",
+    r"behind (?:me|us)|elsewhere|somewhere else|(?:last|previous) room|earlier|previously|ago|remember(?:ed)?",
+)
+"""It is not there, not here, or not now."""
+_SEEKING: Final = _words(
+    r"looking (?!at|to|straight)(?:\w+ ){0,3}for|looks? for|look(?:s|ing)? (?:around|about|everywhere|elsewhere)",
+    r"search(?:es|ing)?|seek(?:s|ing)?|hunt(?:ing)?|yet to (?:see|find)",
+    r"(?:need|want|try|trying|have|going|hope|hoping|has)s? to (?:be found|find|locate|reach|see|get)",
+    r"(?:to|must|should|will) (?:find|locate)|(?:must|should|will) see|wants? (?:an?|the)",
+    r"my (?:goal|task|mission|aim|objective)",
+    r"might|may|could|probably|perhaps|maybe|likely|possibly|(?:must|should) be",
+    r"assum(?:e|es|ing)|i think|suspect|expect(?:s|ing)?|guess|suppose|presum(?:e|ably)",
+)
+"""Words of who has not seen it yet: a search, a wish or a guess is no sighting."""
+
+
+def acknowledges(text: str, category: str) -> bool:
+    """Whether a text says that the target is in view.
+
+    A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A
+    negation that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of
+    it. Questions say nothing.
+    """
+    names = "|".join(map(re.escape, (*ALIASES.get(category, (category.replace("_", " "),)), "target")))
+    named = re.compile(rf"\b(?:{names})(?:e?s)?\b")
+    # "the couch I was looking for" has been found, and "target: couch" only repeats what is asked for.
+    found = re.compile(rf"\b({names}) (?:that |which )?(?:i|we) (?:was|were|have been|had been) \w+ing for\b")
+    asked = re.compile(rf"\btarget(?: object| category)?\s*[:=]\s*(?:an? |the )?(?:{names})\s*(?=[.,;\n]|$)")
+    told = _HARMLESS.sub(" ", _QUESTION.sub(" ", text.lower().replace("_", " ")))
+    told = _OTHER.sub(" ", asked.sub(" ", found.sub(r"\1", told)))
+    return any(
+        named.search(clause) and not (_NEGATION.search(clause) or _SEEKING.search(clause))
+        for clause in _CLAUSE.split(told)
+    )

@@ -1,0 +1,111 @@
+"""What can be asked for: the words that name objects, the episode that an instruction means, and files of episodes."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from humanclaw.errors import HumanclawError
+from humanclaw.records.specification import EpisodeSpec
+from humanclaw.storage.files import write_atomically
+from humanclaw.text.json import once
+from humanclaw.world.scene import Scene
+
+SEATS: Final = ("bed", "couch", "toilet")
+"""What a body sits down on when it is asked to: what stays where it is under its weight."""
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
+    "chair": ("chair", "armchair", "seat", "stool"),
+    "couch": ("couch", "sofa", "settee", "loveseat", "sectional"),
+    "bed": ("bed", "mattress"),
+    "potted_plant": ("potted plant", "plant", "houseplant", "flowerpot"),
+    "tv": ("tv", "television", "tv screen", "screen", "flatscreen", "monitor"),
+    "toilet": ("toilet", "lavatory", "wc", "commode"),
+}
+"""Words by which a sentence names what is to be found, by its category; a category without any is named by itself."""
+
+
+def category_of(instruction: str) -> str:
+    """Find the target category that an instruction names, by the longest alias in it; empty if it names none."""
+    words = instruction.lower()
+    found = [
+        (len(alias), category)
+        for category, aliases in ALIASES.items()
+        for alias in aliases
+        if re.search(rf"\b{re.escape(alias)}s?\b", words)
+    ]
+    return max(found)[1] if found else ""
+
+
+def wants_to_sit(instruction: str) -> bool:
+    return bool(re.search(r"\b(sit|seat|sit down|take a seat)\b", instruction.lower()))
+
+
+def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:
+    """Make an episode for an instruction of one's own, in a scene as it stands.
+
+    Not scored if it names no target category.
+    """
+    category = category_of(instruction)
+    return EpisodeSpec(
+        id=name or f"free-{seed}",
+        instruction=instruction,
+        scene=scene.name,
+        scene_digest=scene.digest,
+        start=scene.start,
+        target_category=category,
+        target_ids=tuple(obj.id for obj in scene.of_category(category)) if category else (),
+        interact=category in SEATS and wants_to_sit(instruction),
+        max_steps=max_steps,
+        seed=seed,
+    )
+
+
+def instruction(category: str) -> str:
+    """Write what an agent is asked to do with the nearest object of a category, in the words of the paper (section
+    4.1)."""
+    noun = ALIASES.get(category, (category.replace("_", " "),))[0]
+    if category in SEATS:
+        return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
+    return f"find a {noun} and navigate to it with zero distance."
+
+
+def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
+    """Read the episodes of a file, one a line.
+
+    Raises HumanclawError if it cannot be read, a line is none, or an id is there twice: each names a folder, and some
+    systems do not tell capitals from small letters.
+    """
+    try:
+        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
+    except OSError as error:
+        raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
+    specs = tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
+    first: dict[str, int] = {}
+    for number, spec in enumerate(specs, 1):
+        if first.setdefault(spec.id.lower(), number) != number:
+            told = f"{path}:{number} holds the id {spec.id!r} of line {first[spec.id.lower()]} again."
+            raise HumanclawError(told, "Give every episode an id of its own.")
+    return specs
+
+
+def _spec(line: bytes, where: str) -> EpisodeSpec:
+    try:
+        spec = EpisodeSpec.model_validate_json(line)
+        json.loads(line, object_pairs_hook=once)
+    except ValidationError as error:
+        raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the file again.") from error
+    except KeyError as error:
+        raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
+    return spec
+
+
+def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:
+    """Write episodes to a file, one a line."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
+    write_atomically(path, "".join(lines).encode())

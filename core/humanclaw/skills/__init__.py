@@ -1,0 +1,70 @@
+"""What a body can do: the contract of a skill, its measures and recipes, and skills as tools of a model."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
+    from humanclaw.skills.call import Call as Call, check_call as check_call
+    from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds
+    from humanclaw.skills.course import Course as Course
+    from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.measures import (
+        MEASURES as MEASURES,
+        ROLES as ROLES,
+        Declaration as Declaration,
+        Measure as Measure,
+        Parameter as Parameter,
+        Role as Role,
+        find as find,
+        from_si as from_si,
+        outcomes as outcomes,
+        parameters_of as parameters_of,
+        read_schema as read_schema,
+        role_of as role_of,
+        si_name as si_name,
+        si_unit as si_unit,
+        suited as suited,
+        to_si as to_si,
+    )
+    from humanclaw.skills.plan import (
+        Control as Control,
+        Keyframes as Keyframes,
+        MotionError as MotionError,
+        Part as Part,
+        Plan as Plan,
+        parts as parts,
+    )
+    from humanclaw.skills.publishing import (
+        REASONING_FIELDS as REASONING_FIELDS,
+        THOUGHTS as THOUGHTS,
+        Format as Format,
+        Json as Json,
+        answer_schema as answer_schema,
+        call_schema as call_schema,
+        in_format as in_format,
+        openai_tools as openai_tools,
+        parameter_schema as parameter_schema,
+        publish as publish,
+        reasoning_schema as reasoning_schema,
+        tool_spec as tool_spec,
+        unpublishable as unpublishable,
+    )
+    from humanclaw.skills.reading import (
+        Reasoning as Reasoning,
+        json_objects as json_objects,
+        read_answer as read_answer,
+        read_call as read_call,
+        read_text as read_text,
+    )
+    from humanclaw.skills.recipes import (
+        Draw as Draw,
+        Feet as Feet,
+        GaitParameters as GaitParameters,
+        Mask as Mask,
+        Recipe as Recipe,
+        WindowTravel as WindowTravel,
+    )
+
+__getattr__, __dir__, __all__ = door(__name__)

@@ -1,0 +1,138 @@
+"""Checks of an adapter against the schema of its skill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from humanclaw.errors import CheckpointError, ContractError
+from humanclaw.motion.checkpoint import WeightsError, check_adapter, check_checkpoint
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Measure, Parameter, from_si
+
+_SLACK: Final = 0.05
+"""Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the
+data."""
+Faults = Iterator[ContractError]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A skill with what it is held to. base: digest of the prior that its adapter has to fit; empty to leave that
+    open."""
+
+    skill: Skill
+    measures: Mapping[str, Measure]
+    base: str = ""
+
+    @cached_property
+    def properties(self) -> Mapping[str, Any]:
+        return self.skill.schema.get("properties", {})  # type: ignore[no-any-return]
+
+    @property
+    def owner(self) -> str:
+        """The skill that its adapter was trained for."""
+        return str(self.skill.schema.get("x-adapter", self.skill.name))
+
+    @property
+    def train(self) -> str:
+        folder = self.skill.adapter.parent if self.skill.adapter else self.skill.name
+        return f"Train it again with `humanclaw train adapter --skill {folder}`."
+
+
+def misfits(subject: Subject) -> Faults:
+    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
+    skill = subject.skill
+    if skill.adapter is None or not skill.adapter.is_file():
+        return
+    header, faults = adapter_header(skill.adapter, subject.train, subject.base)
+    yield from faults
+    if not header:
+        return
+    config, trained = header["adapter"], ranges(header)
+    if config.get("skill") != subject.owner:
+        message = f"{skill.adapter} is the adapter of {config.get('skill')!r}, not of {subject.owner!r}."
+        remedy = f'{subject.train} Or say whose it is: "x-adapter": "{config.get("skill")}" in schema.json.'
+        yield ContractError("adapter-skill", message, remedy)
+    if {one.name for one in skill.parameters} != set(trained):
+        yield _other_names(subject, trained)
+        return
+    commanded = measures_in(header)
+    for one in skill.parameters:
+        yield from _beyond(subject, one, *trained[one.name])
+        if commanded and commanded[one.name] != one.measure:
+            where = f"parameter {one.key!r} of skill {skill.name!r} commands {one.measure!r}"
+            message = f"{where}, and its adapter was trained on {commanded[one.name]!r}."
+            yield ContractError("adapter-measures", message, f"Mend its x-measure. {subject.train}")
+
+
+def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, Any], tuple[ContractError, ...]]:
+    """Return the header of an adapter, empty if there is nothing to read in it, and what is wrong with it and its
+    weights."""
+    try:
+        header = check_checkpoint(path, "adapter", remedy)
+        ranged = [name for name, edges in ranges(header).items() if not all(map(isfinite, edges)) or edges[1] <= 0]
+    except CheckpointError as error:
+        name = "adapter-finite" if isinstance(error, WeightsError) else "adapter-readable"
+        return {}, (ContractError(name, error.message, error.remedy),)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return {}, (ContractError("adapter-header", f"{path} is not the checkpoint of an adapter.", remedy),)
+    if ranged:
+        message = f"{path} has no finite centre and positive scale of {', '.join(ranged)}."
+        return {}, (ContractError("adapter-header", message, remedy),)
+    return header, tuple(_unfit(path, header, remedy, base))
+
+
+def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Faults:
+    """Yield an adapter of another prior, or of another width."""
+    if not base:
+        return
+    if header.get("base") != base:
+        message = f"{path} was trained against base {header.get('base')}, and this base is {base}."
+        yield ContractError("adapter-base", message, remedy)
+    try:
+        check_adapter(path, remedy)
+    except CheckpointError as error:
+        yield ContractError("adapter-width", error.message, error.remedy)
+
+
+def ranges(header: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Centre and half-width of what each parameter of an adapter was trained on, SI."""
+    config = header["adapter"]
+    columns = zip(config["params"], config["centre"], config["scale"], strict=True)
+    return {name: (float(centre), float(scale)) for name, centre, scale in columns}
+
+
+def measures_in(header: Mapping[str, Any]) -> dict[str, str]:
+    """Return what each parameter of an adapter commands; empty for an adapter whose header does not say."""
+    config = header["adapter"]
+    told = config.get("measures") or ()
+    return dict(zip(config["params"], told, strict=False)) if len(told) == len(config["params"]) else {}
+
+
+def within(value: float, centre: float, scale: float) -> bool:
+    """Whether a value lies in what an adapter was trained on, give or take what percentiles leave out."""
+    return abs(value - centre) <= (1 + _SLACK) * scale
+
+
+def _other_names(subject: Subject, trained: Mapping[str, Any]) -> ContractError:
+    declared = ", ".join(one.name for one in subject.skill.parameters) or "none"
+    return ContractError(
+        "adapter-parameters",
+        f"the adapter of skill {subject.skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, "
+        f"and its schema.json declares {declared}.",
+        f"Mend schema.json (z_cm and z_deg are the adapter's z). {subject.train}",
+    )
+
+
+def _beyond(subject: Subject, one: Parameter, centre: float, scale: float) -> Faults:
+    if not (within(one.low, centre, scale) and within(one.high, centre, scale)):
+        least, most = (from_si(one.key, edge) for edge in (centre - scale, centre + scale))
+        low, high = (from_si(one.key, edge) for edge in (one.low, one.high))
+        asked = f"parameter {one.key!r} of skill {subject.skill.name!r} may be {low:.0f} to {high:.0f}"
+        message = f"{asked}, and its adapter was trained on {least:.0f} to {most:.0f}."
+        yield ContractError("adapter-bounds", message, f"Narrow the bounds in schema.json. {subject.train}")

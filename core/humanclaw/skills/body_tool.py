@@ -1,0 +1,56 @@
+"""A tool of one body, as an agent framework wraps it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from humanclaw.skills.publishing import Json
+
+LOOK: Final = "look"
+"""Name of the tool that sees and does not move."""
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What became of a call: words, and what the eyes see now."""
+
+    text: str
+    picture: bytes = b""
+    """A JPEG of 512 x 512; empty if the call was refused, since nothing has moved."""
+
+    @property
+    def base64(self) -> str:
+        """The picture in base64; empty if there is none."""
+        return base64.b64encode(self.picture).decode()
+
+    @property
+    def data_url(self) -> str:
+        """The picture as a data URL; empty if there is none."""
+        return f"data:image/jpeg;base64,{self.base64}" if self.picture else ""
+
+
+@dataclass(frozen=True)
+class BodyTool:
+    """A tool of one body, for an agent framework to wrap in its own objects (hook humanclaw_frameworks).
+
+    Calling it is safe from any thread, and raises nothing for what a model can mend: a refusal is a result in words.
+    """
+
+    name: str
+    description: str
+    parameters: Json
+    """JSON Schema of an object, without $ref, anyOf, oneOf and allOf."""
+    run: Callable[[str | Mapping[str, Any]], ToolResult]
+    """Arguments, an object or the JSON text of one, to the result."""
+
+    @property
+    def spec(self) -> Json:
+        """Name, description and parameters, as in_format takes them."""
+        return {"name": self.name, "description": self.description, "parameters": self.parameters}
+
+    def __call__(self, **arguments: Any) -> ToolResult:
+        """Call the tool with its parameters by name."""
+        return self.run(arguments)

@@ -1,0 +1,39 @@
+"""A call of a skill, and holding it to the skill's schema before anything is executed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from humanclaw.errors import CallError
+from humanclaw.skills.contract import Skill
+from humanclaw.text.json import HELD
+from humanclaw.text.words import did_you_mean
+
+
+@dataclass(frozen=True)
+class Call:
+    """A skill and its parameters, as a model wrote them or after they were checked."""
+
+    __pydantic_config__: ClassVar = HELD
+
+    skill: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.skill}({', '.join(f'{key}={value}' for key, value in self.params.items())})"
+
+
+def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
+    """Fill the defaults of a call in. Raises CallError, written for the model."""
+    if call.skill not in skills:
+        told = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
+        known = f"The skills are {', '.join(skills)}."
+        raise CallError(" ".join(filter(None, (told, did_you_mean(call.skill, skills), known))))
+    skill = skills[call.skill]
+    if not skill.trained:
+        raise CallError(
+            f"Nothing was executed: {call.skill} is not available, its adapter is not trained. Use another skill."
+        )
+    return Call(call.skill, skill.check(call.params))

@@ -1,0 +1,218 @@
+"""The skill contract: a name, a role, a JSON schema, a checklist, and a way from parameters to motion.
+
+A skill is atomic and body-local (paper, section 3.3). It never sees a scene.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Self
+
+import jsonschema
+from referencing import Registry
+
+from humanclaw.errors import CallError, ContractError
+from humanclaw.skills.measures import ROLES, Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
+from humanclaw.skills.plan import LONGEST_FAULT, Control, Plan
+
+NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
+RESERVED: Final = frozenset({"look", "reset", "verdict"})
+"""Tools that harnesses offer beside the skills."""
+OFFLINE: Final[Registry[Any]] = Registry()
+"""For jsonschema, which would otherwise fetch what a $ref names."""
+_LOCAL: Final = re.compile(r"#/\$defs/[\w.-]+")
+_NO_WORDS: Final = frozenset({"$id", "$anchor", "$dynamicRef", "$dynamicAnchor", "$recursiveRef"})
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question of a skill's checklist (paper, appendix A)."""
+
+    id: str
+    question: str
+    """Answered yes or no from the current view alone; yes lets the call pass."""
+
+
+@dataclass(frozen=True)
+class Skill:
+    """One atomic skill. Build it with Skill.from_folder or with the @skill decorator."""
+
+    name: str
+    description: str
+    schema: Mapping[str, Any]
+    """JSON Schema 2020-12 of the parameters: an object, integers in centimetres and degrees."""
+    plan: Callable[[Mapping[str, Any]], Plan] = field(repr=False)
+    """Checked parameters to motion."""
+    checks: tuple[Check, ...] = ()
+    adapter: Path | None = None
+    """Checkpoint of the ControlNet branch; None for a skill that plays keyframes."""
+    role: Role = "gesture"
+    """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
+
+    source: Path | None = field(default=None, compare=False)
+    """The folder or the Python file that it was read from."""
+
+    def __post_init__(self) -> None:
+        for fault in refusals(self):
+            raise fault
+
+    @property
+    def trained(self) -> bool:
+        """Whether the skill can run: it needs no adapter, or its adapter is there."""
+        return self.adapter is None or self.adapter.is_file()
+
+    @property
+    def declaration(self) -> Declaration:
+        """What the skill says of itself: its role, and the measures that its parameters command."""
+        return Declaration.of(self.name, {**self.schema, "x-role": self.role})
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters with the measures that they command, in the order of the schema."""
+        return parameters_of(self.schema)
+
+    def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the parameters with defaults filled in, integers as such: JSON knows no difference between 2 and 2.0.
+
+        Raises CallError, written for the model, if the schema refuses them.
+        """
+        properties = self.schema.get("properties", {})
+        filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
+        validator = jsonschema.Draft202012Validator(dict(self.schema), registry=OFFLINE)
+        faults = sorted(validator.iter_errors(filled), key=lambda fault: list(map(str, fault.absolute_path)))
+        if faults:
+            lines = "; ".join(_explain(fault) for fault in faults)
+            raise CallError(f"{self.name} was not executed: {lines}. {self.usage()}")
+        if odd := [key for key, value in filled.items() if not _is_finite(value)]:
+            raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
+        return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
+
+    def usage(self) -> str:
+        """Write one line that says how to call the skill."""
+        parts = [
+            f"{key}: {part.get('type', 'value')} {bounds(part, '..')}".strip()
+            for key, part in self.schema.get("properties", {}).items()
+        ]
+        return f"Call {self.name} with {{{', '.join(parts)}}}."
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Self:
+        """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the
+        skill."""
+        schema = read_schema(folder)
+        adapter, (checks, faults) = folder / "adapter.safetensors", read_checks(folder / "checklist.toml")
+        for fault in faults:
+            raise fault
+        return cls.of_schema(folder.name, schema, checks, adapter)
+
+    @classmethod
+    def of_schema(cls, name: str, schema: Mapping[str, Any], checks: tuple[Check, ...], adapter: Path) -> Self:
+        """Make a skill whose parameters are those of its adapter, as schema.json declares them."""
+
+        def plan(params: Mapping[str, Any]) -> Control:
+            return Control(adapter, {si_name(key): to_si(key, value) for key, value in params.items()})
+
+        rest = {word: value for word, value in schema.items() if word not in ("description", "x-role")}
+        role = schema.get("x-role", "gesture")
+        return cls(name, schema.get("description", ""), rest, plan, checks, adapter, role, adapter.parent)
+
+
+def refusals(skill: Skill) -> Iterator[ContractError]:
+    """Why something is no skill at all: nothing can be made of a name or a schema like that."""
+    name, schema = skill.name, skill.schema
+    if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+        yield ContractError("name", f"skill name {name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
+    if name in RESERVED:
+        taken = f"skill name {name!r} is taken: a harness has a tool of that name."
+        yield ContractError("name-reserved", taken, "Rename the skill.")
+    if schema.get("type") != "object":
+        wrong = f"the schema of skill {name!r} must have type 'object'."
+        yield ContractError("schema-object", wrong, "Mend its schema.json.")
+    if skill.role not in ROLES:
+        known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
+    try:
+        jsonschema.Draft202012Validator.check_schema(dict(schema))
+    except jsonschema.SchemaError as error:
+        invalid = f"the schema of skill {name!r} is not valid: {error.message}."
+        yield ContractError("schema-valid", invalid, "Mend its schema.json.")
+    for foreign in dict.fromkeys(_foreign(schema)):
+        leads = f"the schema of skill {name!r} has {foreign}."
+        yield ContractError("references", leads, "Refer to #/$defs/NAME alone.")
+
+
+def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:
+    """Read `[[check]]` tables of id and question, and tell of anything else, which would go unasked."""
+    if not path.exists():
+        return (), ()
+    try:
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return (), (_bad_checklist("checklist-file", path, str(error)),)
+    faults = [_bad_checklist("checklist-words", path, f"it has {word!r}") for word in sorted(set(content) - {"check"})]
+    entries = content.get("check", [])
+    entries = entries if isinstance(entries, list) else [entries]
+    wrong = sum(not _is_check(entry) for entry in entries) or not isinstance(content.get("check", []), list)
+    if wrong:
+        faults.append(_bad_checklist("checklist-tables", path, "a check is not a table of the texts id and question"))
+    return tuple(Check(**entry) for entry in entries if _is_check(entry)), tuple(faults)
+
+
+def _is_check(entry: object) -> bool:
+    if not isinstance(entry, dict) or set(entry) != {"id", "question"}:
+        return False
+    return all(isinstance(text, str) for text in entry.values())
+
+
+def _bad_checklist(check: str, path: Path, why: str) -> ContractError:
+    return ContractError(
+        check,
+        f"skill folder {path.parent.name!r}: checklist.toml is not valid: {why}.",
+        'Write one table a check: [[check]], id = "...", question = "...".',
+    )
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether all numbers in a value are: JSON Schema holds NaN to no bound."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    return all(map(_is_finite, inner))
+
+
+def _whole(value: Any, part: Mapping[str, Any]) -> Any:
+    """Return what JSON Schema takes for an integer as one, also in a list."""
+    if isinstance(value, list) and isinstance(part.get("items"), Mapping):
+        return [_whole(inner, part["items"]) for inner in value]
+    return int(value) if part.get("type") == "integer" and isinstance(value, float) else value
+
+
+def _foreign(schema: Any) -> Iterator[str]:
+    """Return references that lead out of a schema, or that change what others mean: what is checked must be what is
+    published."""
+    if isinstance(schema, list):
+        for part in schema:
+            yield from _foreign(part)
+    if not isinstance(schema, Mapping):
+        return
+    for key, value in schema.items():
+        if key in _NO_WORDS or (key == "$ref" and not _LOCAL.fullmatch(str(value))):
+            yield f"{key} {value!r}"
+        yield from _foreign(value)
+
+
+def _explain(fault: jsonschema.ValidationError) -> str:
+    """One fault in words; what a model wrote at length is not said back to it whole."""
+    where = ".".join(map(str, fault.absolute_path))
+    message = fault.message if len(fault.message) <= LONGEST_FAULT else f"{fault.message[:LONGEST_FAULT]}..."
+    return f"{where}: {message}" if where else message
+
+
+def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
+    """Write the bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
+    return f"{part['minimum']}{between}{part['maximum']}" if {"minimum", "maximum"} <= part.keys() else ""

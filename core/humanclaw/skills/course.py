@@ -1,0 +1,52 @@
+"""Hold the course: what one call left undone of its turn, the next one makes up for.
+
+Every generated chunk misses its command by a little. Of a distance that is soon forgotten; of the heading it leads a
+long walk astray, for a quarter of a degree a call is 25 degrees after a hundred. People correct that without thinking,
+and so does the body here, from its own motion alone: what a contact turned it by is the world's affair and stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Final
+
+from humanclaw.body.pose import HISTORY, Motion, heading
+from humanclaw.skills.measures import Declaration
+
+HEADING: Final = "heading.left"
+MOST: Final = 5 * pi / 180
+"""At most so much is made up for in one call, radians: a body whose motion went astray is not whirled around."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The turn that is still owed to the calls so far, radians, to the left."""
+
+    owed: float = 0.0
+
+    def steer(self, skill: Declaration, values: Mapping[str, float]) -> dict[str, float]:
+        """Return a call's values (SI) with what is owed added to the turn that it commands, if it commands one."""
+        turn = skill.commands(HEADING)
+        return (
+            dict(values)
+            if turn is None or turn.name not in values
+            else dict(values) | {turn.name: values[turn.name] + self.owed}
+        )
+
+    def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Course:
+        """Return the course once the motion (15 frames) that followed the history (5) was generated for a call.
+
+        values: as they were called, before steering. What a skill that is no locomotion does to the heading is its own.
+        """
+        if skill.role != "locomotion":
+            return self
+        turn = skill.commands(HEADING)
+        before, now = heading(history.then(motion).rotations[[HISTORY - 1, -1], 0])
+        owed = self.owed + (values.get(turn.name, 0.0) if turn is not None else 0.0) - float(now - before)
+        return Course(min(max(_wrapped(owed), -MOST), MOST))
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2 * pi) - pi

@@ -1,0 +1,76 @@
+"""The decorator @skill: a function's name, docstring and annotated arguments are a skill's contract."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter
+
+from humanclaw.errors import PluginError
+from humanclaw.skills.contract import Check, Skill
+from humanclaw.skills.measures import Role
+from humanclaw.skills.plan import Plan
+
+F = TypeVar("F", bound=Callable[..., Plan])
+
+
+def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Role = "gesture") -> Callable[[F], Skill]:
+    """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
+    motion."""
+
+    if callable(checks):
+        raise PluginError("@skill stands without parentheses.", "Write @skill(), or @skill(checks=[...]).")
+    if isinstance(checks, str):
+        raise PluginError(f"checks is the text {checks!r}.", "Give a list of questions: checks=[...].")
+
+    def wrap(function: F) -> Skill:
+        title = name or function.__name__
+        schema = _signature_schema(function)
+        listed = tuple(
+            item if isinstance(item, Check) else Check(f"{title}_{number}", item)
+            for number, item in enumerate(checks, start=1)
+        )
+        told, source = inspect.getdoc(function) or "", Path(inspect.getfile(function))
+        return Skill(title, told, schema, lambda params: function(**params), listed, None, role, source)
+
+    return wrap
+
+
+def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
+    """Return the JSON schema of a function's arguments, read off its annotations."""
+    hints = inspect.get_annotations(function, eval_str=True)
+    arguments = inspect.signature(function).parameters
+    properties = {key: _argument_schema(function, argument, hints) for key, argument in arguments.items()}
+    types = _hoisted(function, properties)
+    required = [key for key, part in properties.items() if "default" not in part]
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {**schema, "$defs": types} if types else schema
+
+
+def _argument_schema(
+    function: Callable[..., Plan], argument: inspect.Parameter, hints: Mapping[str, Any]
+) -> dict[str, Any]:
+    where = f"argument {argument.name!r} of skill {function.__name__!r}"
+    if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
+        told = f"{where} is {argument.kind.description}."
+        raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
+    if argument.name not in hints:
+        raise PluginError(f"{where} has no type.", "Annotate it, as in int.")
+    adapter: TypeAdapter[Any] = TypeAdapter(hints[argument.name])
+    if argument.default is inspect.Parameter.empty:
+        return adapter.json_schema()
+    return adapter.json_schema() | {"default": adapter.dump_python(argument.default, mode="json", warnings=False)}
+
+
+def _hoisted(function: Callable[..., Plan], properties: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Take the types that arguments are made of out of their schemas: what refers to one looks for it in the whole."""
+    types: dict[str, Any] = {}
+    for part in properties.values():
+        for name, one in part.pop("$defs", {}).items():
+            if types.setdefault(name, one) != one:
+                told = f"skill {function.__name__!r} has two types of the name {name!r}."
+                raise PluginError(told, "Rename one of them.")
+    return types

@@ -1,0 +1,232 @@
+"""What a skill's parameters command: named, signed measures of half a second of motion, and the declarations that use
+them.
+
+A skill's schema.json says what the skill is (`x-role`) and which measure each trained parameter commands (`x-measure`);
+everything that scores, trains or calls skills reads that and never a skill's name. Plugins add measures through the
+hook `humanclaw_measures`. Needs numpy alone, so that training runs where there is no plugin host.
+
+    {"x-role": "locomotion", "properties": {"z_cm": {"type": "integer", "x-measure": "hips.forward", ...}}, ...}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+
+from humanclaw.body.pose import HISTORY, Array, heading
+from humanclaw.errors import PluginError
+from humanclaw.text.json import once
+
+Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
+"""What a skill is for: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
+changes how it stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends
+the episode."""
+ROLES: Final[tuple[Role, ...]] = get_args(Role)
+_UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
+_SI_UNITS: Final = MappingProxyType({"_cm": "m", "_deg": "rad"})
+_PER_SI: Final = MappingProxyType({"_cm": 100.0, "_deg": 180 / pi})
+
+
+# -- measures ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Measure:
+    """One number of a chunk: how far the body got, turned or rose.
+
+    function: canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3), 5 frames of history and 15 of future, to
+    (N,) in SI.
+    """
+
+    name: str
+    unit: Literal["m", "rad"]
+    description: str
+    mirror: Literal[1, -1]
+    """Sign of the value once left and right have changed places."""
+    function: Callable[[Array, Array], Array]
+
+    def __call__(self, root: Array, rotations: Array) -> Array:
+        """Measure canonical chunks: root (N, 20, 3) and rotations (N, 20, 24, 3) to (N,), SI."""
+        return np.asarray(self.function(root, rotations))
+
+
+def _rise(root: Array, rotations: Array) -> Array:
+    return np.asarray(root[:, -1, 1] - root[:, HISTORY - 1, 1])
+
+
+_STEPS: Final = frozenset({"hips.rise", "hips.drop"})
+_BUILTIN: Final = (
+    Measure("hips.left", "m", "Displacement of the hips to the left of where they faced.", -1, lambda p, r: p[:, -1,
+    0]),
+    Measure("hips.forward", "m", "Displacement of the hips to where they faced.", 1, lambda p, r: p[:, -1, 2]),
+    Measure("hips.back", "m", "Displacement of the hips away from where they faced.", 1, lambda p, r: -p[:, -1, 2]),
+    Measure("heading.left", "rad", "Change of heading, a left turn positive.", -1, lambda p, r: heading(r[:, -1, 0])),
+    Measure("hips.rise", "m", "Rise of the hips, as by the height of a stair step climbed.", 1, _rise),
+    Measure("hips.drop", "m", "Descent of the hips, as by the height of a stair step.", 1, lambda p, r: -_rise(p, r)),
+    Measure("hips.height", "m", "Height of the hips above the floor at the end.", 1, lambda p, r: p[:, -1, 1]),
+)  # fmt: skip
+MEASURES: Final[Mapping[str, Measure]] = MappingProxyType({measure.name: measure for measure in _BUILTIN})
+"""The measures that come with the core, by name. Displacements and turns are from the last history frame to the last
+frame."""
+
+
+# -- declarations ------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a skill as its schema declares it, and the measure that it commands."""
+
+    key: str
+    """Its name in the schema and in calls, with its unit: z_cm."""
+    measure: str
+    """Name of a measure; empty for a parameter that commands none."""
+    low: float
+    """Least value that may be asked for, SI; minus infinity without a bound."""
+    high: float
+
+    @property
+    def name(self) -> str:
+        """Its name behind the contract, in Control.values and in the adapter's header: the key without its unit, z for
+        z_cm."""
+        return si_name(self.key)
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What a skill's schema.json says of the skill, without its Python: all that training and scoring need to know."""
+
+    skill: str
+    role: Role
+    parameters: tuple[Parameter, ...]
+    primary: Parameter | None
+    """What the ratio of achieved over commanded is told of: the first parameter that a call requires, else the first of
+    all."""
+
+    @classmethod
+    def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:
+        """Read a schema. Raises PluginError for an unknown role."""
+        parameters = parameters_of(schema)
+        first = next(iter(schema.get("required", ())), None)
+        primary = next((one for one in parameters if one.key == first), parameters[0] if parameters else None)
+        return cls(skill, role_of(skill, schema), parameters, primary)
+
+    @classmethod
+    def read(cls, folder: Path) -> Declaration:
+        """Read the schema.json of a skill's folder, which names the skill. Raises PluginError."""
+        return cls.of(folder.name, read_schema(folder))
+
+    def commands(self, measure: str) -> Parameter | None:
+        """Return the parameter that commands a measure, or None."""
+        return next((one for one in self.parameters if one.measure == measure), None)
+
+    @property
+    def climbs(self) -> bool:
+        """Whether it takes the body up or down a step."""
+        return any(one.measure in _STEPS for one in self.parameters)
+
+    def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
+        """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
+        known = {one.name: one for one in self.parameters}
+        if sorted(known) != sorted(names):
+            raise PluginError(
+                f"the adapter of skill {self.skill!r} was trained on ({', '.join(names)}), "
+                f"and its schema.json declares ({', '.join(known)}).",
+                f"Mend schema.json, or train it again with `humanclaw train adapter {self.skill}`.",
+            )
+        return tuple(known[name] for name in names)
+
+
+def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
+    """Of the skills of a role that command all these measures the one that commands least besides; the first of
+    equals. One that goes up or down a step is suited to nothing else: where no step is asked for, there is none."""
+    step = not _STEPS.isdisjoint(measures)
+    fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
+    fitting = [one for one in fitting if step or not one.climbs]
+    return min(fitting, key=lambda one: len(one.parameters), default=None)
+
+
+def read_schema(folder: Path) -> dict[str, Any]:
+    """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
+    try:
+        schema = json.loads((folder / "schema.json").read_text("utf-8"), object_pairs_hook=once)
+    except KeyError as error:
+        told = f"skill folder {folder.name!r}: schema.json holds the key {error} twice."
+        raise PluginError(told, "Keep one of the two.") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
+    if not isinstance(schema, dict):
+        raise PluginError(f"skill folder {folder.name!r}: schema.json holds no object.", "Write a JSON schema.")
+    return schema
+
+
+def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
+    """Return the role that a schema declares.
+
+    A skill that declares none is a gesture. Raises PluginError for an unknown one.
+    """
+    role: Role = schema.get("x-role", "gesture")
+    if role not in ROLES:
+        raise PluginError(
+            f"skill {skill!r} has the role {role!r}.", f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        )
+    return role
+
+
+def parameters_of(schema: Mapping[str, Any]) -> tuple[Parameter, ...]:
+    """Return the parameters of a schema, in its order."""
+    return tuple(_parameter(key, part) for key, part in schema.get("properties", {}).items())
+
+
+def _parameter(key: str, part: Mapping[str, Any]) -> Parameter:
+    low, high = part.get("minimum", float("-inf")), part.get("maximum", float("inf"))
+    return Parameter(key, part.get("x-measure", ""), to_si(key, low), to_si(key, high))
+
+
+def si_name(key: str) -> str:
+    """Return the name of a parameter without its unit: z for z_cm, yaw for yaw_deg."""
+    return next((key.removesuffix(unit) for unit in _UNITS if key.endswith(unit)), key)
+
+
+def si_unit(key: str) -> str:
+    """Return the unit of a parameter behind the contract: m for z_cm, rad for yaw_deg, empty for a name without one."""
+    return next((unit for suffix, unit in _SI_UNITS.items() if key.endswith(suffix)), "")
+
+
+def to_si(key: str, value: float) -> float:
+    """Convert a parameter to SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
+    return float(value) * _scale(key)
+
+
+def from_si(key: str, value: float) -> float:
+    """Convert a parameter to the unit of its name: the inverse of to_si."""
+    return float(value) * next((scale for unit, scale in _PER_SI.items() if key.endswith(unit)), 1.0)
+
+
+def _scale(key: str) -> float:
+    return next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
+
+
+def outcomes(
+    parameters: Sequence[Parameter], root: Array, rotations: Array, measures: Mapping[str, Measure] = MEASURES
+) -> Array:
+    """Return what chunks achieve of each parameter: canonical root (N, 20, 3) and rotations (N, 20, 24, 3) to (N, k),
+    SI.
+
+    Raises PluginError for a parameter that commands no known measure.
+    """
+    columns = [find(one, measures)(root, rotations) for one in parameters]
+    return np.stack(columns, -1) if columns else np.zeros((len(root), 0))
+
+
+def find(parameter: Parameter, measures: Mapping[str, Measure] = MEASURES) -> Measure:
+    """Find the measure that a parameter commands. Raises PluginError if there is none of that name."""
+    if parameter.measure not in measures:
+        raise PluginError(
+            f"parameter {parameter.key!r} commands {parameter.measure or 'no measure'!r}, which nothing here measures.",
+            f"Set its x-measure to one of: {', '.join(measures)}; or register it with the hook humanclaw_measures.",
+        )
+    return measures[parameter.measure]

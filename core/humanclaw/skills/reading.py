@@ -1,0 +1,187 @@
+"""A model's answer read back: its reasoning and its calls.
+
+Bounds that a model ignored are not mended here: Skill.check refuses them, and the refusal goes back to the model.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from humanclaw.errors import CallError
+from humanclaw.skills.call import Call
+from humanclaw.skills.publishing import REASONING_FIELDS, THOUGHTS, Json
+from humanclaw.text.json import DEEPEST, LARGEST, once
+from humanclaw.text.words import LONGEST
+
+_FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(REASONING_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
+_TRIES: Final = 200
+"""Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+_BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
+"""A text that begins and ends as a JSON object, perhaps in a fence."""
+
+
+@dataclass(frozen=True)
+class Reasoning:
+    """What a model said around a call. The fields are those of Decision; what was not said is empty."""
+
+    visible_state: str = ""
+    progress: str = ""
+    mid_level_change: str = ""
+    mid_level_goal: str = ""
+    reasoning: str = ""
+
+
+# -- reading -----------------------------------------------------------------------------------------------------------
+def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
+    """Split the arguments of a tool call into reasoning and call. Nothing is converted: "40" stays a string.
+
+    Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key
+    once.
+    """
+    values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
+    if fault := _fault(values):
+        raise CallError(f"{name} was not executed: {fault}.")
+    thoughts = _thoughts(_text(values.pop(THOUGHTS, "")))
+    said = thoughts | {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
+    change = said.get("mid_level_change", "").strip().lower()
+    said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
+    return Reasoning(**said), Call(name, values)
+
+
+def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
+    """Read an object with `skill` and `parameters`, the form of answer_schema. Raises CallError, written for the model.
+
+    `name` and `arguments` are read too, as some models write them. Parameters that are null were not given.
+    """
+    rest = dict(answer)
+    name = _pop_first(rest, "skill", "name")
+    if not isinstance(name, str):
+        raise CallError(f"Nothing was executed: 'skill' must be the name of a skill; got {name!r}.")
+    inner = _pop_first(rest, "parameters", "arguments") or {}
+    given = _parse(inner, name) if isinstance(inner, str) else inner
+    if not isinstance(given, Mapping):
+        raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
+    if twice := [key for key in given if key in rest and key not in REASONING_FIELDS and given[key] != rest[key]]:
+        raise CallError(f"{name} was not executed: {twice[0][:64]!r} is given twice; give it once.")
+    return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
+
+
+def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
+    """Read every call in a text: JSON objects that name a skill, with anything around them.
+
+    prose=False: with nothing around them but thoughts and a fence; who was given tools and talks may only be thinking
+    of a call. Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too
+    long.
+    """
+    if len(text) > LONGEST:
+        raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
+    if not prose and not _is_bare(_spoken(text)):
+        raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
+    items = _objects(text, _once)
+    found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
+    if not found:
+        raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
+    return [item for index, item in enumerate(found) if item not in found[:index]]
+
+
+def json_objects(text: str, once: bool = False) -> Iterator[Json]:
+    """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
+
+    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
+    not read. once: raise CallError if a key is there twice.
+    """
+    return _objects(text[:LONGEST], _once if once else dict)
+
+
+def _spoken(text: str) -> str:
+    return re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+
+
+def _is_bare(text: str) -> bool:
+    """Whether a text is one JSON object and nothing else, perhaps in a fence."""
+    found = _BARE.fullmatch(text)
+    if found is None:
+        return False
+    try:
+        return json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])
+    except (ValueError, RecursionError):
+        return False
+
+
+def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
+    text = _spoken(text)
+    decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
+    while place >= 0 and failed < _TRIES:
+        try:
+            value, place = decoder.raw_decode(text, place)
+            yield value
+        except (ValueError, RecursionError):
+            place, failed = place + 1, failed + 1
+        place = text.find("{", place)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> Json:
+    """Return an object, each of whose keys is there once: of two values nobody knows which was meant."""
+    try:
+        return once(pairs)
+    except KeyError as error:
+        twice = str(error.args[0])[:64]
+        raise CallError(f"Nothing was executed: the key {twice!r} is there twice; give it once.") from None
+
+
+def _parse(arguments: str, name: str) -> Json:
+    if len(arguments) > LONGEST:
+        raise CallError(f"{name} was not executed: its arguments are longer than {LONGEST} letters; be brief.")
+    try:
+        values = json.loads(arguments or "{}", object_pairs_hook=_once)
+    except (ValueError, RecursionError) as error:
+        raise CallError(
+            f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"
+        ) from error
+    if not isinstance(values, dict):
+        raise CallError(f"{name} was not executed: its arguments must be a JSON object; got {type(values).__name__}.")
+    return values
+
+
+def _fault(values: Json) -> str:
+    """Why nothing can be called with these values; empty if it can. It looks at a level at a time: recursion has an
+    end."""
+    level: list[Any] = list(values.values())
+    for _ in range(DEEPEST):
+        if any(isinstance(value, float) and not math.isfinite(value) for value in level):
+            return "NaN and Infinity are not numbers; give plain numbers"
+        if any(isinstance(value, int) and abs(value) > LARGEST for value in level):
+            return f"an integer lies beyond {LARGEST}; give plain numbers"
+        level = [inner for value in level for inner in _inside(value)]
+    return f"its arguments are nested more than {DEEPEST} levels deep; give flat parameters" if level else ""
+
+
+def _inside(value: Any) -> Iterable[Any]:
+    if isinstance(value, Mapping):
+        return value.values()
+    return value if isinstance(value, list | tuple) else ()
+
+
+def _thoughts(text: str) -> dict[str, str]:
+    """Read the reasoning fields of a text that holds one a line; what stands under no name is reasoning."""
+    found: dict[str, str] = {}
+    field = "reasoning"
+    for line in filter(None, map(str.strip, text.split("\n"))):
+        named = _FIELD.match(line)
+        field, words = (named[1].lower(), named[2]) if named else (field, line)
+        found[field] = f"{found.get(field, '')} {words}".strip()
+    return found
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _pop_first(values: Json, *keys: str) -> Any:
+    """Take the first key that is there; the others stay."""
+    return next((values.pop(key) for key in keys if key in values), None)

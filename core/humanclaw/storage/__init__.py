@@ -1,0 +1,12 @@
+"""What is kept on disk: files written whole or not at all, a bounded cache, pictures as bytes."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache
+    from humanclaw.storage.files import within as within, write_atomically as write_atomically
+    from humanclaw.storage.pictures import gif as gif, jpeg as jpeg
+
+__getattr__, __dir__, __all__ = door(__name__)

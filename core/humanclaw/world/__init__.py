@@ -1,0 +1,114 @@
+"""What a body moves in: scenes, simulators, views, half-physics, model files and ways."""
+
+from typing import TYPE_CHECKING
+
+from humanclaw.doors import door
+
+if TYPE_CHECKING:
+    from humanclaw.world.half_physics.profile import (
+        PROFILES as PROFILES,
+        Profile as Profile,
+        find_profile as find_profile,
+    )
+    from humanclaw.world.half_physics.quaternions import Pose as Pose
+    from humanclaw.world.half_physics.simulator import HalfPhysics as HalfPhysics
+    from humanclaw.world.half_physics.skeleton import (
+        LINK_OF as LINK_OF,
+        capsule_frame as capsule_frame,
+        link_inertia as link_inertia,
+        link_mass as link_mass,
+    )
+    from humanclaw.world.half_physics.solids import (
+        box_of as box_of,
+        centre_of_mass as centre_of_mass,
+        inertia as inertia,
+    )
+    from humanclaw.world.half_physics.swing import Swing as Swing
+    from humanclaw.world.half_physics.world import (
+        TOUCHING as TOUCHING,
+        ObjectMotion as ObjectMotion,
+        Touch as Touch,
+        World as World,
+    )
+    from humanclaw.world.meshes.baking import area as area, bake as bake
+    from humanclaw.world.meshes.decimation import simplify as simplify
+    from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces
+    from humanclaw.world.meshes.measure import (
+        ANYWHERE as ANYWHERE,
+        MIDDLE as MIDDLE,
+        back_of as back_of,
+        seat_of as seat_of,
+        top_of as top_of,
+    )
+    from humanclaw.world.meshes.reading import (
+        Part as Part,
+        bounds as bounds,
+        read_mesh as read_mesh,
+        read_model as read_model,
+        write_model as write_model,
+    )
+    from humanclaw.world.meshes.shaping import (
+        base_of as base_of,
+        exact as exact,
+        lightened as lightened,
+        moved as moved,
+        turned as turned,
+        with_lid as with_lid,
+    )
+    from humanclaw.world.navigation.approach import (
+        Viewpoint as Viewpoint,
+        geodesics as geodesics,
+        goals_at as goals_at,
+        viewpoints as viewpoints,
+    )
+    from humanclaw.world.navigation.difficulty import route_difficulty as route_difficulty
+    from humanclaw.world.navigation.occupancy import (
+        CELL as CELL,
+        OBSTACLE_HEIGHTS as OBSTACLE_HEIGHTS,
+        RADIUS as RADIUS,
+        STEP as STEP,
+        OccupancyGrid as OccupancyGrid,
+        floors_of as floors_of,
+        length as length,
+        room_at as room_at,
+    )
+    from humanclaw.world.navigation.search import (
+        DistanceField as DistanceField,
+        MultiFloorMap as MultiFloorMap,
+        Routes as Routes,
+        Segment as Segment,
+    )
+    from humanclaw.world.navigation.stairs import StairRun as StairRun, stair_runs as stair_runs
+    from humanclaw.world.scene import (
+        GROUND as GROUND,
+        STRUCTURE as STRUCTURE,
+        Asset as Asset,
+        Hinge as Hinge,
+        Mesh as Mesh,
+        Quaternion as Quaternion,
+        Room as Room,
+        Scene as Scene,
+        SceneObject as SceneObject,
+        Vec3 as Vec3,
+        distance_to_box as distance_to_box,
+        distance_to_nearest as distance_to_nearest,
+    )
+    from humanclaw.world.scene_file import pack_scene as pack_scene, unpack_scene as unpack_scene
+    from humanclaw.world.simulator import (
+        Contact as Contact,
+        DistanceFactory as DistanceFactory,
+        DistanceFn as DistanceFn,
+        Execution as Execution,
+        Simulator as Simulator,
+        WorldState as WorldState,
+    )
+    from humanclaw.world.view import (
+        BODY_ID as BODY_ID,
+        GAZE_PITCH as GAZE_PITCH,
+        Camera as Camera,
+        Renderer as Renderer,
+        View as View,
+        ego_camera as ego_camera,
+    )
+
+__getattr__, __dir__, __all__ = door(__name__)

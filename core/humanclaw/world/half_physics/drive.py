@@ -1,0 +1,125 @@
+"""How a body is driven: by velocities and never by torques.
+
+Before every physics step the root's turn and all joint velocities are set to what carries each link to its pose by the
+end of that step; then the engine solves that step's contacts together with these velocities. How much a contact bends
+the body instead of moving it is a matter of rotational inertia, and so the passive stiffness of a joint is given as the
+inertia of its link: no motor, no gain, no spring, and a tree that stays well conditioned because contacts are all there
+is to solve.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import FPS, Array, Motion, vector_from_quaternion
+from humanclaw.body.skeleton import JOINTS
+from humanclaw.world.half_physics.profile import Profile
+from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, multiply
+from humanclaw.world.half_physics.reflexes import CALM, Reflex
+from humanclaw.world.half_physics.skeleton import ARMS, REACH, tip_speeds
+from humanclaw.world.half_physics.world import World
+
+_FLEX: Final = np.array([-1.0, 0.0, 0.0])
+"""The axis about which a hip bends."""
+
+
+class Drive:
+    """The body of one world, on its way from pose to pose."""
+
+    def __init__(self, world: World, profile: Profile, pose: Pose) -> None:
+        """pose: where the world has put the body, at rest."""
+        self._world, self._profile = world, profile
+        self._recovery = np.array([[profile.arm_recovery if name in ARMS else 1.0] for name in JOINTS])
+        self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
+
+    def aim(self, target: Array, swing: float = 0.0) -> None:
+        """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster,
+        m/s."""
+        self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
+        self._target, self._swing = target, swing
+
+    def command(self, left: int, horizontal: Array | None, reflex: Reflex = CALM) -> float:
+        """Command one physics step of the frame, with so many steps left in it; returns a bound of the links' speeds,
+        m/s.
+
+        A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its
+        y unread; None leaves it be.
+        """
+        self._before = self._world.pose()
+        speeds = self._joint_speeds(self._before.quaternions, left)
+        self._give_way(speeds, reflex)
+        fastest = float((np.linalg.norm(speeds, axis=1) @ REACH).max())
+        speeds *= min(1.0, self._profile.max_link_speed / max(fastest, 1e-9))
+        velocity = self._root_velocity(horizontal, reflex)
+        self._sent = velocity
+        self._world.drive(velocity, speeds[0])
+        self._world.bend(self._before.quaternions[1:], speeds[1:])
+        return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(np.linalg.norm(velocity))
+
+    def _expected(self, speeds: Array) -> float:
+        """Speed of the fastest link: what the motion has it swing at, and at most so much more where joints catch
+        up."""
+        late = np.linalg.norm(speeds - self._way * FPS, axis=1)
+        late[0] = abs(np.linalg.norm(speeds[0]) - np.linalg.norm(self._way[0]) * FPS)  # Not in the same frame.
+        return self._swing + float((late @ REACH).max())
+
+    def _joint_speeds(self, actual: Array, left: int) -> Array:
+        """(24, 3) angular velocities, the first in the world frame, the others in each joint's own."""
+        turn = vector_from_quaternion(multiply(conjugate(actual), self._target))
+        way = self._way * (left / self._profile.substeps)
+        turn = way + self._recovery * (turn - way)
+        turn[0] = vector_from_quaternion(multiply(self._target[0], conjugate(actual[0])))
+        return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
+
+    def swings(self, motion: Motion) -> Array:
+        """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis,
+        m/s."""
+        return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
+
+    def _give_way(self, speeds: Array, reflex: Reflex) -> None:
+        """Hips whose thighs carry weight follow the motion but make up for nothing, and bend until the pelvis is
+        down."""
+        for hip, seconds in reflex.borne.items():
+            bends = seconds == 0.0 and not reflex.seated
+            speeds[hip] = self._way[hip] * FPS + (self._profile.yielding * _FLEX if bends else 0.0)
+
+    def restrain(self, touched: bool) -> None:
+        """Take back what the step since command moved the root faster than a body may move. touched: whether contact
+        pushed it.
+
+        A body that nothing touches goes where it was sent and falls at g: limbs that swing do not recoil on it.
+        Contacts may push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet
+        the body up a wall. Limbs give back the same share of their step: a leg that went on while the hips must not
+        would be pressed through the floor.
+        """
+        rate = FPS * self._profile.substeps
+        pose = self._world.pose()
+        speed, turn = (pose.root - self._before.root) * rate, pose.quaternions[0]
+        allowed = self._allowed(speed) if touched else self._sent - [0.0, self._profile.gravity / rate, 0.0]
+        if np.abs(allowed - speed).max() < 1e-6:
+            return
+        _, spin = self._world.velocity()
+        if touched:
+            share = float(np.linalg.norm(allowed) / np.linalg.norm(speed))
+            kept = blend(self._before.quaternions, pose.quaternions, share)
+            turn = kept[0]
+            self._world.bend(kept[1:], np.zeros((len(JOINTS) - 1, 3)))
+        self._world.move(self._before.root + allowed / rate, turn, allowed, spin)
+
+    def _allowed(self, speed: Array) -> Array:
+        """(3,) the part of a root velocity that contact may cause."""
+        profile = self._profile
+        falling = self._sent[1] - profile.gravity / (FPS * profile.substeps)
+        x, z = capped(speed[[0, 2]], profile.max_speed)
+        return np.array([x, np.clip(speed[1], min(falling, -profile.max_lift), profile.max_lift), z])
+
+    def _root_velocity(self, horizontal: Array | None, reflex: Reflex) -> Array:
+        velocity = np.array(self._world.velocity()[0])
+        if horizontal is not None:
+            velocity[[0, 2]] = capped(horizontal[[0, 2]], self._profile.max_speed)
+        velocity[1] = np.clip(velocity[1], -self._profile.max_fall, self._profile.max_rise)
+        if reflex.lift:
+            velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
+        return velocity

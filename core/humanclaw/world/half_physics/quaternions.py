@@ -1,0 +1,69 @@
+"""Products of unit quaternions x, y, z, w, many at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanclaw.body.pose import Array, Motion, vector_from_quaternion
+
+
+def multiply(a: Array, b: Array) -> Array:
+    """Multiply (..., 4) by (..., 4): the rotation b, then the rotation a."""
+    ax, ay, az, aw = np.moveaxis(a, -1, 0)
+    bx, by, bz, bw = np.moveaxis(b, -1, 0)
+    # Written out, since numpy's cross product spends most of its time on the order of axes.
+    return np.stack(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ],
+        -1,
+    )
+
+
+def conjugate(quaternion: Array) -> Array:
+    """Return the inverse rotation of each (..., 4) unit quaternion."""
+    return np.asarray(quaternion * np.array([-1.0, -1.0, -1.0, 1.0]))
+
+
+def from_vector(vector: Array) -> Array:
+    """Map (..., 3) rotation vectors to (..., 4) quaternions."""
+    half = np.linalg.norm(vector, axis=-1, keepdims=True) / 2
+    return np.concatenate([vector * (0.5 * np.sinc(half / np.pi)), np.cos(half)], -1)
+
+
+def capped(vector: Array, limit: float) -> Array:
+    """Shorten (..., 3) rotation vectors (or velocities) to a length of at most limit, direction kept."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.asarray(vector * np.minimum(1.0, limit / np.maximum(length, 1e-12)))
+
+
+def blend(a: Array, b: Array, share: float) -> Array:
+    """Blend (..., 4) quaternions on the short way from a to b, nearly at a constant rate: made for neighbours."""
+    mixed = a + share * (np.where(np.sum(a * b, -1, keepdims=True) < 0, -b, b) - a)
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One pose of the tree. root: (3,). quaternions: (24, 4) x, y, z, w; the first in the world frame, others in the
+    parent's."""
+
+    root: Array
+    quaternions: Array
+
+
+def poses_of(motion: Motion) -> tuple[Pose, ...]:
+    """Return one pose a frame."""
+    return tuple(Pose(root, from_vector(turn)) for root, turn in zip(motion.root, motion.rotations, strict=True))
+
+
+def motion_of(poses: Sequence[Pose]) -> Motion:
+    """Return the inverse of poses_of."""
+    quaternions = np.stack([pose.quaternions for pose in poses])
+    return Motion(np.stack([pose.root for pose in poses]), vector_from_quaternion(quaternions))

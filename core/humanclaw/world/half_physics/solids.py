@@ -1,0 +1,45 @@
+"""What an engine needs to know of convex hulls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import Array
+
+_BOX_TOLERANCE: Final = 1e-5
+
+
+def box_of(hull: Array) -> tuple[Array, Array] | None:
+    """Centre and half extents of a hull that is an axis-aligned box; None for any other."""
+    low, high = hull.min(axis=0), hull.max(axis=0)
+    on_face = np.minimum(np.abs(hull - low), np.abs(hull - high)) < _BOX_TOLERANCE
+    corners = {tuple(row) for row in (hull > (low + high) / 2).tolist()}
+    if not on_face.all() or len(corners) != 8:
+        return None
+    return (low + high) / 2, (high - low) / 2
+
+
+def centre_of_mass(hulls: Sequence[Array]) -> Array:
+    """Return (3,) centre of the hulls, each counted by the volume of its bounding box."""
+    size, middle, _ = _boxes(hulls)
+    return np.asarray(size @ middle / size.sum())
+
+
+def inertia(hulls: Sequence[Array], mass: float) -> Array:
+    """Return (3, 3) inertia about the centre of mass, kg m2, each hull taken for its bounding box."""
+    size, middle, extent = _boxes(hulls)
+    total = np.zeros((3, 3))
+    for weight, centre, edges in zip(mass * size / size.sum(), middle - centre_of_mass(hulls), extent, strict=True):
+        own = np.diag((edges**2).sum() - edges**2) / 12
+        total += weight * (own + centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return total
+
+
+def _boxes(hulls: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """(n,) volumes, (n, 3) centres and (n, 3) edges of the hulls' bounding boxes."""
+    extent = np.array([np.ptp(hull, axis=0) for hull in hulls])
+    middle = np.array([(hull.min(axis=0) + hull.max(axis=0)) / 2 for hull in hulls])
+    return np.prod(extent, axis=1) + 1e-9, middle, extent

@@ -1,0 +1,141 @@
+"""What only its mesh can tell of a model: its front, its seat, and its tops.
+
+All of it is read off a map of heights: the mesh seen from above, in cells of 2.5 cm. Frame of the meshes: the asset's
+own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.world.meshes.hulls import KeepOutBox, surface
+from humanclaw.world.scene import Mesh
+
+CELL: Final = 0.025
+ANYWHERE: Final = (0.4, 0.85)
+MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
+"""Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
+others."""
+_LEVEL: Final = 0.018
+"""How far from its middle height a surface may be and still be level, metres."""
+Field = NDArray[np.float64]
+Window = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """heights: (columns along x, rows along z) of the highest surface in each cell; 0 where there is none."""
+
+    heights: Field
+    x0: float
+    z0: float
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> HeightMap:
+        points = surface(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
+        low = points.min(axis=0)
+        cells = ((points[:, [0, 2]] - low[[0, 2]]) / CELL).astype(int)
+        heights = np.zeros(tuple(cells.max(axis=0) + 1))
+        np.maximum.at(heights, (cells[:, 0], cells[:, 1]), points[:, 1])
+        return cls(heights, float(low[0]), float(low[2]))
+
+    def part(self, x0: float, x1: float, z0: float, z1: float) -> Window:
+        """Return the cells of a part of the footprint, given in shares of it; at least one."""
+        w, d = self.heights.shape
+        a, b, c, e = int(x0 * w), int(np.ceil(x1 * w)), int(z0 * d), int(np.ceil(z1 * d))
+        return a, max(b, a + 1), c, max(e, c + 1)
+
+    def box(self, window: Window, y: float) -> KeepOutBox:
+        a, b, c, d = window
+        return KeepOutBox(self.x0 + a * CELL, self.z0 + c * CELL, self.x0 + b * CELL, self.z0 + d * CELL, y)
+
+    def grown(self, window: Window, fits: NDArray[np.bool_], share: float) -> Window | None:
+        """Return the window, made larger at its four sides while that much of each new line fits.
+
+        None if it does not itself.
+        """
+        a, b, c, d = window
+        if fits[a:b, c:d].mean() < share:
+            return None
+        w, e = fits.shape
+        moved = True
+        while moved:
+            moved = False
+            for k, line in enumerate((fits[a - 1, c:d] if a else None, fits[b, c:d] if b < w else None,
+                                      fits[a:b, c - 1] if c else None, fits[a:b, d] if d < e else None)):  # fmt: skip
+                if line is not None and line.mean() >= share:
+                    a, b, c, d = a - (k == 0), b + (k == 1), c - (k == 2), d + (k == 3)
+                    moved = True
+                    break
+        return a, b, c, d
+
+
+def back_of(mesh: Mesh) -> str:
+    """Find the side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
+    height_map = HeightMap.of(mesh)
+    heights = height_map.heights
+    a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)
+    seat = float(np.median(heights[a:b, c:d]))
+    rise = np.clip(heights - seat - 0.08, 0, None)
+    if rise.sum() < 1e-6:
+        return ""
+    x, z = np.meshgrid(*(np.linspace(-1, 1, n) for n in heights.shape), indexing="ij")
+    along = float((x * rise).sum() / rise.sum()), float((z * rise).sum() / rise.sum())
+    axis = int(abs(along[1]) >= abs(along[0]))
+    if abs(along[axis]) < 0.12:
+        return ""
+    return ("-" if along[axis] < 0 else "+") + "xz"[axis]
+
+
+@dataclass(frozen=True)
+class Seat:
+    """Height of a sitting surface, and the part of the footprint over which nothing else rises. Metres."""
+
+    height: float
+    room: KeepOutBox | None
+
+
+def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
+    """Find the sitting surface of a mesh whose back is at -Z.
+
+    Middle: where it is surely found, in shares of the depth.
+    """
+    height_map = HeightMap.of(mesh)
+    a, b, c, d = height_map.part(0.35, 0.65, *middle)
+    inside = height_map.heights[a:b, c:d]
+    height = round(float(np.median(inside[inside > 0.1])), 3) if (inside > 0.1).any() else 0.0
+    low = height_map.heights < height + 0.035
+    window = height_map.grown((a, b, c, d), low, 0.85) or height_map.grown(
+        height_map.part(0.42, 0.58, 0.5, 0.75), low, 0.85
+    )
+    return Seat(height, height_map.box(window, height) if window else None)
+
+
+def top_of(mesh: Mesh) -> KeepOutBox | None:
+    """Find the largest level rectangle near the top of a mesh, a little smaller than it is.
+
+    None if nothing can stand there.
+    """
+    height_map = HeightMap.of(mesh)
+    heights = height_map.heights
+    high = heights[heights > 0.55 * heights.max()]
+    if not len(high):
+        return None
+    counts, edges = np.histogram(high, bins=np.arange(0, heights.max() + 0.03, 0.01))
+    best = int(counts.argmax())
+    level = float(np.median(high[(high >= edges[best] - 0.005) & (high <= edges[best + 1] + 0.005)]))
+    flat = np.abs(heights - level) < _LEVEL
+    if flat.mean() < 0.3:
+        return None
+    window = height_map.grown(height_map.part(0.4, 0.6, 0.4, 0.6), flat, 0.9)
+    if window is None:
+        return None
+    a, b, c, d = window
+    if min(b - a, d - c) * CELL < 0.15:
+        return None
+    return height_map.box((a + 1, b - 1, c + 1, d - 1), round(level, 3))

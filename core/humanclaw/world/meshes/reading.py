@@ -1,0 +1,142 @@
+"""Model files (GLB, OBJ with MTL, PLY, STL and what else trimesh reads) as plain parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from humanclaw.body.pose import Array
+from humanclaw.errors import SceneError
+from humanclaw.storage.files import within
+from humanclaw.world.scene import Mesh
+
+_PIXELS: Final = 2048
+"""The longest side at which a picture is read: an atlas keeps far less of it, and a larger one takes gigabytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles of one material. vertices: (N, 3) file units, transforms applied. faces: (M, 3). uv: (N, 2), v up, or
+    None."""
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    uv: Array | None
+    colour: tuple[int, int, int]
+    """sRGB; of what has no picture."""
+    picture: NDArray[np.uint8] | None = None
+    """(H, W, 3), first row at v = 1."""
+
+
+def read_model(path: Path) -> list[Part]:
+    """Read all parts of a model file, with what it names in its own folder.
+
+    Raises SceneError if it cannot be read or holds no triangle.
+    """
+    import trimesh
+
+    try:
+        # Vertices stay as they are in the file: merging them would lose texture seams.
+        scene = trimesh.load_scene(path, process=False, resolver=_beside(path))
+        parts = [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
+    except Exception as error:  # Third-party readers fail on broken files in every way there is.
+        raise SceneError(f"{path.name} cannot be read: {type(error).__name__}: {error}.") from error
+    if not parts:
+        raise SceneError(f"{path.name} holds no triangle.")
+    if not all(np.isfinite(part.vertices).all() for part in parts):
+        raise SceneError(f"{path.name} holds vertices that are not numbers.")
+    return parts
+
+
+def _beside(path: Path) -> Any:
+    """Return what reads the materials and pictures that a model names: those in its own folder, and no others."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        def get(self, name: str) -> Any:
+            inner = name.strip().lstrip("/")
+            within(path.parent, inner)
+            return super().get(inner)
+
+    return Beside(str(path))
+
+
+def _parts(scene: Any, node: str) -> list[Part]:
+    transform, name = scene.graph[node]
+    geometry = scene.geometry[name]
+    faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))), np.int64)
+    if not len(faces):
+        return []
+    vertices = np.asarray(geometry.vertices, float) @ transform[:3, :3].T + transform[:3, 3]
+    if np.linalg.det(transform[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    uv = getattr(geometry.visual, "uv", None)
+    uv = None if uv is None or len(uv) != len(vertices) or not np.isfinite(uv).all() else np.asarray(uv, float)
+    colour, picture = _look(geometry.visual)
+    return [Part(vertices, faces, uv, colour, picture if uv is not None else None)]
+
+
+def _look(visual: Any) -> tuple[tuple[int, int, int], NDArray[np.uint8] | None]:
+    """Colour and picture of a trimesh visual."""
+    material = getattr(visual, "material", None)
+    if material is None:
+        colours = np.asarray(getattr(visual, "vertex_colors", [[190, 190, 190, 255]]), float)
+        return _rgb(colours.mean(axis=0)), None
+    if type(material).__name__ == "PBRMaterial":
+        factor = material.baseColorFactor
+        image = material.baseColorTexture
+        # glTF keeps its factors in linear light.
+        colour = (255, 255, 255) if factor is None else _rgb(255 * (np.asarray(factor, float) / 255) ** (1 / 2.2))
+        return colour, None if image is None else _pixels(image, colour)
+    # In an MTL file the colour beside a picture is commonly left at any value, and viewers ignore it.
+    image = getattr(material, "image", None)
+    return _rgb(material.diffuse), None if image is None else _pixels(image, (255, 255, 255))
+
+
+def _rgb(colour: Any) -> tuple[int, int, int]:
+    red, green, blue = (round(float(value)) for value in np.asarray(colour)[:3])
+    return red, green, blue
+
+
+def _pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """(H, W, 3); where the picture is see-through, the mean colour of the rest, since nothing here draws holes."""
+    picture = image.convert("RGBA")
+    picture.thumbnail((_PIXELS, _PIXELS))
+    rgba = np.asarray(picture, float)
+    opaque = rgba[..., 3:] / 255
+    mean = (rgba[..., :3] * opaque).sum(axis=(0, 1)) / max(float(opaque.sum()), 1e-6)
+    filled = rgba[..., :3] * opaque + mean * (1 - opaque)
+    return np.asarray(np.clip(np.round(filled * np.array(tint) / 255), 0, 255), np.uint8)
+
+
+def write_model(mesh: Mesh) -> bytes:
+    """Write a GLB of a mesh with its texture, as any viewer opens it."""
+    import trimesh
+
+    material: Any = trimesh.visual.material
+    visuals: Any = trimesh.visual
+    look = material.PBRMaterial(baseColorTexture=Image.fromarray(mesh.texture), metallicFactor=0.0, roughnessFactor=1.0)
+    shape: Any = trimesh.Trimesh(
+        mesh.vertices, mesh.faces, visual=visuals.TextureVisuals(uv=mesh.uv, material=look), process=False
+    )
+    return bytes(shape.export(file_type="glb"))
+
+
+def read_mesh(path: Path) -> Mesh:
+    """Read what write_model wrote, exactly. Raises SceneError."""
+    part, *others = read_model(path)
+    if others or part.uv is None or part.picture is None:
+        raise SceneError(f"{path} is not one mesh with one texture.", "Import the library again.")
+    return Mesh(part.vertices.astype(np.float32), part.faces.astype(np.int32), part.uv.astype(np.float32), part.picture)
+
+
+def bounds(parts: Sequence[Part]) -> tuple[Array, Array]:
+    """Lowest and highest corner of some parts, file units."""
+    used = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts])
+    return used.min(axis=0), used.max(axis=0)

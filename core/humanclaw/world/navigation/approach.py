@@ -1,0 +1,171 @@
+"""Where to stand at a target: viewpoints beside it or before its seat, and how far it is on foot to the nearest of
+them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from humanclaw.body.pose import Array, matrix_from_quaternion
+from humanclaw.world.navigation.occupancy import CELL, OBSTACLE_HEIGHTS, RADIUS, SQUEEZE, Mask, OccupancyGrid, yaw_of
+from humanclaw.world.navigation.search import DistanceField, MultiFloorMap
+from humanclaw.world.scene import Scene
+
+ARM_ROOM: Final = 0.5
+"""From the middle of the body to the end of the seat, metres: hips and elbows must clear the armrest."""
+STAND_OFF: Final = 0.45
+"""From the edge of a seat to where one turns round before sitting down, metres."""
+LEANING: Final = 1.0
+"""Farther than this from a cell with a way a body is not leaning on something but shut in, metres."""
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A place to stand near a target. For a seat: where one turns round, with one's back to it."""
+
+    target: int
+    x: float
+    z: float
+    yaw: float
+    """Where to face there: the target, or away from a seat."""
+    gap: float
+    """From the place to the target's edge, metres."""
+    seat_height: float | None = None
+    """Height of the sitting surface over the floor, metres; None if the target is not to be sat on."""
+    floor: float = 0.0
+
+    @property
+    def point(self) -> Array:
+        return np.array([self.x, self.z])
+
+    @property
+    def place(self) -> Array:
+        """(3,) on the floor."""
+        return np.array([self.x, self.floor, self.z])
+
+
+def viewpoints(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = False) -> tuple[Viewpoint, ...]:
+    """Places to stand at a target, on whichever floor it is, the best first as far as the place alone can tell.
+
+    sit: places from which it can be sat on. Empty if no body fits near it.
+    """
+    low, high = scene.aabb(target)
+    find = _seats if sit else _beside
+    return tuple(
+        found
+        for grid in where.floors
+        if low[1] < grid.floor + OBSTACLE_HEIGHTS[1] and high[1] > grid.floor
+        for found in find(grid, scene, target)
+    )
+
+
+def goals_at(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = False) -> Array:
+    """Return (N, 3) places from which a target counts as reached: the goals that geodesic distances are measured to."""
+    return np.array([found.place for found in viewpoints(where, scene, target, sit=sit)]).reshape(-1, 3)
+
+
+def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint]:
+    """Free cells nearest to the target's bounding box, on the target's side of every wall."""
+    low, high = (corner[[0, 2]] for corner in scene.aabb(target))
+    for radius in (RADIUS, 0.2, SQUEEZE):
+        points = grid.point(np.argwhere(grid.clearance >= radius))
+        edge = np.clip(points, low, high)
+        gap = np.linalg.norm(points - edge, axis=1)
+        points, edge, gap = points[gap < 1.5], edge[gap < 1.5], gap[gap < 1.5]
+        free = ~_walled(grid, scene, points, edge)
+        if free.any():
+            chosen = np.flatnonzero(free & (gap <= gap[free].min() + 0.15))
+            for k in chosen[np.argsort(gap[chosen], kind="stable")]:
+                x, z = points[k].tolist()
+                yield Viewpoint(target, x, z, yaw_of(edge[k] - points[k]), float(gap[k]), floor=grid.floor)
+            return
+
+
+def _walled(grid: OccupancyGrid, scene: Scene, starts: Array, ends: Array) -> Mask:
+    """(N,) whether a wall, a window or a door stands between (N, 2) points and (N, 2) others."""
+    parts = [obj.id for obj in scene.objects if obj.category in ("wall", "window", "door")]
+    # The last 5 cm do not count: a screen hangs so close to its wall that both share a cell.
+    far = np.linalg.norm(ends - starts, axis=1)
+    share = (np.linspace(0.0, 1.0, 60) * np.maximum(0.0, 1.0 - 0.05 / np.maximum(far, 1e-6))[:, None])[..., None]
+    lines = starts[:, None] + share * (ends - starts)[:, None]
+    return np.asarray(grid.at(np.isin(grid.owners, parts), lines).any(-1))
+
+
+def _seats(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint]:
+    """In front of each side from which a seat can be sat on: the front, of a bed the long sides too; the middle
+    first."""
+    obj = scene.by_id[target]
+    asset = scene.assets[obj.asset]
+    if asset.seat_height is None:
+        return
+    turn = matrix_from_quaternion(np.array(obj.rotation))
+    sides = (0.0, np.pi / 2, -np.pi / 2) if obj.category == "bed" else (0.0,)
+    height = asset.seat_height + obj.position[1] - grid.floor
+    others = replace(grid, blocked=grid.blocked & (grid.owners != target))
+    for stand_off, margin in ((STAND_OFF, ARM_ROOM), (STAND_OFF, 0.35), (0.6, 0.35), (0.36, 0.35)):
+        found = [
+            Viewpoint(target, float(place[0]), float(place[1]), yaw, stand_off, height, grid.floor)
+            for side in sides
+            for place, yaw in _along(scene, target, turn, side, stand_off, margin)
+            if grid.at(grid.clearance, place) >= min(RADIUS, stand_off - 0.1)
+            and others.clear(place, place - stand_off * facing(yaw), 0.2)
+        ]
+        yield from found
+        if found:
+            return
+
+
+def _along(
+    scene: Scene, target: int, turn: Array, side: float, stand_off: float, margin: float
+) -> list[tuple[Array, float]]:
+    """Places in front of one side of an object and where its front looks, from the middle of the side outwards."""
+    obj = scene.by_id[target]
+    asset = scene.assets[obj.asset]
+    out, along = _facing3(side), _facing3(side + np.pi / 2)
+    points = np.concatenate(asset.hulls) if asset.hulls else asset.mesh.vertices
+    edge, reach = float((points @ out).max()), float(np.ptp(points @ along)) / 2
+    offsets = np.arange(0.0, max(reach - margin, 0.0) + 1e-9, 0.2)
+    facing = (turn @ out)[[0, 2]]
+    places = [out * (edge + stand_off) + along * step for step in [*offsets, *-offsets[1:]]]
+    places.sort(key=lambda place: abs(float(place @ along)))
+    return [((turn @ place + obj.position)[[0, 2]], yaw_of(facing)) for place in places]
+
+
+def facing(yaw: float) -> Array:
+    return np.array([np.sin(yaw), np.cos(yaw)])
+
+
+def _facing3(yaw: float) -> Array:
+    return np.array([np.sin(yaw), 0.0, np.cos(yaw)])
+
+
+# -- distance to the nearest target ------------------------------------------------------------------------------------
+def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Callable[[Array], float]:
+    """Make a function of a world position (3,): length in metres of the shortest way to a place beside the nearest
+    target (paper, appendix B).
+
+    The way of a body that is RADIUS wide on each side, over the stairs if need be; of a narrower one where that leads
+    nowhere; infinite if none does. A body that leans on furniture is measured from the nearest free cell. Eight
+    directions overestimate by up to 8 %. floor: of the start; the position tells the floor, so that nothing depends on
+    it here.
+    """
+    where = MultiFloorMap.of(scene)
+    goals = np.concatenate([goals_at(where, scene, target) for target in targets] or [np.empty((0, 3))])
+    field = np.full((len(where.grids), *where.grids[0].blocked.shape), np.inf)
+    for radius in (RADIUS, 0.2, SQUEEZE):
+        field = np.where(np.isfinite(field), field, DistanceField.of(where, goals, radius).metres)
+    field = np.stack([_extended(layer) for layer in field])
+    return lambda point: float(where.at(field, np.asarray(point)))
+
+
+def _extended(field: Array) -> Array:
+    """Return a cell where no body fits takes the way of the nearest cell with one, and the straight line to it."""
+    known = np.isfinite(field)
+    if not known.any():
+        return field
+    gap, nearest = distance_transform_edt(~known, sampling=CELL, return_indices=True)
+    return np.asarray(np.where(gap < LEANING, field[tuple(nearest)] + gap, np.inf))

@@ -1,0 +1,81 @@
+"""How hard a way is: length, branching and clutter (paper, section 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from humanclaw.body.pose import Array, wrap_angle
+from humanclaw.world.navigation.occupancy import OBSTACLE_HEIGHTS, room_at
+from humanclaw.world.scene import Scene
+
+CROWDED: Final = 1.0
+"""Distance from the way within which an object counts as an obstacle, metres."""
+NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
+"""What one walks on or under is no obstacle."""
+
+
+class Difficulty(BaseModel):
+    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    distance: float
+    """Its length, metres."""
+    turns: int
+    """Of more than 30 degrees."""
+    rooms: int
+    """That it enters, the one of the start included."""
+    obstacles: float
+    """Pieces of furniture within a metre, averaged along it."""
+
+
+def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
+    """Measure the difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
+    return Difficulty(
+        distance=round(distance, 2),
+        turns=turns(way[:, [0, 2]]),
+        rooms=len(list(_rooms(scene, way))),
+        obstacles=round(float(_crowd(scene, way).mean()), 2),
+    )
+
+
+def _rooms(scene: Scene, way: Array) -> Iterator[str]:
+    """Names of the rooms on a way, in order; between two rooms one is still in the first."""
+    names = (room_at(scene, x, z, y) for x, y, z in way)
+    yield from (name for name, _ in groupby(name for name in names if name))
+
+
+def _crowd(scene: Scene, way: Array) -> Array:
+    """(N,) how many solid objs stand within CROWDED of each point of a way: walls, furniture, and what can be moved."""
+    low, high = _boxes(scene)
+    near, far = OBSTACLE_HEIGHTS
+    feet = way[:, None, :]
+    gap = np.maximum(np.maximum(low - feet, feet - high), 0.0)
+    beside = np.hypot(gap[..., 0], gap[..., 2]) <= CROWDED
+    upright = (high[:, 1] > feet[..., 1] + near) & (low[:, 1] < feet[..., 1] + far)
+    return np.asarray((beside & upright).sum(1))
+
+
+@lru_cache(maxsize=1)
+def _boxes(scene: Scene) -> tuple[Array, Array]:
+    """(N, 3) corners of the bounding boxes of everyobj solid."""
+    solid = [obj for obj in scene.objects if obj.category not in NO_OBSTACLES and scene.assets[obj.asset].hulls]
+    corners = [scene.aabb(obj.id) for obj in solid]
+    return np.array([low for low, _ in corners]), np.array([high for _, high in corners])
+
+
+def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
+    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker,
+    metres)."""
+    from skimage.measure import approximate_polygon  # It brings scipy.signal and scipy.stats: a second of loading.
+
+    simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
+    segments = np.diff(simple, axis=0)
+    bearing = np.arctan2(segments[:, 0], segments[:, 1])
+    return int((np.abs(wrap_angle(np.diff(bearing))) > np.radians(degrees)).sum())

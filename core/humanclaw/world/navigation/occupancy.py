@@ -1,0 +1,253 @@
+"""What is free and what is occupied: one floor of a scene on a grid of 5 cm (paper, section 4.1).
+
+Points on a floor are (..., 2) arrays of x and z, points in the house (..., 3) arrays of x, y and z; metres, world
+frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import ConvexHull, QhullError
+
+from humanclaw.body.pose import Array
+from humanclaw.world.scene import Room, Scene, SceneObject
+
+Mask = NDArray[np.bool_]
+
+CELL: Final = 0.05
+"""Side of a grid cell, metres."""
+OBSTACLE_HEIGHTS: Final = (0.05, 1.9)
+"""What lies between these heights over the floor is in a body's way: a foot steps over the rest or a head passes below
+it."""
+STEP: Final = 0.26
+"""The highest step that is climbed or stepped down, metres."""
+STOREY: Final = 3.0
+"""What begins so far above a floor is nothing to those who stand on it, metres: they do not even see that it hides
+anything."""
+RADIUS: Final = 0.28
+"""Half the width that a walking body needs, metres."""
+SQUEEZE: Final = 0.14
+"""Half the narrowest gap that is tried when there is no other way, metres."""
+COMFORT: Final = 0.55
+"""Distance from walls beyond which a route is as good as any, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """The obstacles of one floor. Arrays are indexed [x cell, z cell]; owners and heights tell what stands in a
+    cell."""
+
+    origin: tuple[float, float]
+    """World x and z of the corner of cell (0, 0)."""
+    blocked: Mask
+    """Static objects, those that hang on hinges, and whatever is not floor: a door opens to one side alone, so nobody
+    counts on it."""
+    movable: Mask
+    owners: NDArray[np.int32]
+    """Id of the object that blocks a cell, 0 for none."""
+    tops: Array
+    """Height over the floor of the tallest static obj in a cell, metres: what hides objects behind it."""
+    overhead: tuple[Array, Array]
+    """Lowest and highest height over the floor of what hangs in a cell above the heads, such as lintels, metres."""
+    ground: Array
+    """Height in the world of what one stands on in each cell, metres; NaN where this grid has no floor."""
+    floor: float = 0.0
+    slope: Array | None = None
+    """Only on stairs: (2, ...) rise over run along x and z, taken over two steps; at that scale a staircase is a
+    ramp."""
+
+    @classmethod
+    def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
+        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
+        low, shape = _extent(scene)
+        blocked, movable = np.zeros(shape, bool), np.zeros(shape, bool)
+        owners, tops = np.zeros(shape, np.int32), np.zeros(shape)
+        under, over = np.full(shape, np.inf), np.zeros(shape)
+        for obj in scene.objects:
+            pose = (moved or {}).get(obj.id)
+            for hull in _hulls(scene, obj, pose, floor):
+                mask, where = rasterize(hull[:, [0, 2]], low, shape)
+                bottom, top = hull[:, 1].min() - floor, hull[:, 1].max() - floor
+                if bottom >= OBSTACLE_HEIGHTS[1]:
+                    under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
+                    over[where] = np.where(mask, np.maximum(over[where], top), over[where])
+                elif obj.movable and not obj.joint:
+                    movable[where] |= mask
+                else:
+                    blocked[where] |= mask
+                    owners[where][mask] = obj.id
+                    tops[where] = np.maximum(tops[where], mask * top)
+        ground = np.full(shape, floor)
+        grid = cls((float(low[0]), float(low[1])), blocked, movable, owners, tops, (under, over), ground, floor)
+        inside = grid._indoors(scene)
+        return replace(grid, blocked=blocked | ~inside, ground=np.where(inside, ground, np.nan))
+
+    def _indoors(self, scene: Scene) -> Mask:
+        """Cells of this floor's rooms and of the walls and doorways between them; everything if the scene has no
+        rooms."""
+        rooms = [room for room in scene.rooms if abs(room.floor - self.floor) < 0.5]
+        if not rooms:
+            return np.ones(self.blocked.shape, bool)
+        inside = np.any([self.within(room) for room in rooms], axis=0)
+        return np.asarray(distance_transform_edt(~inside) * CELL <= 0.16)
+
+    def within(self, room: Room) -> Mask:
+        """Cells of a room; none if it is on another floor."""
+        mask = np.zeros(self.blocked.shape, bool)
+        if abs(room.floor - self.floor) < 0.5:
+            (i, j), (k, m) = self.cell(np.array([room.x0, room.z0])), self.cell(np.array([room.x1, room.z1]))
+            mask[i : k + 1, j : m + 1] = True
+        return mask
+
+    def gap(self, low: Array, high: Array) -> Array:
+        """Distance of each cell's middle from a box with these (3,) corners, seen from above, metres."""
+        points = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
+        return np.asarray(np.linalg.norm(np.clip(points, low[[0, 2]], high[[0, 2]]) - points, axis=-1))
+
+    def cell(self, points: Array) -> NDArray[np.int64]:
+        """Map (..., 2) points to (..., 2) cell indices, held inside the grid."""
+        index = np.floor((np.asarray(points, float) - self.origin) / CELL).astype(np.int64)
+        return np.asarray(np.clip(index, 0, np.array(self.blocked.shape) - 1))
+
+    def point(self, cells: NDArray[Any]) -> Array:
+        """Map (..., 2) cell indices to the (..., 2) centres of the cells."""
+        return np.asarray((np.asarray(cells) + 0.5) * CELL + self.origin)
+
+    def at(self, grid: NDArray[Any], points: Array) -> NDArray[Any]:
+        """Return (...) values of a grid at (..., 2) points."""
+        index = self.cell(points)
+        return np.asarray(grid[index[..., 0], index[..., 1]])
+
+    @cached_property
+    def clearance(self) -> Array:
+        """Distance of each cell to the nearest obstacle, metres."""
+        return np.asarray(distance_transform_edt(~self.blocked) * CELL)
+
+    @cached_property
+    def cost(self) -> Array:
+        """Metres that a metre through a cell counts for: more near walls, much more where it is tight; -1 is
+        impassable."""
+        near = np.clip((COMFORT - self.clearance) / (COMFORT - RADIUS), 0.0, 1.0)
+        cost = 1.0 + 2.0 * near**2
+        cost[distance_transform_edt(~self.movable) * CELL < RADIUS] += 4.0
+        cost[self.clearance < RADIUS] += 30.0
+        cost[~self.fits(SQUEEZE)] = -1.0
+        return np.asarray(cost)
+
+    def fits(self, radius: float) -> Mask:
+        """Cells in which a body of this radius can stand."""
+        return np.asarray((self.clearance >= radius) & np.isfinite(self.ground))
+
+    @cached_property
+    def steepness(self) -> Array:
+        """Metres walked to a metre of floor: 1 on the flat."""
+        return np.ones(self.blocked.shape) if self.slope is None else np.sqrt(1.0 + (self.slope**2).sum(0))
+
+    def with_obstacle(self, point: Array, radius: float) -> OccupancyGrid:
+        """Return the same grid with one more round obstacle: something was found to be in the way."""
+        centres = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
+        disk = np.linalg.norm(centres - point, axis=-1) <= radius
+        return replace(self, blocked=self.blocked | disk)
+
+    def clear(self, start: Array, end: Array, radius: float = SQUEEZE) -> bool:
+        """Tell whether a body of this radius can go straight from one point to the other."""
+        return bool((self.at(self.clearance, samples(start, end)) >= radius).all())
+
+    def sees(self, eyes: Array, points: Array) -> Mask:
+        """Return (...) whether nothing static stands between (..., 3) eyes and (..., 3) points.
+
+        The last 10 cm do not count.
+        """
+        eyes, points = np.broadcast_arrays(np.asarray(eyes, float), np.asarray(points, float))
+        far = np.linalg.norm(points - eyes, axis=-1)
+        steps = max(2, int(np.max(far, initial=0.0) / CELL))
+        share = np.linspace(0.0, 1.0, steps) * np.maximum(0.0, 1.0 - 0.1 / np.maximum(far, 1e-6))[..., None]
+        line = eyes[..., None, :] + share[..., None] * (points - eyes)[..., None, :]
+        height, under, over = line[..., 1] - self.floor, *self.overhead
+        places = line[..., [0, 2]]
+        between = (self.at(under, places) < height) & (height < self.at(over, places))
+        return np.asarray(((self.at(self.tops, places) <= height) & ~between).all(-1))
+
+
+def floors_of(scene: Scene) -> tuple[float, ...]:
+    """Heights of the floors that rooms stand on, lowest first; that of the start if the scene has no rooms."""
+    found: list[float] = []
+    for floor in sorted({room.floor for room in scene.rooms} or {scene.start.floor}):
+        if not found or floor - found[-1] > 0.5:
+            found.append(floor)
+    return tuple(found)
+
+
+# -- geometry of a floor -----------------------------------------------------------------------------------------------
+def room_at(scene: Scene, x: float, z: float, floor: float = 0.0) -> str:
+    """Name of the room that a point lies in; empty between rooms."""
+    inside: Sequence[str] = [
+        room.name
+        for room in scene.rooms
+        if room.x0 <= x <= room.x1 and room.z0 <= z <= room.z1 and abs(room.floor - floor) < 0.5
+    ]
+    return inside[0] if inside else ""
+
+
+def on_floor(grid: OccupancyGrid, points: Array) -> Array:
+    """Return (..., 2) points as (..., 3) points on the floor of a grid."""
+    points = np.asarray(points, float)
+    return np.stack([points[..., 0], np.full(points.shape[:-1], grid.floor), points[..., 1]], -1)
+
+
+def length(path: Array) -> float:
+    """Length of a polyline, metres."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def samples(start: Array, end: Array) -> Array:
+    steps = max(2, int(np.ceil(np.linalg.norm(end - start) / (CELL / 2))) + 1)
+    return np.asarray(start + np.linspace(0.0, 1.0, steps)[:, None] * (np.asarray(end) - start))
+
+
+def yaw_of(direction: Array) -> float:
+    return float(np.arctan2(direction[0], direction[1]))
+
+
+# -- rasterizing -------------------------------------------------------------------------------------------------------
+def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
+    corners = [corner[[0, 2]] for obj in scene.objects for corner in scene.aabb(obj.id)]
+    corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]
+    corners.append(np.array([scene.start.x, scene.start.z]))
+    low = np.floor((np.min(corners, axis=0) - 0.5) / CELL) * CELL
+    nx, nz = np.ceil((np.max(corners, axis=0) + 0.5 - low) / CELL).astype(int)
+    return low, (int(nx), int(nz))
+
+
+def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> Iterator[Array]:
+    """Yield the convex pieces of an object that stand on this floor, (K, 3) world points each; ceilings left out."""
+    if obj.category != "ceiling":
+        for points in scene.hulls(obj.id, pose):
+            if points[:, 1].max() > floor + OBSTACLE_HEIGHTS[0] and points[:, 1].min() < floor + STOREY:
+                yield points
+
+
+def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
+    """Cells whose centre is within half a cell of the convex hull of (K, 2) points, and the window that they lie in."""
+    first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
+    last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)
+    where = (slice(first[0], last[0]), slice(first[1], last[1]))
+    centres = (np.moveaxis(np.mgrid[where], 0, -1) + 0.5) * CELL + low
+    sides = _sides(points)
+    return np.asarray((centres @ sides[:, :2].T + sides[:, 2] <= CELL / 2).all(-1)), where
+
+
+def _sides(points: Array) -> Array:
+    """(S, 3) outward half-planes of the convex hull of (K, 2) points; of their box if they lie on one line."""
+    try:
+        return np.asarray(ConvexHull(points).equations)
+    except QhullError:
+        (x0, z0), (x1, z1) = points.min(0), points.max(0)
+        return np.array([[-1.0, 0.0, x0], [1.0, 0.0, -x1], [0.0, -1.0, z0], [0.0, 1.0, -z1]])

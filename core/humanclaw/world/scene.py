@@ -1,0 +1,278 @@
+"""A scene as plain values: assets (shape and looks), objects (assets put somewhere), rooms and a start.
+
+Frame: metres, Y up. A scene is complete in itself: simulators and renderers need nothing else, and its digest names it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body.pose import Array, Pose2D, matrix_from_quaternion
+from humanclaw.errors import SceneError
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "window"})
+"""Categories that belong to the building and not to the furniture."""
+GROUND: Final = ("floor", "stairs")
+"""Categories of what feet are meant to stand on."""
+_CUSHION: Final = 0.03
+"""Metres by which a seat may be above the collision pieces that carry it: a cover, or what their making took off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A textured triangle mesh: one texture for all of it (an atlas where there are several materials).
+
+    vertices: (N, 3) float32 metres. faces: (M, 3) int32, counter-clockwise from outside. uv: (N, 2) float32 in 0..1, v
+    up. texture: (H, W, 3) uint8, first row at v = 1.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    uv: NDArray[np.float32]
+    texture: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        if len(self.uv) != len(self.vertices):
+            raise SceneError(f"a mesh needs one uv a vertex; got {len(self.uv)} for {len(self.vertices)}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Asset:
+    """What an object is made of, in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front
+    +Z."""
+
+    name: str
+    category: str
+    mesh: Mesh
+    hulls: tuple[NDArray[np.float32], ...]
+    """Convex collision pieces, each the (K, 3) vertices of its hull. Empty for objects without a body, such as rugs."""
+    seat_height: float | None = None
+    """Height of the sitting surface over the bottom, metres; None for what is not sat on."""
+    source: str = "generated"
+    licence: str = "Apache-2.0"
+
+    def __post_init__(self) -> None:
+        if self.seat_height is None:
+            return
+        if not self.hulls:
+            raise SceneError(f"asset {self.name!r} has a seat and no collision pieces.", "Give it hulls to sit on.")
+        top = max(float(hull[:, 1].max()) for hull in self.hulls)
+        if not 0 < self.seat_height <= top + _CUSHION:
+            told = f"the seat of asset {self.name!r} is at {self.seat_height:g} m, and the asset is {top:g} m high."
+            raise SceneError(told, "Give the height of its sitting surface over its bottom, in metres.")
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A vertical axis that an object is fixed to and turns about, as a door does.
+
+    Angles are radians and grow to the left, seen from above: about +Y. At 0 a door is, by custom, closed.
+    """
+
+    point: Vec3
+    """Any point of the axis, in the frame of the object's asset, metres."""
+    low: float
+    high: float
+    """The range of the angle. It stops the object; what is fixed or hangs on another hinge does not, so that a door
+    does not jam in its frame."""
+    friction: float = 2.0
+    """Torque that holds the object and brakes it, whatever its speed, newton metres."""
+    damping: float = 5.0
+    """Torque that brakes it for each rad/s, newton metre seconds."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.point, self.low, self.high, self.friction, self.damping)
+        if len(self.point) != 3 or not np.isfinite(numbers).all() or min(self.friction, self.damping) < 0:
+            raise SceneError(
+                f"a hinge needs finite numbers, and no negative friction or damping; got {numbers}.",
+                "Give its point in metres and its range in radians.",
+            )
+        if not 0 < self.high - self.low <= 2 * np.pi:
+            raise SceneError(
+                f"the range of a hinge is {self.low:g} to {self.high:g}: it must grow, by a whole turn at most.",
+                "Give radians, the smaller first; leave out the hinge of what does not turn.",
+            )
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object in the scene: fixed, movable, or movable about a hinge alone."""
+
+    id: int
+    """Positive and unique in the scene; the value of its pixels in the id image."""
+    asset: str
+    category: str
+    position: Vec3
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    movable: bool = False
+    mass: float = 0.0
+    """Kilograms; only read if movable."""
+    friction: float = 0.5
+    room: str = ""
+    joint: Hinge | None = None
+    """What a movable object hangs on; None where it is free. An object that hangs on a hinge stands upright."""
+    state: float = 0.0
+    """The angle of the joint at the start, radians: position and rotation are where the object is at this angle. Only
+    read with a joint."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.position, *self.rotation, self.mass, self.friction)
+        if not np.isfinite(numbers).all() or self.friction < 0:
+            told = f"has position, rotation, mass and friction {numbers}"
+            raise self._wrong(told, "Give finite numbers and no negative friction.")
+        if abs(np.linalg.norm(self.rotation) - 1) > 0.01:
+            raise self._wrong(f"is turned by {self.rotation}", "Give a unit quaternion x, y, z, w.")
+        if self.joint is None:
+            if self.state:
+                raise self._wrong(f"has the state {self.state:g} and no joint", "Give it a joint, or no state.")
+            return
+        if not self.movable:
+            raise self._wrong("hangs on a hinge and is not movable", "Set movable and mass, or leave out its joint.")
+        if not self.joint.low <= self.state <= self.joint.high:
+            told = f"is at {self.state:g} rad, and its hinge goes from {self.joint.low:g} to {self.joint.high:g}"
+            raise self._wrong(told, "Start within the range; both are radians.")
+        if abs(self.rotation[0]) > 1e-6 or abs(self.rotation[2]) > 1e-6:
+            told = f"hangs on a hinge and leans: {self.rotation}"
+            raise self._wrong(told, "A hinge is vertical: turn about y alone.")
+
+    def _wrong(self, told: str, remedy: str) -> SceneError:
+        return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
+
+    def at(self, angle: float) -> Array:
+        """Return (7,) position and quaternion of an object that hangs on a hinge, turned to an angle of it."""
+        assert self.joint is not None
+        _, y, _, w = self.rotation
+        half = float(np.arctan2(y, w)) + (angle - self.state) / 2
+        turned = np.array([0.0, np.sin(half), 0.0, np.cos(half)])
+        point = np.array(self.joint.point)
+        arms = matrix_from_quaternion(np.array(self.rotation)) @ point - matrix_from_quaternion(turned) @ point
+        return np.concatenate([np.array(self.position) + arms, turned])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Return its fields as plain values for JSON; a joint and its state only where there is a joint."""
+        own = {key: value for key, value in vars(self).items() if key not in ("joint", "state")}
+        return own if self.joint is None else own | {"joint": dict(vars(self.joint)), "state": self.state}
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> SceneObject:
+        """Return the object of some facts. Raises TypeError or KeyError where they are others."""
+        joint = facts.get("joint")
+        hinge = joint and Hinge(**{**joint, "point": tuple(joint["point"])})
+        place = {key: tuple(facts[key]) for key in ("position", "rotation")}
+        return cls(**{**facts, **place, "joint": hinge})
+
+
+@dataclass(frozen=True)
+class Room:
+    """A rectangle of floor with a purpose. Metres; (x0, z0) < (x1, z1)."""
+
+    name: str
+    kind: str
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+    floor: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A world at rest."""
+
+    name: str
+    assets: Mapping[str, Asset]
+    objects: tuple[SceneObject, ...]
+    rooms: tuple[Room, ...]
+    start: Pose2D
+    """The default place of the body where an episode names none."""
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        ids = [obj.id for obj in self.objects]
+        if len(set(ids)) != len(ids) or min(ids, default=1) < 1:
+            raise SceneError(f"the object ids of scene {self.name!r} must be positive and unique.")
+        missing = sorted({obj.asset for obj in self.objects} - set(self.assets))
+        if missing:
+            raise SceneError(f"scene {self.name!r} uses assets that it does not hold: {', '.join(missing)}.")
+
+    @cached_property
+    def licences(self) -> tuple[str, ...]:
+        """What the assets in use are under and whom to name for them: 'licence: source', each once, in order."""
+        used = {obj.asset for obj in self.objects}
+        return tuple(sorted({f"{asset.licence}: {asset.source}" for key, asset in self.assets.items() if key in used}))
+
+    @cached_property
+    def by_id(self) -> Mapping[int, SceneObject]:
+        return {obj.id: obj for obj in self.objects}
+
+    def of_category(self, category: str) -> tuple[SceneObject, ...]:
+        return tuple(obj for obj in self.objects if obj.category == category)
+
+    def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
+        """Compute (N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""
+        return self._placed(object_id, pose, [self.assets[self.by_id[object_id].asset].mesh.vertices])[0]
+
+    def hulls(self, object_id: int, pose: Array | None = None) -> list[Array]:
+        """Convex pieces that an object collides as, (K, 3) world points each, metres. pose: as vertices has it."""
+        return self._placed(object_id, pose, self.assets[self.by_id[object_id].asset].hulls)
+
+    def _placed(self, object_id: int, pose: Array | None, pieces: Iterable[NDArray[np.float32]]) -> list[Array]:
+        obj = self.by_id[object_id]
+        place = np.array([*obj.position, *obj.rotation]) if pose is None else np.asarray(pose)
+        turn = matrix_from_quaternion(place[3:])
+        return [np.asarray(points.astype(float) @ turn.T + place[:3]) for points in pieces]
+
+    @cached_property
+    def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        points = {obj.id: self.vertices(obj.id) for obj in self.objects}
+        return {key: (value.min(axis=0), value.max(axis=0)) for key, value in points.items()}
+
+    def aabb(self, object_id: int, pose: Array | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of an object's axis-aligned bounding box, metres.
+
+        pose: (7,) position and quaternion where the object is now, as WorldState.objects has it; None: where the scene
+        says.
+        """
+        if pose is None:
+            return self._boxes[object_id]
+        points = self.vertices(object_id, pose)
+        return points.min(axis=0), points.max(axis=0)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over everything physical and visible; two scenes with one digest behave and look the same.
+
+        The name is not in it: it may hold a path, which differs from machine to machine.
+        """
+        state = hashlib.sha256()
+        for name in sorted(self.assets):
+            asset = self.assets[name]
+            state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
+            for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
+                state.update(np.ascontiguousarray(array).tobytes())
+        rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
+        state.update(json.dumps(rest, sort_keys=True).encode())
+        return state.hexdigest()
+
+
+def distance_to_box(points: Array, low: Array, high: Array) -> Array:
+    """Map (..., 3) points to (...) Euclidean distances to the axis-aligned box [low, high]; 0 inside."""
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return np.asarray(np.linalg.norm(outside, axis=-1))
+
+
+def distance_to_nearest(points: Array, boxes: Iterable[tuple[Array, Array]]) -> float:
+    """From the nearest of (..., 3) points to the nearest of several boxes, each (low, high); infinite without a box."""
+    return min((float(distance_to_box(points, low, high).min()) for low, high in boxes), default=float("inf"))
