@@ -340,7 +340,7 @@ def test_an_observer_of_a_plugin_that_fails_hears_nothing():
 
 def test_the_hooks_that_a_plugin_specifies_go_with_it_if_it_fails():
     specs = types.ModuleType("specs")
-    exec("from humanclaw.hookspecs import hookspec\n@hookspec\ndef humanclaw_hats(register): ...", vars(specs))
+    exec("from humanclaw.plugins import hookspec\n@hookspec\ndef humanclaw_hats(register): ...", vars(specs))
 
     class Fails:
         @hookimpl

@@ -3,9 +3,10 @@
 The names below are the public door. docs/doors.md lists the other doors; every other module is private.
 """
 
+import sys
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.doors import FormerPaths, door
 
 if TYPE_CHECKING:
     from humanclaw.body.pose import Motion as Motion
@@ -56,3 +57,4 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = door(__name__)
+sys.meta_path.append(FormerPaths())  # The one way to answer for a module without a file.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import linecache
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -13,23 +14,23 @@ from types import ModuleType
 from typing import Any, Final
 
 FORMER: Final = {
-    "half_physics": ("world",),
-    "hookspecs": ("plugins",),
-    "interfaces": ("world", "motion", "plugins"),
-    "measures": ("skills",),
-    "meshes": ("world",),
-    "navigation": ("world",),
-    "outcomes": ("records",),
-    "pose": ("body",),
-    "recipes": ("skills",),
-    "scene": ("world",),
-    "tasks": ("records",),
-    "tools": ("skills",),
+    "half_physics": ("humanclaw.world",),
+    "hookspecs": ("humanclaw.plugins",),
+    "interfaces": ("humanclaw.world", "humanclaw.motion", "humanclaw.plugins", "humanclaw"),
+    "measures": ("humanclaw.skills",),
+    "meshes": ("humanclaw.world",),
+    "navigation": ("humanclaw.world",),
+    "outcomes": ("humanclaw.records",),
+    "pose": ("humanclaw.body",),
+    "recipes": ("humanclaw.skills",),
+    "scene": ("humanclaw.world",),
+    "tasks": ("humanclaw.records",),
+    "tools": ("humanclaw.skills", "humanclaw"),
 }
 """Modules that were doors up to plugin API 1.0, and the doors that have their names now."""
 MOVED: Final = {
-    "humanclaw.motion": {"Course": "skills"},
-    "humanclaw.storage": {"pack_scene": "world", "unpack_scene": "world"},
+    "humanclaw.motion": {"Course": "humanclaw.skills"},
+    "humanclaw.storage": {"pack_scene": "humanclaw.world", "unpack_scene": "humanclaw.world"},
 }
 """Names that went to another door with plugin API 1.1."""
 
@@ -45,7 +46,7 @@ def door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], l
 
     def load(name: str) -> Any:
         if name in moved:
-            return getattr(_deprecated(f"{package}.{name}", f"humanclaw.{moved[name]}"), name)
+            return getattr(_deprecated(f"{package}.{name}", moved[name]), name)
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(importlib.import_module(homes[name]), name)
@@ -57,8 +58,7 @@ def door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], l
 
 def _imported(module: ModuleType) -> Iterator[tuple[str, str]]:
     """Yield each name that a package imports for type checkers, and the module that defines it."""
-    loader = module.__spec__.loader if module.__spec__ else None
-    source = loader.get_source(module.__name__)  # type: ignore[union-attr]
+    source = "".join(linecache.getlines(module.__file__ or "", vars(module)))  # It also reads from a zip.
     for block in ast.parse(source).body:
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
             for node in block.body:
@@ -81,7 +81,7 @@ class FormerPaths(MetaPathFinder, Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         """Let the module answer with the names of the doors that took its place."""
-        doors = [f"humanclaw.{name}" for name in FORMER[module.__name__.rpartition(".")[2]]]
+        doors = FORMER[module.__name__.rpartition(".")[2]]
         warnings.warn(
             f"{module.__name__} is deprecated: import from {' or '.join(doors)}.", DeprecationWarning, stacklevel=2
         )

@@ -1,1 +1,1 @@
-"""How an episode is played: bodies, the episode that anyone can step, and the loop. Its names are those of `humanclaw`."""
+"""How an episode is played: bodies, the episode that anyone can step, the loop. `humanclaw` shows their names."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from humanclaw.world.view import Renderer
 
 PROJECT: Final = "humanclaw"
-API_VERSION: Final = "1.0"
+API_VERSION: Final = "1.1"
 """Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
 docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
 minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""

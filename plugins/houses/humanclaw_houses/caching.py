@@ -14,7 +14,7 @@ from humanclaw import Scene, SceneError
 from humanclaw.storage import Cache
 from humanclaw.world import pack_scene, unpack_scene
 
-CORE: Final = ("body.py", "meshes", "navigation", "pose.py", "scene.py", "tasks.py")
+CORE: Final = ("body", "records/tasks.py", "world/meshes", "world/navigation", "world/scene.py")
 """The parts of the core in which a change may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
