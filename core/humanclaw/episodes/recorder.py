@@ -1,4 +1,4 @@
-"""What is measured of an episode for its record: where the body went, what it touched, how far it still is."""
+"""The record of an episode: what it begins with, how it grows in memory and in its folder, how it ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,69 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.step import target_boxes
+from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.host import Plugins
 from humanclaw.plugins.registry import PluginInfo
+from humanclaw.records.folder import EpisodeWriter
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.records.steps import EpisodeRecord, SkillInfo
+from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
-from humanclaw.world.scene import GROUND, Scene, Vec3, distance_to_nearest
-from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState
+from humanclaw.world.scene import GROUND
+from humanclaw.world.simulator import Chunk
+
+
+class Recording:
+    """What an episode keeps: its record, its steps, its frames and its motion."""
+
+    def __init__(self, body: Body, record: EpisodeRecord, folder: Path | None) -> None:
+        """folder: where to write; None keeps nothing on disk."""
+        self.record = record
+        self.steps: list[StepRecord] = []
+        self.folder = folder
+        self._trajectory = TrajectoryBuffer(body)
+        self._writer: EpisodeWriter | None = None
+        self._drawn: dict[str, bytes] = {}
+        """Frames of replayed steps, until the world is known to do as it did."""
+
+    def open(self) -> None:
+        """Begin the folder. Not before a replay: one that fails leaves the folder as it was."""
+        if self.folder:
+            self._writer = EpisodeWriter(self.folder, self.record, self.steps)
+            for name, data in self._drawn.items():
+                self._writer.frame(name, data)
+            self._drawn.clear()
+
+    def frame(self, name: str, data: bytes) -> str:
+        """Write a frame, or hold it back until the folder is open. Returns its path relative to the folder."""
+        if self._writer:
+            return self._writer.frame(name, data)
+        self._drawn[name] = data
+        return f"frames/{name}"
+
+    def move(self, chunks: Sequence[Chunk]) -> None:
+        """Append the motion of a step."""
+        self._trajectory.add(chunks)
+
+    def keep(self, step: StepRecord, replayed: bool = False) -> None:
+        """Append a step. replayed: it is in the folder already, or will be when the folder is opened."""
+        if self._writer and not replayed:
+            self._writer.step(step)
+        self.steps.append(step)
+
+    def end(self, record: EpisodeRecord) -> None:
+        """Write the last record. An end for which there was no room may be written again."""
+        if self._writer:
+            self._writer.end(record, self._trajectory.arrays())
+        self.record = record
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the steps so far say of the episode: 'interrupted' as long as none of them ends it."""
+        if self.steps and self.steps[-1].status == "stopped":
+            return "stopped"
+        return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
 
 
 class TrajectoryBuffer:
@@ -65,7 +120,18 @@ class TrajectoryBuffer:
         return full
 
 
-# -- an episode --------------------------------------------------------------------------------------------------------
+def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
+    """Put a body at the start of an episode. Raises SceneError if the scene is not the one that the episode was made
+    for."""
+    body.reset(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
+    if spec.scene_digest and body.scene.digest != spec.scene_digest:
+        raise SceneError(
+            f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for "
+            f"{spec.scene_digest[:12]}.",
+            "Install the version of the scene's plugin that the episode was made with.",
+        )
+
+
 def begin_record(
     body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> EpisodeRecord:
@@ -130,78 +196,15 @@ def _file_digest(path: Path, changed: int, size: int) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()
 
 
-# -- a moment ----------------------------------------------------------------------------------------------------------
-def vec3(point: Array) -> Vec3:
-    """Round a point (3,) to hundredths of a millimetre."""
-    x, y, z = (round(float(value), 5) for value in point)
-    return x, y, z
-
-
-def yaw(state: WorldState) -> float:
-    """Heading of the body, radians."""
-    return float(state.body.yaw()[-1])
-
-
-def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | None:
-    """Shortest way from the pelvis to a target, metres; None if nothing measures it or there is none."""
-    metres = distance(state.body.root[-1]) if distance else float("inf")
-    return round(metres, 3) if np.isfinite(metres) else None
-
-
-def target_boxes(scene: Scene, targets: Sequence[int], state: WorldState) -> dict[int, tuple[Vec3, Vec3]]:
-    """Return the bounding box of each target where it is now, metres: most chairs can be pushed."""
-    boxes = {key: scene.aabb(key, state.objects.get(key)) for key in targets}
-    return {key: (vec3(low), vec3(high)) for key, (low, high) in boxes.items()}
-
-
-def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> float | None:
-    """From the nearest joint (pelvis, root and link origins) to the nearest target's box, as both are now, metres."""
-    if not targets:
-        return None
-    boxes = [scene.aabb(key, state.objects.get(key)) for key in targets]
-    return distance_to_nearest(state.body[-1:].joints(), boxes)
-
-
-# -- a step ------------------------------------------------------------------------------------------------------------
-def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
-    """Gather one contact a pair of joint and object, with the frames counted from the first of the step."""
-    pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
-    for start, part in _timed(chunks):
-        for contact in part.contacts:
-            pairs.setdefault((contact.joint, contact.object_id), []).append((start, contact))
-    return tuple(_gathered(found) for _, found in sorted(pairs.items(), key=lambda item: item[0]))
-
-
-def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
-    first = found[0][1]
-    return Contact(
-        tuple(sorted({start + frame for start, contact in found for frame in contact.frames})),
-        first.joint,
-        first.group,
-        first.object_id,
-        first.movable,
-        depth=round(max(contact.depth for _, contact in found), 5),
-        height=round(max(contact.height for _, contact in found), 4),
-    )
-
-
-def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
-    """List (frame of the step, object, object) where a movable object touches another."""
-    return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
-
-
-def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
-    """List the objects that the pelvis touches in the last frame."""
-    if not chunks:
-        return ()
-    last = chunks[-1].execution
-    frame = len(last.simulated) - 1
-    return tuple(sorted({c.object_id for c in last.contacts if c.joint == "pelvis" and frame in c.frames}))
-
-
-def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
-    """Yield what became of each chunk, with the frame of the step that it begins at."""
-    start = 0
-    for chunk in chunks:
-        yield start, chunk.execution
-        start += len(chunk.commanded)
+def ending(fault: BaseException | None) -> tuple[Outcome | None, str, str]:
+    """Return the outcome that a fault gives an episode, its words, and the scope of a limit; None leaves it to the
+    steps."""
+    if isinstance(fault, ProviderError):
+        return "infra_error", str(fault), ""
+    if isinstance(fault, PluginRunError):
+        return "plugin_error", str(fault), ""
+    if isinstance(fault, LimitError):
+        return "limit_reached", str(fault), fault.scope
+    if isinstance(fault, HumanclawError):
+        return "interrupted", str(fault), ""
+    return ("interrupted" if fault else None), "", ""

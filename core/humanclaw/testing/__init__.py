@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.episodes.recorder import contacts as contacts, touches as touches
+    from humanclaw.episodes.step import contacts as contacts, touches as touches
     from humanclaw.records.decisions import check as check
     from humanclaw.testing.contract import (
         Report as Report,

@@ -1,0 +1,101 @@
+"""The agent and the verifier of an episode: what they say of themselves, what they are given, what they answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from humanclaw.errors import ANSWERING, PluginError, PluginRunError, blaming, in_words
+from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
+from humanclaw.plugins.deciders import admit, is_privileged, name_of, origin, settings_of
+from humanclaw.records.decisions import Decision, Verdict
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+
+Decider = Agent | Verifier
+
+
+class Panel:
+    """Who decides in an episode, and who verifies. What breaks in their code is kept in `fault`, with their plugin.
+
+    An agent that is only a name decides elsewhere: it submits its decisions to the episode.
+    """
+
+    def __init__(self, agent: Agent | str, verifier: Verifier | None) -> None:
+        self.agent = None if isinstance(agent, str) else agent
+        self.verifier = verifier
+        self.fault: PluginRunError | None = None
+        self.refusal = ""
+        """Why one of them raised PluginError, which ends the run."""
+        # Each is asked once: what the record says is what they are given.
+        self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
+        self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
+        """Settings of agent and verifier; none of one that broke when it was asked."""
+        self.names = self._name(agent), self._name(verifier)
+        """Names of agent and verifier; the package of one whose name no record can hold."""
+
+    def _present(self) -> dict[str, Decider]:
+        pair: dict[str, Decider | None] = {"agent": self.agent, "verifier": self.verifier}
+        return {role: one for role, one in pair.items() if one is not None}
+
+    @contextmanager
+    def noting(self) -> Iterator[None]:
+        """Keep what a plugin raises while there is no record yet: it ends the episode once there is one."""
+        try:
+            yield
+        except PluginRunError as fault:
+            self.fault = self.fault or fault
+
+    def begin(self, context: EpisodeContext, told: Callable[[EpisodeContext], EpisodeContext]) -> None:
+        """Give agent and verifier their task. told: adds scene and true state, for the privileged.
+
+        Raises PluginError for one that cannot be used; what breaks is kept in `fault`.
+        """
+        for role, one in self._present().items():
+            with self.noting(), blaming(origin(one), *ANSWERING):
+                one.begin(told(context) if self.privileged[role] else context)
+
+    def decide(self, seen: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        """Return the agent's decision. Raises PluginRunError for what breaks there, a malformed decision included."""
+        assert self.agent is not None
+        with self._asking(self.agent):
+            return admit(self.agent.decide(seen, history), Decision, f"decide() of {self.names[0]} returned")
+
+    def verify(self, seen: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
+        """Return the verifier's verdict. Raises PluginRunError for what breaks there, a malformed verdict included."""
+        assert self.verifier is not None
+        with self._asking(self.verifier):
+            verdict = self.verifier.verify(seen, call, skill, goal)
+            return admit(verdict, Verdict, f"verify() of {self.names[1]} returned")
+
+    @contextmanager
+    def _asking(self, decider: Decider) -> Iterator[None]:
+        """Name the plugin of a decider in what it raises."""
+        try:
+            with blaming(origin(decider), *ANSWERING):
+                yield
+        except PluginError as fault:
+            self.refusal = f"{origin(decider)} raised {in_words(fault)}"
+            raise
+
+    def dismiss(self) -> None:
+        """Forget agent and verifier: they know the episode by their context, and the cycle would keep its house."""
+        self.agent = self.verifier = None
+
+    def _is_privileged(self, decider: Decider) -> bool:
+        with self.noting():
+            return is_privileged(decider)
+        return False
+
+    def _settings(self, decider: object) -> Mapping[str, Any]:
+        with self.noting():
+            return settings_of(decider)
+        return {}
+
+    def _name(self, decider: Decider | str | None) -> str:
+        if decider is None or isinstance(decider, str):
+            return decider or ""
+        with self.noting():
+            return name_of(decider)
+        return origin(decider)

@@ -1,0 +1,182 @@
+"""The step under way: what was seen and submitted since the last one, and how long it took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from humanclaw.body.pose import Array
+from humanclaw.episodes.embodiment import SkillExecution
+from humanclaw.records.decisions import Attempt, Verdict
+from humanclaw.records.steps import StepRecord
+from humanclaw.skills.call import Call
+from humanclaw.world.scene import Scene, Vec3, distance_to_nearest
+from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState
+from humanclaw.world.view import View
+
+
+@dataclass
+class Step:
+    """A step from its first view to its record."""
+
+    number: int
+    attempts: list[Attempt] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    view: View | None = None
+    """What the decision is made from; drawn once."""
+    frame_file: str = ""
+    asked: float | None = None
+    """When the open question was put; None if none is open."""
+
+    def ask(self) -> None:
+        """Start the clock of a question."""
+        self.asked = time.perf_counter()
+
+    def answered(self, part: str) -> None:
+        """Enter how long the open question took, if one is open."""
+        if self.asked is not None:
+            self._add(part, time.perf_counter() - self.asked)
+            self.asked = None
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """Enter how long the block took."""
+        began = time.perf_counter()
+        yield
+        self._add(part, time.perf_counter() - began)
+
+    def _add(self, part: str, seconds: float) -> None:
+        self.seconds[part] = self.seconds.get(part, 0.0) + seconds
+
+    def record(
+        self,
+        view: View,
+        scene: Scene,
+        targets: Sequence[int],
+        before: WorldState,
+        after: WorldState,
+        *,
+        call: Call | None,
+        stops: bool,
+        verdict: Verdict | None,
+        done: SkillExecution | None,
+        resting: tuple[int, ...],
+        geodesic: float | None,
+    ) -> StepRecord:
+        """Return the record of the step.
+
+        Args:
+            view: what the decision was made from.
+            call: the call that was carried out; None if there was none. stops: whether it is an active stop.
+            done: the motion that it led to; None without motion.
+            resting: what the pelvis touched when the last motion ended.
+            geodesic: the shortest way that is left to a target, metres.
+        """
+        chunks = done.chunks if done else ()
+        return StepRecord(
+            step=self.number,
+            status=("stopped" if stops else "executed") if call else "invalid",
+            attempts=tuple(self.attempts),
+            verdict=verdict,
+            call=call,
+            proprioception=done.proprioception if done else None,
+            tactile=done.tactile if done else None,
+            target_pixels={key: int((view.ids == key).sum()) for key in targets},
+            frame_file=self.frame_file,
+            motion_frames=sum(len(chunk.commanded) for chunk in chunks),
+            parts=done.parts if done else (),
+            cancelled=done.cancelled if done else False,
+            waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
+            start=vec3(before.body.root[-1]),
+            end=vec3(after.body.root[-1]),
+            yaw_start=yaw(before),
+            yaw_end=yaw(after),
+            contacts=contacts(chunks),
+            touches=touches(chunks),
+            targets=target_boxes(scene, targets, after),
+            target_distance=target_distance(scene, targets, after),
+            pelvis_contacts=pelvis_contacts(chunks) if chunks else resting,
+            geodesic=geodesic,
+            seconds={part: round(seconds, 4) for part, seconds in self.seconds.items()},
+        )
+
+
+# -- a moment ----------------------------------------------------------------------------------------------------------
+def vec3(point: Array) -> Vec3:
+    """Round a point (3,) to hundredths of a millimetre."""
+    x, y, z = (round(float(value), 5) for value in point)
+    return x, y, z
+
+
+def yaw(state: WorldState) -> float:
+    """Heading of the body, radians."""
+    return float(state.body.yaw()[-1])
+
+
+def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | None:
+    """Shortest way from the pelvis to a target, metres; None if nothing measures it or there is none."""
+    metres = distance(state.body.root[-1]) if distance else float("inf")
+    return round(metres, 3) if np.isfinite(metres) else None
+
+
+def target_boxes(scene: Scene, targets: Sequence[int], state: WorldState) -> dict[int, tuple[Vec3, Vec3]]:
+    """Return the bounding box of each target where it is now, metres: most chairs can be pushed."""
+    boxes = {key: scene.aabb(key, state.objects.get(key)) for key in targets}
+    return {key: (vec3(low), vec3(high)) for key, (low, high) in boxes.items()}
+
+
+def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> float | None:
+    """From the nearest joint (pelvis, root and link origins) to the nearest target's box, as both are now, metres."""
+    if not targets:
+        return None
+    boxes = [scene.aabb(key, state.objects.get(key)) for key in targets]
+    return distance_to_nearest(state.body[-1:].joints(), boxes)
+
+
+# -- a step ------------------------------------------------------------------------------------------------------------
+def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
+    """Gather one contact a pair of joint and object, with the frames counted from the first of the step."""
+    pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
+    for start, part in _timed(chunks):
+        for contact in part.contacts:
+            pairs.setdefault((contact.joint, contact.object_id), []).append((start, contact))
+    return tuple(_gathered(found) for _, found in sorted(pairs.items(), key=lambda item: item[0]))
+
+
+def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
+    first = found[0][1]
+    return Contact(
+        tuple(sorted({start + frame for start, contact in found for frame in contact.frames})),
+        first.joint,
+        first.group,
+        first.object_id,
+        first.movable,
+        depth=round(max(contact.depth for _, contact in found), 5),
+        height=round(max(contact.height for _, contact in found), 4),
+    )
+
+
+def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
+    """List (frame of the step, object, object) where a movable object touches another."""
+    return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
+
+
+def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
+    """List the objects that the pelvis touches in the last frame."""
+    if not chunks:
+        return ()
+    last = chunks[-1].execution
+    frame = len(last.simulated) - 1
+    return tuple(sorted({c.object_id for c in last.contacts if c.joint == "pelvis" and frame in c.frames}))
+
+
+def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
+    """Yield what became of each chunk, with the frame of the step that it begins at."""
+    start = 0
+    for chunk in chunks:
+        yield start, chunk.execution
+        start += len(chunk.commanded)
