@@ -11,7 +11,8 @@ from humanclaw.cli.physics import physics
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
-from humanclaw.testing.physics import Finding, skill_with, table
+from humanclaw.testing.fixture import Finding, skill_with
+from humanclaw.testing.laws import table
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import Quartiles, crowded, resident
 from humanclaw.world.half_physics.swing import swings

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.cli.group import Commands as Commands, build as build, main as main
-    from humanclaw.cli.lazy_command import LazyCommand as LazyCommand
+    from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
     from humanclaw.cli.options import (
         Deciders as Deciders,
         check_options as check_options,

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import errno
 import logging
+import pkgutil
 import sys
 from collections.abc import Callable, Sequence
 from io import TextIOWrapper
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
+from rich.console import Console
 
-from humanclaw.errors import HumanclawError
+from humanclaw.cli.options import Deciders, decider_options, plugin_options
+from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
 from humanclaw.text.words import nearest
 
@@ -99,10 +103,56 @@ def _home(command: click.Command) -> str:
     return getattr(command.callback, "__module__", "").partition(".")[0] or "a group"
 
 
+class LazyCommand(click.Command):
+    """A command that is loaded when it is called: listing the commands costs nothing that only calling them needs.
+
+    target: module:name of the command. sentence: what the list says of it.
+    """
+
+    def __init__(self, name: str, target: str, sentence: str) -> None:
+        super().__init__(name, help=sentence)
+        self.target = target
+
+    def load(self) -> click.Command:
+        """Return the command itself. Raises PluginError if its module cannot be imported, or holds no such command."""
+        try:
+            command = pkgutil.resolve_name(self.target)
+        except Exception as error:  # A plugin is code of somebody else.
+            told = f"command {self.name!r} cannot be loaded from {self.target}: {type(error).__name__}: {error}."
+            raise PluginError(told) from error
+        if not isinstance(command, click.Command):
+            raise PluginError(f"{self.target} is no command: it is of type {type(command).__name__}.")
+        return command
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        return self.load().make_context(info_name, args, parent, **extra)
+
+
+@click.command()
+@click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
+@click.option("--scene", "reference", default="house:0", show_default=True, help="Where: source:argument.")
+@decider_options
+@click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
+@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
+@click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
+@plugin_options
+def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
+    """Give a body an instruction and watch it act."""
+    console = Console(markup=False, emoji=False, highlight=False)  # What is told is somebody's own words, or a path.
+    console.print(f'{deciders.agent} in {reference}: "{instruction}"', soft_wrap=True)
+    with console.status("Loading the plugins") as status:
+        # What an episode needs takes a second to import; whoever typed the command has been answered by then.
+        from humanclaw.cli.play import play
+
+        play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
+
+
 def build(plugins: Callable[[], Plugins]) -> click.Group:
     """Return the command group with `run` and, once they are asked for, the commands of the plugins, the core's among
     them."""
-    from humanclaw.cli.run import run
 
     @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
     @click.version_option(package_name="humanclaw", prog_name="humanclaw")

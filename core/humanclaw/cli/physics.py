@@ -58,7 +58,8 @@ def physics(
 
     CHECKS: some of them; all without.
     """
-    from humanclaw.testing.physics import CHECKS, Fixture, table, ticks
+    from humanclaw.testing.fixture import Fixture
+    from humanclaw.testing.laws import CHECKS, table, ticks
 
     fixture = Fixture.of(simulator, profile, samples=samples, chunks=chunks, seed=seed)
     names, findings = checks or _CHECKS, []
@@ -83,7 +84,7 @@ def physics(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int, as_json: bool) -> None:
     """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
-    from humanclaw.testing.physics import Fixture
+    from humanclaw.testing.fixture import Fixture
     from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
 
     fixture = Fixture.of(simulator, profile)

@@ -13,6 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from humanclaw.errors import blaming
 from humanclaw.records.decisions import recordable
 from humanclaw.records.specification import Name
+from humanclaw.text.json import first_fault
 
 T = TypeVar("T")
 _SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
@@ -85,8 +86,6 @@ def _typed(value: object, kind: type[T], whose: str) -> T:
     try:
         read: T = _reader(kind).validate_python(value, strict=True)  # type: ignore[arg-type]
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = "".join(f"{part}." for part in first["loc"]).rstrip(".")
-        told = f"{where}: {first['msg']}" if where else first["msg"]
-        raise TypeError(f"{whose}{told}; got {reprlib.repr(first['input'])}") from None
+        came = error.errors(include_url=False)[0]["input"]
+        raise TypeError(f"{whose}{first_fault(error)}; got {reprlib.repr(came)}") from None
     return read

@@ -21,6 +21,7 @@ from humanclaw.errors import RecordError
 from humanclaw.records.folder import AGAIN, read_file
 from humanclaw.records.steps import EpisodeRecord, StepRecord, seal_of
 from humanclaw.storage.files import within
+from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
 
@@ -151,7 +152,7 @@ def _read_record(path: Path) -> EpisodeRecord:
         data = read_file(path)
         record = EpisodeRecord.model_validate_json(data)
     except ValidationError as error:
-        raise RecordError(f"{path}{_where(error)} is no record: {_told(error)}.", AGAIN) from error
+        raise RecordError(f"{path}{_where(error)} is no record: {first_fault(error)}.", AGAIN) from error
     if record.seal and seal_of(data) != record.seal:
         raise RecordError(f"{path} has been changed since it was written.", AGAIN)
     return record
@@ -220,7 +221,7 @@ def _parse(line: bytes, where: str) -> StepRecord:
     try:
         return StepRecord.model_validate_json(line)
     except ValidationError as error:
-        raise RecordError(f"{where} holds a line that is not a step: {_told(error)}.", AGAIN) from error
+        raise RecordError(f"{where} holds a line that is not a step: {first_fault(error)}.", AGAIN) from error
 
 
 def _refuse_infinite(line: bytes, where: str) -> None:
@@ -231,12 +232,6 @@ def _refuse_infinite(line: bytes, where: str) -> None:
 
     with suppress(ValueError):
         json.loads(line, parse_constant=refuse)
-
-
-def _told(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    where = ".".join(map(str, first["loc"]))
-    return f"{where}: {first['msg']}" if where else first["msg"]
 
 
 def _where(error: ValidationError) -> str:

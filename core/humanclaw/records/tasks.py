@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from humanclaw.errors import HumanclawError
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.storage.files import write_atomically
-from humanclaw.text.json import once
+from humanclaw.text.json import first_fault, once
 from humanclaw.world.scene import Scene
 
 SEATS: Final = ("bed", "couch", "toilet")
@@ -98,7 +98,7 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
         spec = EpisodeSpec.model_validate_json(line)
         json.loads(line, object_pairs_hook=once)
     except ValidationError as error:
-        raise HumanclawError(f"{where} is no episode: {error.errors()[0]['msg']}.", "Make the file again.") from error
+        raise HumanclawError(f"{where} is no episode: {first_fault(error)}.", "Make the file again.") from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
     return spec

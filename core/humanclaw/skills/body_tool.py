@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from humanclaw.skills.publishing import Json
+from humanclaw.storage.pictures import data_url, in_base64
 
 LOOK: Final = "look"
 """Name of the tool that sees and does not move."""
@@ -24,12 +24,12 @@ class ToolResult:
     @property
     def base64(self) -> str:
         """The picture in base64; empty if there is none."""
-        return base64.b64encode(self.picture).decode()
+        return in_base64(self.picture)
 
     @property
     def data_url(self) -> str:
         """The picture as a data URL; empty if there is none."""
-        return f"data:image/jpeg;base64,{self.base64}" if self.picture else ""
+        return data_url(self.picture) if self.picture else ""
 
 
 @dataclass(frozen=True)

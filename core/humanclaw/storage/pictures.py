@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,3 +29,13 @@ def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:
     palette = Image.fromarray(np.concatenate(samples)).quantize(200)
     few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     few[0].save(out, save_all=True, append_images=few[1:], duration=round(1000 / fps), loop=0, optimize=True)
+
+
+def data_url(data: bytes) -> str:
+    """Write a JPEG as a data URL, as web pages and models' interfaces take it."""
+    return f"data:image/jpeg;base64,{in_base64(data)}"
+
+
+def in_base64(data: bytes) -> str:
+    """Write bytes as text."""
+    return base64.b64encode(data).decode()

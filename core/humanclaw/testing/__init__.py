@@ -7,24 +7,20 @@ from humanclaw.doors import door
 if TYPE_CHECKING:
     from humanclaw.episodes.step import contacts as contacts, touches as touches
     from humanclaw.records.decisions import check as check
-    from humanclaw.testing.contract import (
-        Report as Report,
-        check_skill as check_skill,
-        check_target as check_target,
-        examine as examine,
-    )
+    from humanclaw.testing.examining import Report as Report, check_skill as check_skill, examine as examine
     from humanclaw.testing.fakes import (
         FakeGenerator as FakeGenerator,
         FakeModel as FakeModel,
         FakeRenderer as FakeRenderer,
         FakeWorld as FakeWorld,
+        ScriptedAgent as ScriptedAgent,
         fake_body as fake_body,
         fake_scene as fake_scene,
     )
     from humanclaw.testing.sampling import corners as corners, legal_calls as legal_calls
     from humanclaw.testing.scenes import SceneBuilder as SceneBuilder
-    from humanclaw.testing.scripted import ScriptedAgent as ScriptedAgent
     from humanclaw.testing.simulators import SimulatorConformance as SimulatorConformance
     from humanclaw.testing.speed import reset_times as reset_times, resident as resident
+    from humanclaw.testing.targets import check_target as check_target
 
 __getattr__, __dir__, __all__ = door(__name__)

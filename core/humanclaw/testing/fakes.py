@@ -6,7 +6,7 @@ with fake_body(nod) as body:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +16,7 @@ import numpy as np
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
+from humanclaw.errors import ProviderError
 from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
 from humanclaw.plugins.hookspecs import Register, RegisterMeasure, RegisterSkill, hookimpl
 from humanclaw.plugins.host import Plugins
@@ -110,6 +111,32 @@ class FakeModel:
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         return Decision((self._script[len(history) % len(self._script)],)) if self._script else Decision()
+
+
+Line = Decision | Call | Exception
+
+
+class ScriptedAgent:
+    """Answers with the next line of a script: a decision, a call, or an exception to raise. `heard` keeps what it was
+    told."""
+
+    name = "scripted"
+    privileged = False
+
+    def __init__(self, script: Iterable[Line]) -> None:
+        self._script: Iterator[Line] = iter(script)
+        self.heard: list[Observation] = []
+        self.context: EpisodeContext | None = None
+
+    def begin(self, context: EpisodeContext) -> None:
+        self.context = context
+
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        self.heard.append(observation)
+        line = next(self._script, ProviderError("the script has ended"))
+        if isinstance(line, Exception):
+            raise line
+        return Decision((line,)) if isinstance(line, Call) else line
 
 
 @dataclass(eq=False)

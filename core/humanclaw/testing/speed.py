@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, re_rooted
-from humanclaw.testing.physics import FORWARD, TURN, Fixture, Tick
+from humanclaw.testing.fixture import FORWARD, TURN, Fixture, Tick
 from humanclaw.world.scene import Scene, SceneObject
 from humanclaw.world.simulator import Simulator
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 STRICT: Final = {"extra": "forbid", "ser_json_inf_nan": "strings"}
 """For pydantic, which reads these classes from records: an unknown field is an error, and what is no number is written
@@ -27,3 +30,10 @@ def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
             raise KeyError(key)
         values[key] = value
     return values
+
+
+def first_fault(error: ValidationError) -> str:
+    """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ..."."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, first["loc"]))
+    return f"{where}: {first['msg']}" if where else first["msg"]

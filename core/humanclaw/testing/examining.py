@@ -1,0 +1,257 @@
+"""Examine a skill: every check of the contract, then its calls, its plans and its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.body.pose import FPS, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
+from humanclaw.body.skeleton import JOINTS
+from humanclaw.episodes.embodiment import untrained
+from humanclaw.errors import CallError, ContractError, in_words
+from humanclaw.plugins.bounded import Bounded
+from humanclaw.plugins.host import Plugins
+from humanclaw.skills.adapter_checks import adapter_header, ranges, within
+from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import MEASURES, Measure
+from humanclaw.skills.plan import Control, Keyframes, MotionError, parts
+from humanclaw.testing.playing import Bench, Faults, motion_faults
+from humanclaw.testing.sampling import illegal_calls, legal_calls
+
+SPEED_LIMIT: Final = 1500.0
+"""Degrees a second: about what the knee of a kick and the elbow of a throw reach."""
+_LIMITS: Final = {
+    "spine": 60, "hip": 135, "knee": 160, "ankle": 70, "foot": 70, "neck": 80, "collar": 60, "head": 85,
+    "shoulder": 180, "elbow": 160, "wrist": 100, "hand": 80,
+}  # fmt: skip
+"""Degrees that a joint can turn from the standing pose, about any axis; a shoulder turns as far as there is."""
+_KNEE_BACK: Final = 20.0
+"""Degrees that a knee bends the wrong way."""
+_UNCALLABLE: Final = frozenset(
+    {"loads", "schema-file", "schema-object", "schema-valid", "references", "properties", "types", "bounds-order",
+     "bounds-finite", "choices", "required-declared", "defaults-given", "defaults-legal"}
+)  # fmt: skip
+"""What leaves nobody a legal call."""
+PATIENCE: Final = 10.0
+"""Seconds that planning one call may take: as long as a call lasts at most."""
+PLAYING: Final = 120.0
+"""Seconds that one world may take to play one call, also on a machine that does much besides."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a check of one skill found. It passes if there are no faults."""
+
+    skill: str
+    faults: tuple[ContractError, ...]
+    calls: int = 0
+    """Legal calls that were played."""
+    engines: tuple[str, ...] = ()
+    """Simulators that played them, beside the fake one."""
+    notes: tuple[str, ...] = ()
+    """What could not be checked, and why."""
+
+    @property
+    def passed(self) -> bool:
+        return not self.faults
+
+
+def check_skill(
+    skill: Skill | Path,
+    measures: Mapping[str, Measure] = MEASURES,
+    *,
+    engines: Sequence[str] | None = None,
+    samples: int = 3,
+    seed: int = 0,
+    trained: bool = False,
+) -> Skill:
+    """Hold a skill, or a skill folder, to every named check, as `humanclaw check` does.
+
+    Args:
+        measures: what its parameters may command; Plugins.measures has those of plugins too.
+        engines: simulators that play it beside the fake one; None for each that is installed.
+        samples: calls to play besides those at the bounds.
+        trained: insist on an adapter; a skill that is still to be trained is else held to what it says of itself.
+
+    Raises AssertionError that tells of all problems, each with its check and remedy; returns the skill.
+    """
+    report = examine(skill, measures, engines=engines, samples=samples, seed=seed)
+    faults = [fault for fault in report.faults if trained or fault.check != "adapter-there"]
+    assert not faults, "\n".join(f"{fault.check}: {fault}" for fault in faults)
+    return Skill.from_folder(skill) if isinstance(skill, Path) else skill
+
+
+def examine(
+    skill: Skill | Path,
+    measures: Mapping[str, Measure] = MEASURES,
+    *,
+    engines: Sequence[str] | None = None,
+    samples: int = 3,
+    seed: int = 0,
+    plugins: Plugins | None = None,
+    patience: float = PATIENCE,
+    playing: float = PLAYING,
+) -> Report:
+    """Report on a skill as check_skill does, and raise nothing. patience, playing: seconds that planning a call and
+    playing it may take."""
+    if plugins is None:
+        plugins = Plugins() if engines == () else Plugins.discover()
+    bench = Bench(plugins, measures, engines, samples, seed, Bounded(patience), Bounded(playing))
+    if isinstance(skill, Skill):
+        return _examined(skill, bench, ())
+    draft, unreadable = read_draft(skill)
+    return _examined(draft, bench, unreadable) if draft else Report(skill.name, unreadable)
+
+
+def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -> Report:
+    said = (*unreadable, *skill_faults(skill, bench.measures, bench.base, formats=True))
+    if skill.adapter and not skill.adapter.is_file():
+        missing = untrained(skill)
+        said += (ContractError("adapter-there", missing.message, missing.remedy),)
+    if {fault.check for fault in said} & _UNCALLABLE:
+        return Report(skill.name, said)
+    calls = [*_distinct(legal_calls(skill, bench.samples, bench.seed))]
+    called = (*_refusal_faults(skill), *_plan_faults(skill, calls, bench))
+    if any(fault.check not in _ELSEWHERE for fault in (*said, *called)):
+        return Report(skill.name, _once((*said, *called)), notes=tuple(_untold(skill)))
+    played, engines, notes = motion_faults(skill, calls, bench)
+    return Report(skill.name, _once((*said, *called, *played)), len(calls), engines, (*_untold(skill), *notes))
+
+
+_ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))
+"""Checks that a skill may fail and still be played."""
+
+
+def _once(faults: Sequence[ContractError]) -> tuple[ContractError, ...]:
+    """Return the first fault of each check and message: a skill that breaks at its minimum breaks at its maximum
+    too."""
+    return tuple({(fault.check, fault.message): fault for fault in reversed(faults)}.values())[::-1]
+
+
+def _distinct(calls: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    seen: list[dict[str, Any]] = []
+    for call in calls:
+        if call not in seen:
+            seen.append(call)
+            yield call
+
+
+def _untold(skill: Skill) -> Iterator[str]:
+    """Yield what an adapter's header leaves open."""
+    if skill.adapter and skill.adapter.is_file() and len(skill.parameters) > 1:
+        header, _ = adapter_header(skill.adapter, "")
+        if header and not header["adapter"].get("measures"):
+            yield "its adapter's header names no measures: two parameters of one unit exchanged would not be found"
+
+
+# -- calls and plans ---------------------------------------------------------------------------------------------------
+def _refusal_faults(skill: Skill) -> Faults:
+    for check, params in illegal_calls(skill):
+        try:
+            skill.check(params)
+        except CallError:
+            continue
+        except Exception as error:
+            yield ContractError(check, f"{params} raises {type(error).__name__}: {error}.", "Mend the schema.")
+            continue
+        if check != "refuses-unknown" or skill.schema.get("additionalProperties") is False:
+            message = f"skill {skill.name!r} takes {params}."
+            yield ContractError(check, message, "Say type and bounds of each parameter in the schema.")
+
+
+def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
+    found: dict[str, ContractError] = {}
+    for params in calls:
+        for fault in _call_faults(skill, params, bench):
+            found.setdefault(fault.check, fault)
+    yield from found.values()
+
+
+def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Faults:
+    """Yield what is wrong with one legal call."""
+    call = f"{skill.name}({', '.join(f'{key}={value}' for key, value in params.items())})"
+    try:
+        checked = skill.check(params)
+    except CallError as error:
+        message = f"the schema of skill {skill.name!r} refuses a call at its own bounds: {error}"
+        yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
+        return
+    try:
+        plan, again = (bench.ask(lambda: parts(skill.plan(checked))) for _ in range(2))
+    except MotionError as error:
+        yield ContractError(error.check, f"{call}: {error}.", _REMEDIES.get(error.check, "Mend the keyframes."))
+        return
+    except (Exception, SystemExit) as error:
+        message = f"{call} raises {in_words(error)}."
+        yield ContractError("plan-runs", message, "Bound its parameters so that every legal call can be planned.")
+        return
+    if repr(plan) != repr(again):  # Keys may be arrays, which are not simply equal.
+        message = f"{call} is planned otherwise the second time."
+        yield ContractError("plan-repeats", message, "Plan from the parameters alone: no clock, no random numbers.")
+    pose = rest_pose(HISTORY)
+    for part in plan:
+        if isinstance(part, Keyframes):
+            yield from _pose_faults(part, call, pose)
+        elif part.adapter != skill.adapter:  # Its own is held to its schema already.
+            yield from _control_faults(part, call, bench)
+
+
+_REMEDIES: Final = {
+    "duration": "Bound the parameters that set how long it lasts.",
+    "plan-kind": "Return a Control, Keyframes, or a list of them.",
+    "control-adapter": "Name the adapter of a skill that is trained.",
+    "control-values": "Give one value for each parameter that the adapter's header names.",
+    "control-finite": "Command finite numbers: metres and radians.",
+    "keyframes-joints": "Name a joint of the body.",
+    "keyframes-times": "Begin at 0 and increase, with one key a time.",
+    "keyframes-finite": "Give three finite numbers a key, radians.",
+}
+
+
+def _control_faults(part: Control, call: str, bench: Bench) -> Faults:
+    header, faults = adapter_header(part.adapter, "Name the adapter of a skill that is trained.", bench.base)
+    for fault in faults:
+        yield ContractError("control-adapter", f"{call}: {fault.message}", fault.remedy)
+    if not header:
+        return
+    trained = ranges(header)
+    if set(part.values) != set(trained):
+        message = f"{call} commands {', '.join(part.values) or 'nothing'}; its adapter takes "
+        remedy = "Give one value for each parameter that the adapter's header names."
+        yield ContractError("control-values", f"{message}{', '.join(trained) or 'nothing'}.", remedy)
+        return
+    for name, value in part.values.items():
+        if not within(value, *trained[name]):
+            centre, scale = trained[name]
+            message = f"{call} commands {name}={value:.3g}; its adapter was trained on "
+            remedy = "Command what lies in it: metres and radians."
+            yield ContractError("control-range", f"{message}{centre - scale:.3g} to {centre + scale:.3g}.", remedy)
+
+
+def _pose_faults(part: Keyframes, call: str, pose: Motion) -> Faults:
+    motion = part.over(pose)
+    angles = np.degrees(np.linalg.norm(motion.rotations - pose.rotations[-1], axis=-1))
+    for index, joint in enumerate(JOINTS[1:], 1):
+        limit = next(most for kind, most in _LIMITS.items() if kind in joint)
+        back = -np.degrees(motion.rotations[:, index, 0].min()) if "knee" in joint else 0.0
+        if angles[:, index].max() > limit or back > _KNEE_BACK:
+            most = f"{limit} degrees" if back <= _KNEE_BACK else f"{_KNEE_BACK:g} degrees backwards"
+            message = f"{call} turns {joint} by {max(angles[:, index].max(), back):.0f} degrees; it turns by {most}."
+            yield ContractError("joint-limits", message, "Turn it less.")
+    speeds = _speeds(pose[-1:].then(motion))
+    fastest = int(speeds.max(0).argmax())
+    if speeds.max() > SPEED_LIMIT:
+        message = f"{call} turns {JOINTS[fastest]} by {speeds.max():.0f} degrees a second; bodies stay below"
+        yield ContractError("joint-speed", f"{message} {SPEED_LIMIT:g}.", "Give it more time.")
+
+
+def _speeds(motion: Motion) -> Array:
+    """(T - 1, 24) degrees a second of every joint."""
+    turned = matrix_from_vector(motion.rotations)
+    steps = vector_from_matrix(turned[:-1].swapaxes(-1, -2) @ turned[1:])
+    return np.asarray(np.degrees(np.linalg.norm(steps, axis=-1)) * FPS)

@@ -1,0 +1,189 @@
+"""Where the laws of half-physics are measured: a simulator, a generator, and commands carried out on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import HISTORY, Array, Motion, re_rooted
+from humanclaw.episodes.backends import default_simulator
+from humanclaw.episodes.embodiment import stand
+from humanclaw.errors import HumanclawError
+from humanclaw.motion.generator import MotionGenerator
+from humanclaw.plugins.host import Plugins
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import from_si
+from humanclaw.skills.plan import Control
+from humanclaw.world.half_physics.profile import Profile, find_profile
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Execution, Simulator
+
+GRAVITY: Final = 9.81
+Command = Mapping[str, float]
+"""What a chunk is to do: measure to its value, metres or radians."""
+Tick = Callable[[], object]
+FORWARD, TURN, RISE, DROP, HEIGHT = "hips.forward", "heading.left", "hips.rise", "hips.drop", "hips.height"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A measured number and the bounds that the check sets it."""
+
+    check: str
+    measure: str
+    value: float
+    unit: str
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def holds(self) -> bool:
+        return bool(self.low <= self.value <= self.high)
+
+
+@dataclass(frozen=True)
+class Played:
+    """What was commanded and what became of it, chunk after chunk, world frame."""
+
+    start: Array
+    """(3,) root before the first chunk."""
+    commanded: tuple[Motion, ...]
+    executions: tuple[Execution, ...]
+    objects: dict[int, Array]
+    """Movable object id to (7,) at the end."""
+
+    @property
+    def simulated(self) -> Motion:
+        parts = [execution.simulated for execution in self.executions]
+        return Motion(np.concatenate([p.root for p in parts]), np.concatenate([p.rotations for p in parts]))
+
+    def achieved(self) -> Array:
+        """Return (3,) displacement of the root, as a share of the displacement that was commanded chunk by chunk."""
+        ends = np.stack([self.start, *(execution.simulated.root[-1] for execution in self.executions)])
+        asked = np.stack([motion.root[-1] for motion in self.commanded]) - ends[:-1]
+        return np.asarray((ends[-1] - ends[0]) / asked.sum(axis=0))
+
+    def path(self, object_id: int, begin: Array, above: float = 0.0) -> Array:
+        """Return (frames + 1, 3) where the point that high above the base of an upright movable object was, from where
+        it began."""
+        places = self.places(object_id, np.array([*begin, 0.0, 0.0, 0.0, 1.0]))
+        return np.asarray(places[:, :3] + above * _upward(places[:, 3:]))
+
+    def places(self, object_id: int, begin: Array) -> Array:
+        """Return (frames + 1, 7) where a movable object was, from where it began."""
+        rows = [begin[None]]
+        for execution in self.executions:
+            still = np.repeat(rows[-1][-1:], len(execution.simulated), axis=0)
+            rows.append(execution.objects.get(object_id, still))
+        return np.concatenate(rows)
+
+    def depths(self, object_id: int) -> Array:
+        """Measure how deep links were in an object, metres, in every frame in which they touched it."""
+        return np.array([c.depth for e in self.executions for c in e.contacts if c.object_id == object_id])
+
+
+@dataclass
+class Fixture:
+    """Where checks are measured. samples: of random walls; chunks: of random commands."""
+
+    make: Callable[[Profile], Simulator]
+    """The simulator under test, as a plugin's factory makes it."""
+    profile: Profile
+    samples: int = 200
+    chunks: int = 10_000
+    seed: int = 0
+    plugins: Plugins = field(default_factory=Plugins.discover)
+
+    def __post_init__(self) -> None:
+        self._generator: MotionGenerator = self.plugins.make("motion_generators", "dit")
+
+    @classmethod
+    def of(cls, simulator: str, profile: str = "default", **numbers: int) -> Fixture:
+        """Return a fixture of an installed simulator.
+
+        Empty: the default one. Raises HumanclawError for unknown names.
+        """
+        plugins = Plugins.discover()
+        simulator = simulator or default_simulator(plugins)
+        return cls(
+            lambda chosen: plugins.make("simulators", simulator, profile=chosen),
+            find_profile(profile), plugins=plugins, **numbers,
+        )  # fmt: skip
+
+    def simulator(self) -> Simulator:
+        """Return a simulator of the fixture's profile."""
+        return self.make(self.profile)
+
+    def stand(self, simulator: Simulator, scene: Scene) -> Motion:
+        """Put the body on a scene's start; returns the history of its first motion, (5,) frames."""
+        return stand(simulator, self._generator, scene, scene.start)
+
+    def generate(self, history: Motion, command: Command, number: int) -> Motion:
+        """15 frames of the skill that commands these measures."""
+        skill, keys = skill_with(self.plugins, *command)
+        plan = skill.plan(skill.check({keys[measure]: _written(keys[measure], x) for measure, x in command.items()}))
+        if not isinstance(plan, Control):
+            raise HumanclawError(f"the checks are measured with motion that is generated, and {skill.name} is not.")
+        return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
+
+    def perform(self, scene: Scene, commands: Sequence[Command], profile: Profile | None = None) -> Played:
+        """Let a body that stands on the scene's start carry out some commands."""
+        simulator = self.make(profile or self.profile)
+        history = self.stand(simulator, scene)
+        start, commanded, executions = history.root[-1], [], []
+        for number, command in enumerate(commands):
+            motion = self.generate(history, command, number)
+            execution = simulator.execute(motion)
+            history = re_rooted(history.then(motion)[-HISTORY:], execution.simulated)
+            commanded.append(motion)
+            executions.append(execution)
+        objects = dict(simulator.state().objects)
+        simulator.close()
+        return Played(start, tuple(commanded), tuple(executions), objects)
+
+    def imagine(self, commands: Sequence[Command]) -> Motion:
+        """Return the same commands as pure kinematics: generated motion played back, and no world."""
+        motion = self._generator.start()
+        for number, command in enumerate(commands):
+            motion = motion.then(self.generate(motion[-HISTORY:], command, number))
+        return motion
+
+
+def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
+    """Return the installed skill whose parameters command these measures, the fewest others beside them; and measure to
+    parameter.
+
+    Raises HumanclawError if there is none.
+    """
+    found = {name: _commands(skill) for name, skill in sorted(plugins.skills.items())}
+    able = [name for name, keys in found.items() if set(measures) <= set(keys)]
+    if not able:
+        raise HumanclawError(
+            f"no installed skill commands {' and '.join(measures)}.", "Install the skills of HumanCLAW."
+        )
+    name = min(able, key=lambda name: len(found[name]))
+    return plugins.skill(name), found[name]
+
+
+def _commands(skill: Skill) -> Mapping[str, str]:
+    """Measure to the parameter that commands it."""
+    return {one.measure: one.key for one in skill.parameters if one.measure}
+
+
+def _written(key: str, value: float) -> int:
+    """Metres or radians in the unit of a parameter, which is an integer."""
+    return round(from_si(key, value))
+
+
+def _upward(quaternions: Array) -> Array:
+    """(N, 4) x, y, z, w to (N, 3) where the vertical of each points."""
+    x, y, z, w = quaternions.T
+    return np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1)
+
+
+def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:
+    """So many half seconds of walking, each so far, turning so many radians."""
+    return [{FORWARD: metres, TURN: turn}] * count

@@ -1,0 +1,246 @@
+"""What half-physics does to objects, as tests: they are pushed, block, carry, fall, and doors open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from humanclaw.body.pose import (
+    FPS,
+    matrix_from_quaternion,
+    rest_pose,
+    vector_from_quaternion,
+)
+from humanclaw.errors import SceneError
+from humanclaw.testing.body_conformance import BodyConformance
+from humanclaw.testing.motions import gait, glide
+from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
+
+
+class ObjectConformance(BodyConformance):
+    """Tests of objects that a body meets."""
+
+    @pytest.mark.parametrize(("mass", "low", "high"), [(5.0, 1.0, 2.5), (60.0, 0.5, 1.6), (300.0, -0.01, 0.01)])
+    def test_mass_counts_and_nobody_pushes_with_more_than_a_person_can(
+        self, mass: float, low: float, high: float
+    ) -> None:
+        """Gliding 1.8 m at a box that begins 35 cm ahead; friction holds 60 kg with 147 N and 300 kg with 736 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.4, 0.8, 0.4), (0, 0, 0.55), movable=True, mass=mass)
+        played = self.play(builder.scene(), glide(0.0, 1.2, 45))
+        way = played.paths[box][:, 2]
+        assert low < way[-1] - way[0] < high
+        assert mass * np.diff(way, 2).max() * FPS**2 < 600
+
+    def test_a_body_that_pushes_what_it_cannot_move_stands_before_it_and_not_in_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.8, 1.2, 0.8), (0, 0, 0.75), movable=True, mass=1000.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[-1, 2] < 0.35
+        assert max(contact.depth for contact in played.touched(box)) < 0.015
+
+    def test_a_light_thing_on_one_that_nobody_could_push_is_pushed(self) -> None:
+        """A chest that stands out over the edge of a table of 300 kg, which friction holds with 736 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        table = builder.box("table", (1.2, 0.8, 0.5), (0, 0, 1.0), movable=True, mass=300.0)
+        chest = builder.box("chest", (0.3, 0.4, 0.8), (0, 0.8, 0.8), movable=True, mass=3.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 45))
+        assert played.paths[chest][-1, 2] - 0.8 > 0.1
+        assert np.abs(played.paths[table][-1, :3] - [0, 0, 1.0]).max() < 0.01
+
+    def test_a_light_thing_beside_one_that_nobody_could_push_is_pushed(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        cabinet = builder.box("cabinet", (0.5, 1.0, 2.0), (0.505, 0, 1.4), movable=True, mass=300.0)
+        chair = builder.box("chair", (0.5, 0.5, 0.5), (0, 0, 0.65), movable=True, mass=8.0)
+        played = self.play(builder.scene(), gait(4, 0.5))
+        assert played.paths[chair][-1, 2] - 0.65 > 1.8
+        assert np.abs(played.paths[cabinet][-1, :3] - [0.505, 0, 1.4]).max() < 0.01
+
+    def test_a_light_thing_before_one_that_nobody_could_push_stays_down_and_blocks(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
+        heavy = builder.box("box", (0.6, 0.6, 0.6), (0, 0, 1.25), movable=True, mass=1000.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[-1, 2] < 0.5
+        assert played.paths[light][:, 1].max() < 0.1
+        assert np.abs(played.paths[heavy][-1, :3] - [0, 0, 1.25]).max() < 0.02
+
+    def test_the_far_end_of_a_long_thing_weighs_as_much_as_its_middle(self) -> None:
+        """A beam of 8 m whose middle is out of reach; friction holds it with 1,226 N."""
+        builder = SceneBuilder()
+        builder.floor()
+        beam = builder.box("beam", (8, 0.5, 0.4), (-3.6, 0, 0.6), movable=True, mass=500.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[-1, 2] < 0.5
+        assert np.abs(played.paths[beam][-1, :3] - [-3.6, 0, 0.6]).max() < 0.02
+
+    def test_what_has_no_friction_bears_and_blocks(self) -> None:
+        builder = SceneBuilder()
+        builder.box("floor", (20, 0.2, 20), (0, -0.2, 0), friction=0.0)
+        builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.9), friction=0.0)
+        box = builder.box("box", (0.4, 0.4, 0.4), (2, 0, 0), movable=True, mass=5.0, friction=0.0)
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        assert played.simulated.root[:, 1].min() > 0.85
+        assert played.simulated.root[-1, 2] < 0.8
+        assert played.objects[box][:3] == pytest.approx([2, 0, 0], abs=0.01)
+
+    def test_a_pushed_box_moves(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
+        played = self.play(builder.scene(), gait(4, 0.3))
+        assert played.objects[box][2] > 0.9
+        assert all(contact.movable for contact in played.touched(box))
+
+    def test_a_fixed_box_does_not_move_and_stops_the_body(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("table", (0.4, 0.4, 0.4), (0, 0, 0.7))
+        played = self.play(builder.scene(), gait(4, 0.3))
+        assert box not in played.objects
+        assert played.simulated.root[-1, 2] < 0.7 < played.commanded.root[-1, 2]
+
+    def test_a_push_that_is_handed_on_is_reported(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.5), movable=True, mass=2.0)
+        far = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.85), movable=True, mass=2.0)
+        played = self.play(builder.scene(), glide(0.0, 0.8, 30))
+        assert not played.touched(far)
+        assert (near, far) in {touch[1:] for touch in played.touches}
+        assert played.objects[far][2] > 0.9
+
+    def test_only_objects_that_moved_have_a_path(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.4), movable=True, mass=2.0)
+        builder.box("box", (0.3, 0.3, 0.3), (3, 0, 3), movable=True, mass=2.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        assert simulator.execute(rest_pose(15)).objects == {}
+        assert {key: path.shape for key, path in simulator.execute(glide(0.0, 0.8)).objects.items()} == {near: (15, 7)}
+
+    @pytest.mark.parametrize("movable", [True, False])
+    def test_there_is_room_under_a_table(self, movable: bool) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.solid("table", _table(), (2, 0, 0), movable=movable, mass=10.0)
+        box = builder.box("box", (0.3, 0.6, 0.3), (2.05, 0, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        assert simulator.reset(scene, scene.start).objects[box][:3] == pytest.approx([2.05, 0, 0], abs=0.005)
+
+    def test_a_table_carries_what_stands_on_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.solid("table", _table(), (2, 0, 0))
+        cup = builder.box("cup", (0.1, 0.1, 0.1), (2.0, 0.75, 0), movable=True, mass=0.3)
+        simulator, scene = self.simulator(), builder.scene()
+        assert simulator.reset(scene, scene.start).objects[cup][1] == pytest.approx(0.75, abs=0.005)
+
+    def test_an_object_at_rest_is_where_the_scene_put_it_however_it_is_turned(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        turn = (0.0, np.sin(0.5), 0.0, np.cos(0.5))
+        obj = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(rest_pose(15))
+        assert simulator.state().objects[obj] == pytest.approx([2, 0, 1, *turn], abs=0.005)
+
+    def test_an_object_in_the_air_falls(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        box = builder.box("box", (0.2, 0.2, 0.2), (2, 1.5, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(rest_pose(15))
+        assert simulator.state().objects[box][1] == pytest.approx(0.0, abs=0.01)
+
+    def test_objects_without_a_body_are_walked_through(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        rug = builder.mesh("rug", box_mesh((1, 0.01, 1)), (0, 0, 0), movable=True, mass=1.0)
+        simulator, scene = self.simulator(), builder.scene()
+        state = simulator.reset(scene, scene.start)
+        assert state.objects[rug][:3] == pytest.approx([0, 0, 0])
+        assert rug not in {contact.object_id for contact in simulator.execute(rest_pose(15)).contacts}
+
+    def test_a_movable_object_needs_a_mass(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("box", (0.2, 0.2, 0.2), (2, 0, 0), movable=True)
+        with pytest.raises(SceneError, match="mass"):
+            self.simulator().reset(builder.scene(), builder.scene().start)
+
+    def test_a_door_keeps_its_angle_until_somebody_pushes_it(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door(angle=0.5)
+        simulator, scene = self.simulator(), builder.scene()
+        leaf = scene.by_id[door]
+        simulator.reset(scene, scene.start)
+        assert simulator.execute(rest_pose(30)).objects == {}
+        assert simulator.state().objects[door] == pytest.approx([*leaf.position, *leaf.rotation], abs=1e-4)
+
+    def test_a_door_opens_for_a_body_turns_about_its_hinge_and_comes_to_rest(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door()
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        execution = simulator.execute(glide(0.0, 1.0, 45))
+        places = execution.objects[door]
+        hinge = places[:, :3] + matrix_from_quaternion(places[:, 3:]) @ [-0.45, 0.0, 0.0]
+        assert {contact.movable for contact in execution.contacts if contact.object_id == door} == {True}
+        assert hinge == pytest.approx(np.tile([-0.45, 0.01, 0.8], (45, 1)), abs=0.001)
+        assert np.degrees(-vector_from_quaternion(places[-1, 3:])[1]) > 60
+        for _ in range(8):
+            execution = simulator.execute(glide(0.0, 1.0, 15))
+        assert door not in execution.objects
+
+    def test_a_door_passes_its_frame_and_moves_what_is_free_to(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.box("post", (0.2, 2.0, 0.2), (0, 0, 1.15))
+        door = builder.door()
+        box = builder.box("box", (0.2, 0.5, 0.2), (0.3, 0, 1.1), movable=True, mass=2.0)
+        simulator, scene = self.simulator(), builder.scene()
+        simulator.reset(scene, scene.start)
+        simulator.execute(glide(0.0, 1.0, 45))
+        moved = simulator.state().objects
+        assert np.degrees(-vector_from_quaternion(moved[door][3:])[1]) > 30
+        assert np.linalg.norm(moved[box][:3] - [0.3, 0, 1.1]) > 0.1
+
+    def test_what_brakes_a_door_is_overcome_by_the_same_force_as_its_weight(self) -> None:
+        """500 N at the edge of a leaf, 0.89 m from its hinge, hold a damping of 1,000 N m s at 0.45 rad/s."""
+        builder = SceneBuilder()
+        builder.floor()
+        door = builder.door()
+        leaf = builder.objects[door - 1]
+        assert leaf.joint is not None
+        builder.objects[door - 1] = replace(leaf, joint=replace(leaf.joint, damping=1000.0))
+        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
+        angles = -vector_from_quaternion(played.paths[door][:, 3:])[:, 1]
+        assert 0.1 < np.diff(angles).max() * FPS < 0.6
+
+    def test_a_door_needs_a_mass(self) -> None:
+        builder = SceneBuilder()
+        builder.floor()
+        builder.door(mass=0.0)
+        with pytest.raises(SceneError, match="mass"):
+            self.simulator().reset(builder.scene(), builder.scene().start)
+
+
+def _table() -> tuple[NDArray[np.float32], ...]:
+    """Return a top 0.7 m over the floor on two legs, one thicker than the other: its centre of mass is not over its
+    origin."""
+    top = block((-0.5, 0.7, -0.3), (0.5, 0.75, 0.3))
+    return top, block((-0.5, 0, -0.3), (-0.3, 0.7, 0.3)), block((0.45, 0, -0.3), (0.5, 0.7, 0.3))

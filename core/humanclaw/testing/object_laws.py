@@ -1,0 +1,181 @@
+"""Laws of half-physics about objects: what a body pushes, opens and squeezes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import FPS, Array, matrix_from_quaternion, vector_from_quaternion
+from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, Tick, walk
+from humanclaw.testing.scenes import SceneBuilder, block
+from humanclaw.world.half_physics.exertion import GROUND_FRICTION
+from humanclaw.world.half_physics.profile import Profile
+
+MASSES: Final = {
+    1.0: (0.3, np.inf),
+    10.0: (0.3, np.inf),
+    30.0: (0.3, 2.2),
+    60.0: (0.3, 2.0),
+    100.0: (0.1, 1.6),
+    300.0: (-0.01, 0.02),
+    1000.0: (-0.01, 0.01),
+}
+"""Kilograms of a box, to how far two seconds of walking (2 m) must and may push it, metres."""
+STRENGTH: Final = 600.0
+"""What a person pushes with at most, newtons."""
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """What became of a box that somebody walked against."""
+
+    way: float
+    """Metres along +Z."""
+    speed: float
+    """The highest, m/s."""
+    force: float
+    """The highest that its frames tell of, friction included, newtons."""
+    work: float
+    """Joules, friction included."""
+
+
+def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None = None) -> Pushed:
+    """So many half seconds of walking against a box of 40 cm."""
+    builder = SceneBuilder()
+    builder.floor()
+    box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.6), movable=True, mass=mass)
+    played = fixture.perform(builder.scene(), walk(count), profile)
+    # Of the centre of mass: a box that tips has a base that is faster, and nobody pushed that.
+    path = played.path(box, np.array([0, 0, 0.6]), above=0.2)
+    steps = np.linalg.norm(np.diff(path[:, [0, 2]], axis=0), axis=1)
+    speed, friction = steps * FPS, GROUND_FRICTION**2 * mass * GRAVITY
+    gains = np.diff(speed, prepend=0.0)
+    force = np.where(gains > 0.01, mass * gains * FPS + friction * (speed > 0.1), 0.0)
+    energy = 0.5 * mass * np.maximum(np.diff(speed**2, prepend=0.0), 0.0).sum() + friction * steps.sum()
+    return Pushed(float(path[-1, 2] - 0.6), float(speed.max()), float(force.max()), float(energy))
+
+
+def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a box of 40 cm in the way of two seconds of walking, from light to immovable."""
+    pushes = {}
+    for mass, (low, high) in MASSES.items():
+        pushes[mass] = push(fixture, mass)
+        yield Finding("mass counts", f"way of {mass:g} kg", pushes[mass].way, "m", low, high)
+        tick()
+    heavy = [pushed for mass, pushed in pushes.items() if mass >= 30]
+    yield Finding("mass counts", "largest push, 30 kg and more", max(p.force for p in heavy), "N", high=STRENGTH)
+    fastest = max(pushed.speed for mass, pushed in pushes.items() if mass >= 60)
+    yield Finding("mass counts", "fastest, 60 kg and more", fastest, "m/s", high=1.5)
+    spare = min(STRENGTH * max(p.way, 0.01) - p.work for p in pushes.values())
+    yield Finding("mass counts", f"work left of {STRENGTH:g} N over the way, least", spare, "J", low=0.0)
+    yield from squeezed(fixture, tick)
+
+
+def squeezed(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a box of 5 kg between the body and one of a tonne, walked against for four seconds."""
+    builder = SceneBuilder()
+    builder.floor()
+    light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5)
+    heavy = builder.box("box", (0.6, 0.6, 0.6), (0, 0, 1.25), movable=True, mass=1000)
+    played = fixture.perform(builder.scene(), walk(8, 0.8))
+    way = np.linalg.norm(played.path(heavy, np.array([0, 0, 1.25]))[-1] - [0, 0, 1.25])
+    rise = 100 * played.path(light, np.array([0, 0, 0.7]), above=0.2)[:, 1].max() - 20
+    yield Finding("mass counts", "way of 1000 kg behind 5 kg", float(way), "m", high=0.05)
+    yield Finding("mass counts", "highest rise of the 5 kg", float(rise), "cm", high=20.0)
+    tick()
+
+
+def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a chair of 5 kg between the body and a wall, pushed for two seconds."""
+    builder = SceneBuilder()
+    builder.floor()
+    legs = [block((x, 0, z), (x + 0.04, 0.44, z + 0.04)) for x in (-0.22, 0.18) for z in (-0.22, 0.18)]
+    hulls = [block((-0.22, 0.44, -0.22), (0.22, 0.48, 0.22)), block((-0.22, 0.48, 0.18), (0.22, 0.95, 0.22)), *legs]
+    pushed = builder.solid("chair", hulls, (0, 0, 0.75), movable=True, mass=5.0)
+    builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.2))
+    path = fixture.perform(builder.scene(), walk(4)).path(pushed, np.array([0, 0, 0.75]))
+    speed = np.linalg.norm(np.diff(path, axis=0), axis=1).max() * FPS
+    yield Finding("a chair against a wall stays down", "highest rise", 100 * float(path[:, 1].max()), "cm", high=10.0)
+    yield Finding("a chair against a wall stays down", "fastest", float(speed), "m/s", high=3.0)
+    yield Finding("a chair against a wall stays down", "furthest", float(path[:, 2].max()), "m", high=0.9)
+    tick()
+
+
+def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a gap of 60 cm between two walls; the body with its arms hanging is 75 cm wide."""
+    offsets, through, depths = (-0.04, -0.02, 0.0, 0.02, 0.04), 0, [np.zeros(1)]
+    for offset in offsets:
+        builder = SceneBuilder()
+        builder.floor()
+        sides = [builder.box("wall", (2, 2.5, 0.1), (offset + x, 0, 0.8)) for x in (-1.3, 1.3)]
+        played = fixture.perform(builder.scene(), walk(5))
+        through += bool(played.simulated.root[-1, 2] > 1.1)
+        depths += [played.depths(side) for side in sides]
+        tick()
+    yield Finding("a 60 cm door is squeezed through", "bodies through it", 100 * through / len(offsets), "%", low=100)
+    depth = 100 * float(np.concatenate(depths).max())
+    yield Finding("a 60 cm door is squeezed through", "deepest contact", depth, "cm", high=1.0)
+
+
+@dataclass(frozen=True)
+class Turned:
+    """What became of a door that somebody walked against."""
+
+    through: bool
+    """Whether the hips got beyond the wall."""
+    angles: Array
+    """(frames + 1,) degrees from shut, open positive."""
+    hinge: float
+    """How far the hinge moved, metres."""
+    torque: float
+    """The largest that made it faster, hinge's friction included, newton metres."""
+    depth: float
+    """The deepest that a link was in it, metres."""
+
+
+def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = True, **place: float) -> Turned:
+    """So many half seconds of walking against a door."""
+    builder = SceneBuilder()
+    builder.floor()
+    door = builder.door(mass=mass, away=away, **place)
+    scene = builder.scene()
+    played, leaf = fixture.perform(scene, walk(count)), scene.by_id[door]
+    assert leaf.joint is not None
+    rows = played.places(door, np.array([*leaf.position, *leaf.rotation]))
+    hinge = rows[:, :3] + matrix_from_quaternion(rows[:, 3:]) @ np.array(leaf.joint.point)
+    angles = (-1 if away else 1) * np.degrees(vector_from_quaternion(rows[:, 3:])[:, 1])
+    faster = np.diff(np.abs(np.diff(np.radians(angles), prepend=np.radians(angles[0])) * FPS)).max() * FPS
+    inertia = mass * (0.88**2 / 12 + 0.45**2)
+    return Turned(
+        bool(played.simulated.root[-1, 2] > 1.1), angles, float(np.linalg.norm(hinge - hinge[0], axis=1).max()),
+        float(inertia * faster + leaf.joint.friction), float(played.depths(door).max(initial=0.0)),
+    )  # fmt: skip
+
+
+def hinges(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check a door of 25 kg, shut or ajar, that opens away from the body, one that would have to be pulled, and one of
+    a tonne."""
+    opened, held = [], []
+    for place in ({"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}):
+        opened.append(swing(fixture, **place))
+        tick()
+    for place in ({}, {"angle": np.radians(30)}):
+        held.append(swing(fixture, away=False, **place))
+        tick()
+    check, doors = "a door is pushed open", [*opened, *held]
+    beyond = max(max(door.angles.max() - 95, -door.angles.min()) for door in doors)
+    yield Finding(check, "bodies through it", 100 * sum(d.through for d in opened) / len(opened), "%", low=100)
+    yield Finding(check, "least angle reached", float(min(d.angles.max() for d in opened)), "degrees", 60, 96)
+    yield Finding(check, "largest torque", max(d.torque for d in doors), "N m", 20, STRENGTH * 0.9)
+    yield Finding(check, "furthest beyond its range", float(beyond), "degrees", high=1.0)
+    yield Finding(check, "way of the hinge", 100 * max(d.hinge for d in doors), "cm", high=1.0)
+    yield Finding(check, "deepest contact", 100 * max(d.depth for d in doors), "cm", high=1.0)
+    check = "a door that opens towards the body blocks"
+    yield Finding(check, "bodies through it", 100 * sum(d.through for d in held) / len(held), "%", high=0)
+    yield Finding(check, "angle at the end", float(max(d.angles[-1] for d in held)), "degrees", high=1.0)
+    heavy = swing(fixture, mass=1000.0)
+    tick()
+    yield Finding("mass counts", "angle of a door of 1,000 kg", float(heavy.angles[-1]), "degrees", 5, 60)

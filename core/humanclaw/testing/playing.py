@@ -1,0 +1,159 @@
+"""Play a skill's calls: on a body without dynamics, and on every installed engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw.body.pose import FUTURE
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.embodiment import Body, SkillExecution
+from humanclaw.errors import ContractError, HumanclawError, in_words
+from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw.plugins.bounded import Bounded
+from humanclaw.plugins.hookspecs import hookimpl
+from humanclaw.plugins.host import Plugins
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import MEASURES, Measure
+from humanclaw.skills.plan import Control, Part, parts
+from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
+
+_FAR: Final = 20.0
+"""Metres that no call of 10 s takes a body."""
+Faults = Iterator[ContractError]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a skill is held to and played with."""
+
+    plugins: Plugins
+    measures: Mapping[str, Measure]
+    engines: Sequence[str] | None
+    samples: int
+    seed: int
+    ask: Bounded
+    """Waits for the plan of a call, so long and no longer."""
+    play: Bounded
+    """The same for the playing of one."""
+    base: str = field(default_factory=lambda: str(read_header(shipped_base())["digest"]))
+
+
+# -- playing it --------------------------------------------------------------------------------------------------------
+def motion_faults(
+    skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
+) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
+    """Faults, the engines that played it, and notes of those that could not."""
+    real = Skill(**{name: getattr(skill, name) for name in skill.__dataclass_fields__})
+    faults = [*_on_fake(real, calls, bench)]
+    engines: list[str] = []
+    notes: list[str] = []
+    names = [one.name for one in bench.plugins.registered("simulators")] if bench.engines is None else bench.engines
+    for name in names:
+        try:
+            faults += _on_engine(name, real, calls, bench)
+            engines.append(name)
+        except HumanclawError as error:
+            notes.append(f"not played on {name}: {error}")
+    return tuple(faults), tuple(engines), tuple(notes)
+
+
+def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
+    with fake_body(skill, measures=_own(bench.measures), seed=bench.seed) as body:
+        for params in calls:
+            call = Call(skill.name, skill.check(params))
+            try:
+                once, again = (bench.play(partial(_afresh, body, call, bench.seed)) for _ in range(2))
+            except (Exception, SystemExit) as error:
+                message = f"{call} raises {in_words(error)}."
+                yield ContractError("body-plays", message, "Mend its motion.")
+                continue
+            if any(len(chunk.commanded) != FUTURE for chunk in once.chunks) or not _is_finite(once):
+                yield ContractError("body-plays", f"{call} is no motion of whole chunks.", "Mend its motion.")
+            if not _same(once, again):
+                message = f"{call} at the same moment is another motion."
+                yield ContractError("body-repeats", message, "Plan from the parameters alone.")
+
+
+def _own(measures: Mapping[str, Measure]) -> list[Measure]:
+    return [one for name, one in measures.items() if name not in MEASURES]
+
+
+def _afresh(body: Body, call: Call, seed: int) -> SkillExecution:
+    body.reset(body.scene, seed=seed)
+    return body.execute(call)
+
+
+def _is_finite(done: SkillExecution) -> bool:
+    motions = [motion for chunk in done.chunks for motion in (chunk.commanded, chunk.execution.simulated)]
+    return all(np.isfinite(one.root).all() and np.isfinite(one.rotations).all() for one in motions)
+
+
+def _same(one: SkillExecution, other: SkillExecution) -> bool:
+    return len(one.chunks) == len(other.chunks) and all(
+        np.array_equal(a.commanded.root, b.commanded.root)
+        and np.array_equal(a.commanded.rotations, b.commanded.rotations)
+        for a, b in zip(one.chunks, other.chunks, strict=True)
+    )
+
+
+def _on_engine(name: str, skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
+    """Play every call from standing on a floor. Raises HumanclawError if the engine cannot be had."""
+    host = _host(name, skill, bench)
+    moves = any(isinstance(part, Control) for params in calls for part in _parts(skill, params))
+    backends = Backends(name, FAKE, "dit" if moves else FAKE)
+    try:
+        body = Body(fake_scene(), plugins=host, backends=backends)  # It takes up its stance: the engine has moved it.
+    except HumanclawError:
+        raise
+    except Exception as error:
+        message = f"standing on {name} raises {in_words(error)}."
+        yield ContractError("engine-plays", message, "Mend the engine, or name others with --engine.")
+        return
+    with body:
+        yield from _engine_faults(body, skill, calls, bench)
+
+
+def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
+    name = body.backends.simulator
+    for params in calls:
+        call = Call(skill.name, skill.check(params))
+        try:
+            done = bench.play(partial(_afresh, body, call, bench.seed))
+        except (Exception, SystemExit) as error:
+            yield ContractError("engine-plays", f"{call} on {name} raises {in_words(error)}.", "Mend its motion.")
+            return
+        end = done.chunks[-1].execution.simulated.root[-1]
+        if not _is_finite(done) or np.abs(end).max() > _FAR:
+            message = f"{call} on {name} ends at {np.round(end, 2).tolist()}."
+            yield ContractError("engine-finite", message, "Mend its motion.")
+
+
+def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
+    return parts(skill.plan(skill.check(params)))
+
+
+def _host(engine: str, skill: Skill, bench: Bench) -> Plugins:
+    """Return a host with one engine and one skill, and fakes for the rest."""
+    host = Plugins()
+    host.add(Fakes([skill], _own(bench.measures)), FAKE)
+    for kind, name in (("simulators", engine), ("motion_generators", "dit")):
+        for one in bench.plugins.registered(kind):
+            if one.name == name:
+                host.add(_Borrowed(kind, name, one.value), f"{FAKE}-{kind}")
+    return host
+
+
+class _Borrowed:
+    """A plugin that registers one factory of another host."""
+
+    def __init__(self, kind: str, name: str, factory: Callable[..., Any]) -> None:
+        def borrow(register: Callable[..., None]) -> None:
+            register(name, factory)
+
+        setattr(self, f"humanclaw_{kind}", hookimpl(borrow))

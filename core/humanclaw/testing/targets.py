@@ -1,0 +1,98 @@
+"""What a name, a folder or a Python file stands for, to be examined."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+from humanclaw.errors import ContractError, PluginError, in_words
+from humanclaw.plugins.bounded import Bounded, OverdueError
+from humanclaw.plugins.hookspecs import API_VERSION
+from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.loading import check_api, load_file
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Measure
+from humanclaw.testing.examining import Report, examine
+
+LOADING: Final = 30.0
+"""Seconds that importing a file and asking its hooks may take."""
+
+
+# -- what is to be checked ---------------------------------------------------------------------------------------------
+def found_at(
+    target: str, plugins: Plugins, patience: float = LOADING
+) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+    """Return the skills that a name, a folder or a Python file stands for, the measures that come with them, and why
+    there are none.
+
+    target: the name of an installed skill (owner:skill where two have it), the folder of one or of several, or a file
+    with a hook humanclaw_skills. patience: seconds that importing it may take. Raises PluginError for a name that
+    nobody knows.
+    """
+    path = Path(target)
+    if path.suffix == ".py" or path.is_file():
+        return _in_file(path.parent if path.name == "schema.json" else path, patience)
+    if path.is_dir():
+        return _in_file(path, patience)
+    return [plugins.offered("skills", target)], {}, []
+
+
+def check_target(target: str, plugins: Plugins, **options: Any) -> list[Report]:
+    """Examine all that a name, a folder or a Python file stands for; options are those of examine.
+
+    Raises PluginError for a name that nobody knows.
+    """
+    skills, measures, faults = found_at(target, plugins)
+    known = {**plugins.measures, **measures}
+    reports = [examine(one, known, plugins=plugins, **options) for one in skills]
+    return [*reports, *([Report(target, tuple(faults))] if faults else [])]
+
+
+def _in_file(
+    path: Path, patience: float = LOADING
+) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+    if path.is_dir():
+        folders = sorted(one.parent for one in path.rglob("schema.json")) or [path]
+        return [*folders], {}, []
+    try:
+        return Bounded(patience)(partial(_loaded, path))
+    except OverdueError as error:
+        return [], {}, [ContractError("loads", f"plugin file {path}: {error}.", "Do nothing long at import.")]
+    except ContractError as error:
+        return [], {}, [error]
+    except PluginError as error:
+        cause = error.__cause__
+        fault = (
+            cause
+            if isinstance(cause, ContractError)
+            else ContractError("loads", error.message, error.remedy or "Mend the file.")
+        )
+        return [], {}, [fault]
+
+
+def _loaded(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+    module = load_file(path)
+    check_api(getattr(module, "HUMANCLAW_API", API_VERSION), path.stem)
+    return _registered(module)
+
+
+def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
+    """Return what the hooks of a plugin's module register."""
+    skills: list[Skill | Path] = []
+    measures: list[Measure] = []
+    for hook, found in (("humanclaw_skills", skills), ("humanclaw_measures", measures)):
+        try:
+            getattr(module, hook, lambda register: None)(register=found.append)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # As the plugin host does: not even SystemExit ends the program.
+            message = f"{module.__name__} raises {in_words(error)} in {hook}."
+            return [], {}, [ContractError("loads", message, "Mend the hook.")]
+    odd = [one for one in skills if not isinstance(one, Skill | Path)]
+    if odd or not skills:
+        message = f"register() got {odd[0]!r}." if odd else f"{module.__name__} registers no skill."
+        remedy = "Register a Skill or its folder in a hook: @hookimpl def humanclaw_skills(register): register(...)."
+        return [], {}, [ContractError("loads", message, remedy)]
+    return skills, {one.name: one for one in measures}, []
