@@ -21,8 +21,9 @@ from humanclaw.errors import CallError
 from humanclaw.records import free_episode
 from humanclaw.skills import Check, Skill, publish
 from humanclaw.skills.checks import CHECKS
-from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, contract, examine, fake_body
+from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
 from humanclaw.testing.fakes import Fakes
+from humanclaw.testing.targets import found_at
 
 pytest_plugins = ["pytester"]
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
@@ -307,7 +308,7 @@ def test_a_motion_that_never_ends_is_a_fault_after_a_while():
 
 def test_a_file_that_never_ends_its_import_is_a_fault_after_a_while(tmp_path):
     (tmp_path / "slow.py").write_text("import threading\nthreading.Event().wait()\n")
-    _, _, (fault,) = contract.found_at(str(tmp_path / "slow.py"), Plugins(), patience=0.2)
+    _, _, (fault,) = found_at(str(tmp_path / "slow.py"), Plugins(), patience=0.2)
     assert (fault.check, "did not return within 0.2 s" in fault.message) == ("loads", True)
 
 

@@ -12,10 +12,9 @@ from click.testing import CliRunner
 from packaging.requirements import Requirement
 from wheels import distributions as folders
 
-from humanclaw import _distributions as distributions
 from humanclaw.cli import LazyCommand, build
 from humanclaw.errors import PluginError
-from humanclaw.plugins import Plugins
+from humanclaw.plugins import Plugins, distributions
 
 PROJECT = tomllib.loads((folders()[0] / "pyproject.toml").read_text())["project"]
 WITHOUT_WHEELS = set() if find_spec("pybullet") else {"bullet"}

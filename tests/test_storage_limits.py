@@ -141,7 +141,7 @@ def test_motion_that_is_none_is_refused_whatever_reads_it(tmp_path, content):
 def test_many_arrays_may_not_be_large_together(tmp_path, monkeypatch):
     record_episode(tmp_path / "couch-0")
     broken_off(tmp_path / "couch-0")
-    monkeypatch.setattr("humanclaw.records._LARGEST", 4 * 5 * 7 * 8)
+    monkeypatch.setattr("humanclaw.records.reading._LARGEST", 4 * 5 * 7 * 8)
     many = {f"object_{number}.npy": array((5, 7), b"\0" * 280) for number in range(4)}
     (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(many))
     with pytest.raises(RecordError, match="larger than"):

@@ -56,5 +56,6 @@ if TYPE_CHECKING:
     from humanclaw.world.view import Renderer as Renderer
 
 __version__ = "0.1.0"
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)
 sys.meta_path.append(FormerPaths())  # The one way to answer for a module without a file.

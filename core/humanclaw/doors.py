@@ -8,7 +8,6 @@ import linecache
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, Final
@@ -19,7 +18,7 @@ FORMER: Final = {
     "interfaces": ("humanclaw.world", "humanclaw.motion", "humanclaw.plugins", "humanclaw"),
     "measures": ("humanclaw.skills",),
     "meshes": ("humanclaw.world",),
-    "navigation": ("humanclaw.world",),
+    "navigation": ("humanclaw.world", "humanclaw.records"),
     "outcomes": ("humanclaw.records",),
     "pose": ("humanclaw.body",),
     "recipes": ("humanclaw.skills",),
@@ -71,13 +70,20 @@ def _deprecated(former: str, now: str) -> ModuleType:
     return importlib.import_module(now)
 
 
-class FormerPaths(MetaPathFinder, Loader):
-    """Finds the modules of FORMER, which have no file any more."""
+class FormerPaths:
+    """Finds and loads the modules of FORMER, which have no file any more.
+
+    It is a finder and a loader by its methods alone: importing importlib.abc takes longer than all of `humanclaw`.
+    """
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None) -> Any:
         """Return a spec for a former door; None for every other module."""
         package, _, name = fullname.rpartition(".")
-        return ModuleSpec(fullname, self) if package == "humanclaw" and name in FORMER else None
+        found = package == "humanclaw" and name in FORMER
+        return ModuleSpec(fullname, self) if found else None  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leave it to Python to make the module."""
 
     def exec_module(self, module: ModuleType) -> None:
         """Let the module answer with the names of the doors that took its place."""

@@ -50,4 +50,5 @@ if TYPE_CHECKING:
         Link as Link,
     )
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

@@ -17,4 +17,5 @@ if TYPE_CHECKING:
     from humanclaw.cli.tables import show_markdown as show_markdown
     from humanclaw.text.words import counted as counted, legible as legible
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

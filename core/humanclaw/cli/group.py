@@ -13,12 +13,12 @@ import sys
 from collections.abc import Callable, Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
-from humanclaw.cli.options import Deciders, decider_options, plugin_options
+from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
 from humanclaw.text.words import nearest
@@ -26,8 +26,6 @@ from humanclaw.text.words import nearest
 if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
 
-INTERRUPTED: Final = 130
-"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from humanclaw.plugins.agents import Agent, Verifier
     from humanclaw.plugins.host import Plugins
 
+INTERRUPTED: Final = 130
+"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
 F = TypeVar("F", bound=Callable[..., Any])
 
 

@@ -16,8 +16,7 @@ import click
 from rich.console import Console
 from rich.status import Status
 
-from humanclaw.cli import INTERRUPTED
-from humanclaw.cli.options import Deciders
+from humanclaw.cli.options import INTERRUPTED, Deciders
 from humanclaw.cli.progress import StepProgress, summary
 from humanclaw.episodes.backends import SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body

@@ -55,4 +55,5 @@ if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins as Plugins
     from humanclaw.plugins.registry import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

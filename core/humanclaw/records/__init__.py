@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         Usage as Usage,
         Verdict as Verdict,
     )
+    from humanclaw.records.difficulty import route_difficulty as route_difficulty
     from humanclaw.records.feedback import (
         Displacement as Displacement,
         Feedback as Feedback,
@@ -67,8 +68,8 @@ if TYPE_CHECKING:
         write_episodes as write_episodes,
     )
     from humanclaw.skills.call import Call as Call
-    from humanclaw.world.navigation.difficulty import Difficulty as Difficulty
     from humanclaw.world.scene import Vec3 as Vec3
     from humanclaw.world.simulator import Contact as Contact
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

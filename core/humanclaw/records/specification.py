@@ -8,7 +8,6 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from humanclaw.body.pose import Pose2D
-from humanclaw.world.navigation.difficulty import Difficulty
 
 _FARTHEST: Final = 10_000.0
 
@@ -24,6 +23,19 @@ class Record(BaseModel):
 
 Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 """What a terminal prints and does not obey."""
+
+
+class Difficulty(Record):
+    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
+
+    distance: float
+    """Its length, metres."""
+    turns: int
+    """Of more than 30 degrees."""
+    rooms: int
+    """That it enters, the one of the start included."""
+    obstacles: float
+    """Pieces of furniture within a metre, averaged along it."""
 
 
 def _on_the_map(start: Pose2D) -> Pose2D:

@@ -67,4 +67,5 @@ if TYPE_CHECKING:
         WindowTravel as WindowTravel,
     )
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

@@ -9,4 +9,5 @@ if TYPE_CHECKING:
     from humanclaw.storage.files import within as within, write_atomically as write_atomically
     from humanclaw.storage.pictures import gif as gif, jpeg as jpeg
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

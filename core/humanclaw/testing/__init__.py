@@ -23,4 +23,5 @@ if TYPE_CHECKING:
     from humanclaw.testing.speed import reset_times as reset_times, resident as resident
     from humanclaw.testing.targets import check_target as check_target
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

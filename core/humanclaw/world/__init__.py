@@ -61,7 +61,6 @@ if TYPE_CHECKING:
         goals_at as goals_at,
         viewpoints as viewpoints,
     )
-    from humanclaw.world.navigation.difficulty import route_difficulty as route_difficulty
     from humanclaw.world.navigation.occupancy import (
         CELL as CELL,
         OBSTACLE_HEIGHTS as OBSTACLE_HEIGHTS,
@@ -111,4 +110,5 @@ if TYPE_CHECKING:
         ego_camera as ego_camera,
     )
 
-__getattr__, __dir__, __all__ = door(__name__)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

@@ -23,8 +23,8 @@ from scipy.sparse import csr_array
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene
 from humanclaw.body import Array, Pose2D
-from humanclaw.records import SEATS, instruction, name_of, read_episodes
-from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at, route_difficulty
+from humanclaw.records import SEATS, instruction, name_of, read_episodes, route_difficulty
+from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
 SPLITS: Final = ("val", "val-400", "mini", "smoke")

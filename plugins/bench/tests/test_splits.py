@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from rooms import two_rooms
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw.records import Difficulty, write_episodes
-from humanclaw.world import DistanceField, MultiFloorMap, goals_at, route_difficulty
+from humanclaw.records import Difficulty, route_difficulty, write_episodes
+from humanclaw.world import DistanceField, MultiFloorMap, goals_at
 from humanclaw_bench.cli import bench
 from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (

@@ -25,8 +25,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.body import Array, Pose2D
-from humanclaw.records import SEATS, Difficulty, instruction, name_of
-from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at, route_difficulty
+from humanclaw.records import SEATS, Difficulty, instruction, name_of, route_difficulty
+from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading

@@ -8,9 +8,9 @@ from itertools import groupby
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from humanclaw.body.pose import Array, wrap_angle
+from humanclaw.records.specification import Difficulty
 from humanclaw.world.navigation.occupancy import OBSTACLE_HEIGHTS, room_at
 from humanclaw.world.scene import Scene
 
@@ -18,21 +18,6 @@ CROWDED: Final = 1.0
 """Distance from the way within which an object counts as an obstacle, metres."""
 NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
 """What one walks on or under is no obstacle."""
-
-
-class Difficulty(BaseModel):
-    """How hard the shortest way to the nearest target is (paper, section 4.1)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    distance: float
-    """Its length, metres."""
-    turns: int
-    """Of more than 30 degrees."""
-    rooms: int
-    """That it enters, the one of the start included."""
-    obstacles: float
-    """Pieces of furniture within a metre, averaged along it."""
 
 
 def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
