@@ -49,7 +49,12 @@ if TYPE_CHECKING:
         load_run as load_run,
     )
     from humanclaw.records.sighting import acknowledges as acknowledges
-    from humanclaw.records.specification import EpisodeSpec as EpisodeSpec, Record as Record, name_of as name_of
+    from humanclaw.records.specification import (
+        Difficulty as Difficulty,
+        EpisodeSpec as EpisodeSpec,
+        Record as Record,
+        name_of as name_of,
+    )
     from humanclaw.records.steps import (
         EpisodeRecord as EpisodeRecord,
         Outcome as Outcome,
