@@ -145,7 +145,7 @@ def test_an_observer_that_raises_what_a_key_does_interrupts_nobody(caplog):
 @pytest.mark.parametrize("seconds", [0, -1.0, "long", True, float("nan")])
 def test_a_plugin_whose_patience_is_no_time_is_refused(seconds):
     plugin = type("Odd", (), {"HUMANCLAW_PATIENCE": seconds})()
-    with pytest.raises(PluginError, match="which is no number of seconds above 0"):
+    with pytest.raises(PluginError, match="expected seconds above 0"):
         Plugins().add(plugin, "odd")
 
 
@@ -181,7 +181,7 @@ def test_a_factory_that_is_none_is_named():
 
     plugins = Plugins()
     plugins.add(Odd(), "odd")
-    with pytest.raises(PluginError, match="agent 'seven' of plugin 'odd' is int and no factory"):
+    with pytest.raises(PluginError, match="agent 'seven' of plugin 'odd' is of type int; expected a factory"):
         plugins.make("agents", "seven", {})
 
 
@@ -204,7 +204,7 @@ def test_a_name_that_could_be_mistaken_for_another_or_for_a_path_is_refused(name
         def humanclaw_scenes(self, register):
             register(name, lambda argument: None)
 
-    with pytest.raises(PluginError, match="is no name of a scene"):
+    with pytest.raises(PluginError, match="is not a valid name for a scene"):
         Plugins().add(Names(), "names")
 
 
@@ -495,7 +495,7 @@ def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
 @pytest.mark.parametrize(
     ("made_for", "said"),
     [("2.0", "Run `pip install --upgrade humanclaw`"), ("1.9", "upgrade humanclaw"), ("0.9", "upgrade old"),
-     ("soon", "which is no version")],
+     ("soon", "expected major.minor")],
 )  # fmt: skip
 def test_a_plugin_made_for_another_api_is_refused_with_what_to_upgrade(made_for, said):
     plugin = Waving()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Installed(Protocol):
-    """What a reporter asks of the plugins (humanclaw.Plugins)."""
+    """What a reporter uses of the plugin host (humanclaw.Plugins)."""
 
     def scene(self, reference: str) -> Any: ...
 
@@ -35,64 +35,64 @@ class Installed(Protocol):
 
 
 class Reporter(Protocol):
-    """Makes something to look at of a recorded episode."""
+    """Presents a recorded episode: as a page, a film, a log."""
 
     def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> Mapping[str, Path]:
-        """Write into the folder of a run or of the episode; returns each file by what a person calls it."""
+        """Write into the folder of a run or of the episode. Returns each file by a short label for people."""
 
 
 # -- deciding ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Observation:
-    """What an agent may know: the ego view, the instruction and what became of the last step."""
+    """What an agent may know: the ego view, the instruction, and the outcome of the last step."""
 
     step: int
     instruction: str
     rgb: NDArray[np.uint8]
     """(512, 512, 3), read-only: the verifier sees the same."""
     feedback: Feedback = field(default_factory=Feedback)
-    """Of the last step, or why the last answer could not be used; str() says it in words."""
+    """Outcome of the last step, or the reason why the last answer was refused; str() gives words."""
 
 
 @dataclass(frozen=True)
 class HistoryEntry:
-    """One step as an agent remembers it (paper: 'previous visual states, reasoning traces, selected actions')."""
+    """One past step, as an agent may recall it (paper, section 3.2: views, reasoning traces, selected actions)."""
 
     step: int
     decision: Decision
     feedback: Feedback
     rgb: NDArray[np.uint8]
-    """What it was decided from."""
+    """The view that it was decided from."""
 
     @property
     def executed(self) -> Call | None:
-        """The call that was carried out; None if none was."""
+        """The call that was executed; None if there was none."""
         return self.feedback.executed
 
 
 @dataclass(frozen=True)
 class EpisodeContext:
-    """What an agent or a verifier is told before the first step."""
+    """What an agent or a verifier is given before the first step."""
 
     spec: EpisodeSpec
     skills: Mapping[str, Skill]
     seed: int
     scene: Scene | None = None
     state: Callable[[], WorldState] | None = None
-    """scene and state are given to privileged agents only: oracles, never models."""
+    """scene and state go to privileged agents only: to oracles, never to models."""
     view: Callable[[], View] | None = None
-    """Likewise: the view of the step under way with its depth and ids, for those who see perfectly and know no more."""
+    """Privileged too: the view of the current step with depth and object ids, for agents with perfect sight."""
     meter: Meter | None = None
-    """What may still be used; whoever waits for a model should wait no longer than meter.seconds_left()."""
+    """The budget that is left. Wait for a model no longer than meter.seconds_left()."""
 
 
 @runtime_checkable
 class Agent(Protocol):
     """Anything that can call a tool: a model, a person, a script.
 
-    If it has an attribute `settings`, a mapping that JSON can hold, the episode's record keeps it: what was in force,
-    with the defaults filled in; an option that is not among them is then refused. With a true attribute `at_terminal`
-    it decides at the terminal, where nothing is then told that only the scene knows.
+    Optional attributes. settings: a mapping that JSON can hold, with the defaults filled in. The record keeps it, and
+    an option that is not among its keys is refused. at_terminal: if true, a person decides at the terminal, and the
+    progress lines there leave out what only the scene knows.
     """
 
     name: str
@@ -101,24 +101,27 @@ class Agent(Protocol):
     def begin(self, context: EpisodeContext) -> None: ...
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Decide on the next call. Raises ProviderError when no answer can be had; that is never turned into a
-        decision.
+        """Decide on the next call.
 
-        Nobody can end it from outside: whoever waits asks the context's meter for seconds_left(), and a limit on time
-        ends one that does not ask only when it returns.
+        This method cannot be interrupted from outside. Ask the context's meter for seconds_left() while waiting: a time
+        limit ends an agent that does not ask only when it returns.
 
-        Raises LimitError when the meter of the episode leaves no time to wait for one, and PluginError, here or in
-        begin(), for what stands in the way of every episode, such as a key that is refused: it ends the run, and after
-        the first step the episode has failed. Whatever else it raises, a ReplayError or a worker's KeyboardInterrupt
-        included, is its own error, and so is a decision whose fields are not of their types: the episode has failed.
+        Raises:
+            ProviderError: no answer can be had. It ends the episode as infra_error and never becomes a decision.
+            LimitError: the meter leaves no time to wait for an answer.
+            PluginError: here or in begin(), for what would stop every episode, such as a refused key. It ends the run;
+                after the first step it also fails the episode.
+
+        Any other exception is the agent's own error and fails the episode. So does a decision with a field of a wrong
+        type.
         """
 
 
 class Verifier(Protocol):
     """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone.
 
-    An attribute `settings` is recorded, as an agent's is. One with a true attribute `privileged` is told scene and
-    state.
+    Its optional attribute `settings` is recorded, as an agent's is. If its attribute `privileged` is true, it is given
+    scene and state.
     """
 
     name: str

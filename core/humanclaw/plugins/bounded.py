@@ -1,4 +1,4 @@
-"""Code of somebody else that is waited for so long and no longer."""
+"""Run third-party code with a timeout."""
 
 from __future__ import annotations
 
@@ -16,27 +16,29 @@ _Job = tuple[Future[Any], Callable[[], Any]]
 
 
 class OverdueError(TimeoutError):
-    """A call that has not returned in its time."""
+    """A call that did not return in time."""
 
 
 class Bounded:
-    """Calls functions in a thread of its own, and waits for each so long and no longer.
+    """Calls functions in one thread of its own, each with a timeout.
 
-    Python cannot end a thread: a call that is overdue goes on in its own, nothing else is asked of it until it returns,
-    and the process ends without it. One thread makes all calls, so what belongs to a thread, as a database does, stays
-    usable from call to call.
+    Python cannot stop a thread. An overdue call goes on in that thread; until it returns, further calls are refused.
+    The process does not wait for it to end. One thread makes all calls, so objects that belong to a thread, such as
+    database connections, stay usable from call to call.
     """
 
     def __init__(self, seconds: float) -> None:
-        """seconds: infinite to call at once, in the thread of whoever asks."""
+        """seconds: the timeout; if infinite, functions run in the caller's thread."""
         self._seconds = seconds
         self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._last: Future[Any] | None = None
 
     def __call__(self, function: Callable[[], T]) -> T:
-        """Return what a function gives. Raises what it raises, and OverdueError if it does not return in time, or an
-        earlier one has not yet."""
+        """Call a function and return its result.
+
+        Raises what the function raises, and OverdueError if it, or an earlier call, has not returned in time.
+        """
         if math.isinf(self._seconds) or threading.current_thread() is self._thread:
             return function()
         if self._last and not self._last.done():
@@ -65,8 +67,8 @@ def _work(jobs: SimpleQueue[_Job | None]) -> None:
         answer, function = job
         try:
             answer.set_result(function())
-        except KeyboardInterrupt:  # No key reaches this thread.
+        except KeyboardInterrupt:  # Ctrl-C never reaches this thread, so the plugin raised it.
             answer.set_exception(RuntimeError("KeyboardInterrupt"))
         except BaseException as error:
             answer.set_exception(error)
-        del job, answer, function  # What a call was about is not kept until the next one.
+        del job, answer, function  # Keep nothing of a call alive until the next one.

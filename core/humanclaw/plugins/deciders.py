@@ -1,4 +1,4 @@
-"""What comes from agents and verifiers, which is code of somebody else: held to its type where it comes in."""
+"""Check what agents and verifiers, which may be third-party code, return and say of themselves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_na
 
 @dataclass(frozen=True)
 class Unmade:
-    """Stands where an agent or a verifier should that could not be made: its episode has a record, which says why."""
+    """Stand-in for an agent or a verifier that could not be made: its episode still has a record, which says why."""
 
     name: str
     owner: str
@@ -30,23 +30,23 @@ class Unmade:
     privileged: bool = False
 
     def begin(self, context: object) -> None:
-        """Raise what the factory raised."""
+        """Raise the factory's error."""
         raise self.fault
 
     decide = verify = begin
 
 
 def origin(decider: object) -> str:
-    """Return the package that an agent or a verifier comes from, or the plugin that could make none."""
+    """Return the package of an agent or a verifier, or the plugin whose factory failed."""
     if isinstance(decider, Unmade):
         return decider.owner
     return type(decider).__module__.partition(".")[0]
 
 
 def admit(value: T, kind: type[T], whose: str) -> T:
-    """Take a decision or a verdict, as a record can hold it.
+    """Return a decision or a verdict in a form that a record can hold.
 
-    Raises TypeError, which says what was expected and what came, for what is none or holds what none can hold.
+    Raises TypeError, with what was expected and what came, for a value of another type or with a malformed field.
     """
     if not isinstance(value, kind):
         raise TypeError(f"{whose} {reprlib.repr(value)} and no {kind.__name__}")
@@ -54,20 +54,20 @@ def admit(value: T, kind: type[T], whose: str) -> T:
 
 
 def name_of(decider: Any) -> str:
-    """Return a decider's name, as a record can hold it. Raises PluginRunError for one that is none."""
+    """Return the name of an agent or a verifier. Raises PluginRunError for a name that a record cannot hold."""
     with blaming(origin(decider)):
         return _typed(decider.name, Name, "name: ")
 
 
 def is_privileged(decider: object) -> bool:
-    """Tell whether a decider wants to be told scene and true state. Raises PluginRunError for what breaks there."""
+    """Tell whether an agent or a verifier is to be given scene and true state. Raises PluginRunError if it fails."""
     with blaming(origin(decider)):
         return bool(getattr(decider, "privileged", False))
 
 
 def settings_of(decider: object) -> dict[str, Any]:
-    """Return a decider's settings as they are now, empty if it has none. Raises PluginRunError for what JSON cannot
-    hold."""
+    """Return the current settings of an agent or a verifier; empty if it has none. Raises PluginRunError for settings
+    that JSON cannot hold."""
     with blaming(origin(decider)):
         found = getattr(decider, "settings", None) or {}
         try:

@@ -1,4 +1,4 @@
-"""Which distribution brings something that is not installed: names in, lines to type out."""
+"""Which first-party distribution brings a name, and the command that installs it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 
 DEMO = "demo"
-"""The extra with all that `humanclaw run` needs."""
+"""The extra with everything that `humanclaw run` needs."""
 
 
 @cache
 def table() -> Mapping[str, Mapping[str, str]]:
-    """Kind to name to first-party distribution."""
+    """Return the first-party distribution by kind and name."""
     return tomllib.loads(Path(__file__).with_name("distributions.toml").read_text("utf-8"))
 
 
@@ -32,12 +32,12 @@ def own() -> frozenset[str]:
 
 
 def bringing(kind: str, name: str) -> str:
-    """Return the first-party distribution that brings something; empty if none does."""
+    """Return the first-party distribution that brings a name; empty if none does."""
     return table().get(kind, {}).get(name, "")
 
 
 def install(distributions: Iterable[str]) -> str:
-    """Return the shortest line that installs some distributions: by the extra `demo` where it holds several of them."""
+    """Return the shortest command that installs some distributions: by the extra `demo` if it holds several of them."""
     wanted, demo = list(dict.fromkeys(distributions)), _extra(DEMO)
     if len(demo & set(wanted)) > 1:
         wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
@@ -48,7 +48,7 @@ def _extra(extra: str) -> set[str]:
     """Return the distributions that an extra of the core names, whatever the version of Python."""
     import importlib.metadata
 
-    from packaging.requirements import Requirement  # Only who misses something waits for these.
+    from packaging.requirements import Requirement  # Imported here: only an error needs it.
 
     requirements = map(Requirement, importlib.metadata.requires("humanclaw") or ())
     return {one.name for one in requirements if one.marker and f'extra == "{extra}"' in str(one.marker)}

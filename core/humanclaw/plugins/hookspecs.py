@@ -1,8 +1,8 @@
-"""Everything a plugin can add, one function each. A plugin implements the hooks it needs with @humanclaw.hookimpl.
+"""Everything a plugin can add, one function each. A plugin implements the hooks that it needs with @humanclaw.hookimpl.
 
-Factories are registered by name and run only when something asks for that name, so a plugin's module stays cheap to
-import. A plugin may specify hooks of its own (humanclaw_hookspecs); those who implement them say
-@hookimpl(optionalhook=True), so that they also work where that plugin is not installed.
+A factory is registered under a name and runs only when that name is asked for, so a plugin stays cheap to import. A
+plugin may specify hooks of its own (humanclaw_hookspecs). Implementations of such hooks are marked
+@hookimpl(optionalhook=True), so that they also load where the specifying plugin is not installed.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 
 PROJECT: Final = "humanclaw"
 API_VERSION: Final = "1.1"
-"""Of the plugin API, major.minor: the hooks below and what they hand out, the skill contract, and the doors of
-docs/doors.md. A plugin may say in HUMANCLAW_API which one it was made for; it is used if the major is the same and the
-minor is no later, and refused with the reason otherwise. docs/stability.md says what a version promises."""
+"""Version of the plugin API, major.minor: the hooks below with the values that they pass, the skill contract, and the
+doors of docs/doors.md. A plugin may name the version that it was made for in HUMANCLAW_API. The host uses the plugin if
+the major is equal and the minor is not later, and otherwise refuses it with the reason (docs/stability.md)."""
 OBSERVERS: Final = frozenset({"humanclaw_chunk", "humanclaw_step", "humanclaw_episode_end"})
-"""Hooks that an episode waits for: each plugin's are called in a thread of their own, and for its HUMANCLAW_PATIENCE at
-most (seconds, a number of the module; 30 without it; float("inf") to be called in the episode's own thread)."""
+"""Hooks that an episode waits for. Each plugin's run in a thread of their own, for at most the seconds that its module
+sets in HUMANCLAW_PATIENCE (default 30; float("inf") runs them in the episode's own thread)."""
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 F = TypeVar("F", contravariant=True)
@@ -55,12 +55,12 @@ class RegisterMeasure(Protocol):
 
 class RegisterRecipe(Protocol):
     def __call__(self, recipe: Recipe) -> None:
-        """Register the recipe of the skill that it names."""
+        """Register a recipe for the skill that the recipe names."""
 
 
 class Register(Protocol[F]):
     def __call__(self, name: str, value: F, description: str = "") -> None:
-        """Register something under a name; a factory is called when it is asked for."""
+        """Register a value under a name. A factory is called when its name is asked for."""
 
 
 Options: TypeAlias = Mapping[str, Any]
@@ -75,19 +75,19 @@ FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
 
 
 def noun(kind: str) -> str:
-    """Return what a person calls one of a kind: "motion generator" for "motion_generators"."""
+    """Return the noun for one item of a kind: "motion generator" for "motion_generators"."""
     return kind.removesuffix("s").replace("_", " ")
 
 
 @hookspec
 def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
-    """Extend the host: register modules of hook specifications. A specified hook whose only argument is `register` is a
-    kind of things that have a name: Plugins.registered(kind) and Plugins.make(kind, name) know them."""
+    """Register modules of hook specifications, to extend the host. A hook whose only argument is `register` defines a
+    kind of named items: Plugins.registered(kind) lists them, Plugins.make(kind, name) calls their factories."""
 
 
 @hookspec
 def humanclaw_measures(register: RegisterMeasure) -> None:
-    """Register measures of half a second of motion, for parameters to command (humanclaw.measures)."""
+    """Register measures of half a second of motion, which parameters can command (humanclaw.skills.Measure)."""
 
 
 @hookspec
@@ -97,8 +97,8 @@ def humanclaw_skills(register: RegisterSkill) -> None:
 
 @hookspec
 def humanclaw_recipes(register: RegisterRecipe) -> None:
-    """Register recipes: how the chunks that an adapter learns from are found in clips and synthesised
-    (humanclaw.recipes)."""
+    """Register recipes: how to find or synthesise the chunks that an adapter learns from
+    (humanclaw.skills.Recipe)."""
 
 
 @hookspec
@@ -133,7 +133,7 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 @hookspec
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
-    """Register reporters, which show a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
+    """Register reporters, which present a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
     Reporter."""
 
 
@@ -149,14 +149,14 @@ def humanclaw_commands(cli: click.Group) -> None:
 
 @hookspec
 def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
-    """Take note of each half-second of a call, before the next is generated; step counts the steps recorded so far."""
+    """Observe each half second of a call, before the next is generated. step: number of steps recorded so far."""
 
 
 @hookspec
 def humanclaw_step(episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
-    """Hear of a step once it is recorded; view is what the eyes saw before it, (height, width, 3)."""
+    """Observe a step once it is recorded. view: what the eyes saw before it, (height, width, 3)."""
 
 
 @hookspec
 def humanclaw_episode_end(episode: EpisodeRecord, folder: Path | None) -> None:
-    """Hear that an episode's record is complete; folder is where it was written, if anywhere."""
+    """Observe the end of an episode, once its record is complete. folder: where it was written; None if nowhere."""

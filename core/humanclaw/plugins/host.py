@@ -1,9 +1,9 @@
 """The plugin host: finds plugins, keeps broken ones apart, and answers by name.
 
 A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file.
-It is known by its distribution, or by its file. Each is loaded in its own try: one that cannot be used is named and
-disabled, and only a run that needs it fails. Where two register one name, both stay: the first is meant by the name
-alone, either by owner:name, and a Choice says otherwise. A plugin can extend the host with hooks of its own (hook
+Its distribution, or its file, names it. Each plugin loads in a try of its own: a broken one is named and disabled, and
+only a run that needs it fails. If two plugins register the same name, both stay: the name alone means the first,
+owner:name means either, and a Choice changes the order. A plugin can extend the host with hooks of its own (hook
 humanclaw_hookspecs).
 """
 
@@ -48,11 +48,11 @@ PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
-"""Hooks whose plugins come before those that need what they bring."""
+"""Plugins with these hooks load before the plugins that may need what they define."""
 
 
 class Plugins(Lookup):
-    """All that is installed, by name. An object, not a global: two of them never influence each other."""
+    """The installed plugins. An object, not a global: two hosts never influence each other."""
 
     def __init__(self, choice: Choice = Choice()) -> None:
         super().__init__(choice)
@@ -60,7 +60,7 @@ class Plugins(Lookup):
         self._members: list[tuple[str, object]] = []
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
         self._threads = threading.local()
-        """Of each thread that tells observers: who hears it, by plugin."""
+        """For each thread that calls observers: the bounded caller of each plugin."""
         self._extend(hookspecs)
         self._take(
             "measures", [Registration(k, hookspecs.PROJECT, one, one.description) for k, one in MEASURES.items()]
@@ -69,10 +69,10 @@ class Plugins(Lookup):
 
     @classmethod
     def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice()) -> Plugins:
-        """Every installed plugin that is wanted, and then the given files.
+        """Load every installed plugin that the choice allows, then the given files.
 
-        Raises PluginError for a file that cannot be used, since it was asked for by name, and for one that has a name
-        in common with another plugin while the choice says nothing of either.
+        Raises PluginError for a file that cannot be used, and for a file that registers a name of another plugin while
+        the choice prefers neither.
         """
         host = cls(choice)
         points = sorted(importlib.metadata.entry_points(group=hookspecs.PROJECT), key=lambda point: origin_of(point)[0])
@@ -114,12 +114,12 @@ class Plugins(Lookup):
                     raise PluginError(told, f"Say which one you mean: {either}.")
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
-        """Register one plugin. Raises PluginError, and registers nothing of it, not even its observers and its hooks,
-        if it cannot be used.
+        """Register one plugin.
 
-        What another plugin has registered under the same name goes first, unless this one is HumanCLAW's own or the
-        choice prefers it. A plugin with the hook humanclaw_hookspecs comes before those that implement what it
-        specifies.
+        A name that another plugin has registered already keeps its meaning, unless this plugin is first-party or the
+        choice prefers it. Add a plugin with the hook humanclaw_hookspecs before the plugins that implement its hooks.
+
+        Raises PluginError for a plugin that cannot be used. Then nothing of it stays registered, hooks included.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
             raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")
@@ -142,7 +142,7 @@ class Plugins(Lookup):
         self._infos.append(PluginInfo(name, version, origin, (), "", registry.disabled, (), registry.notes))
 
     def _rebuild(self, specs: list[ModuleType]) -> None:
-        """Go back to these specifications and to the plugins that are in use: pluggy cannot forget a specification."""
+        """Start again with these specifications and the plugins in use: pluggy cannot forget a specification."""
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
         self._specs = []
         for module in specs:
@@ -153,8 +153,8 @@ class Plugins(Lookup):
             self._manager.register(plugin, name)
 
     def tell(self, hook: str, **event: Any) -> None:
-        """Call a hook of every plugin that has it. One that raises, or hangs where an episode would have to wait for
-        it, is told of in the log; the others hear of it all the same."""
+        """Call a hook of every plugin that has it. A plugin that raises, or keeps an episode waiting too long, is
+        logged; the others are called all the same."""
         for name, plugin in self._manager.list_name_plugin():
             if not has_hook(plugin, hook):
                 continue
@@ -170,7 +170,7 @@ class Plugins(Lookup):
                 _LOG.warning("plugin %r failed at %s: %s", name, hook, reason_of(error))
 
     def _observer(self, name: str) -> Bounded:
-        """Return what calls the observers of a plugin: for each thread that tells of something one of its own."""
+        """Return the bounded caller of a plugin's observers: one for each thread that calls them."""
         known: dict[str, Bounded] = vars(self._threads)
         if name not in known:
             known[name] = Bounded(self._patience(name))
@@ -180,16 +180,16 @@ class Plugins(Lookup):
         return float(getattr(self._manager.get_plugin(owner), "HUMANCLAW_PATIENCE", PATIENCE))
 
     def bounded(self, one: Registration) -> Callable[..., Any]:
-        """Return a function that somebody registered, waited for no longer than its plugin's HUMANCLAW_PATIENCE.
+        """Return a registered function with a timeout: its plugin's HUMANCLAW_PATIENCE, seconds.
 
-        Raises TimeoutError when that is over, and whatever the function raises.
+        The returned function raises TimeoutError after that time, and whatever the registered function raises.
         """
         patient = Bounded(self._patience(one.owner))
         return lambda *args: patient(partial(one.value, *args))
 
     def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
-        """Return the plugin's module; None, and the reason among the infos, if it is not wanted, cannot be imported or
-        is for another version."""
+        """Import a plugin's module. Returns None, and notes the reason in the infos, if it is not wanted, cannot be
+        imported or was made for another version."""
         name, version, origin = origin_of(point)
         if origin != hookspecs.PROJECT and any(is_owner(text, name) for text in self.choice.without):
             self._infos.append(PluginInfo(name, version, origin, error="left out by --without"))
@@ -201,13 +201,13 @@ class Plugins(Lookup):
             return use()
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # A plugin is code of somebody else: not even its SystemExit ends the program.
+        except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
             reason = str(error) if isinstance(error, PluginError) else reason_of(error)
             self._infos.append(PluginInfo(*origin_of(point), error=reason.rstrip(".")))
             return None
 
     def _gather(self, plugin: object, name: str) -> Registry:
-        """All that a plugin registers and that can be used."""
+        """Collect what a plugin registers and what can be used of it."""
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             if self._manager.register(plugin, name) is None:
@@ -228,13 +228,12 @@ class Plugins(Lookup):
         return registry
 
     def _only(self, plugin: object, hook: str) -> Any:
-        """Return a caller of one plugin's implementation of a hook."""
+        """Return a caller of one plugin's implementation of a hook, and of no other plugin's."""
         others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
         return self._manager.subset_hook_caller(hook, others)
 
     def _extend(self, specs: ModuleType) -> None:
-        """Add the hook specifications of a module; those that take `register` alone are kinds of things that have a
-        name."""
+        """Add the hook specifications of a module. A hook that takes `register` alone defines a kind of named items."""
         self._manager.add_hookspecs(specs)
         self._specs.append(specs)
         for kind in _kinds(specs):
@@ -242,7 +241,7 @@ class Plugins(Lookup):
             self._offered.setdefault(kind, [])
 
     def _hint(self, error: BaseException) -> str:
-        """For a misspelt hook, the hook that was probably meant."""
+        """Suggest the nearest hook for a misspelt one."""
         known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
         specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
         words = [word.strip("'\":,.") for word in reason_of(error).split()]
@@ -251,7 +250,7 @@ class Plugins(Lookup):
 
 
 def _kinds(specs: ModuleType) -> Iterator[str]:
-    """Yield the kinds of things that have a name, by the hooks that register them."""
+    """Yield the kinds of named items that a module of specifications defines."""
     for name, spec in vars(specs).items():
         if name.startswith(PREFIX) and name != EXTENSION and list(inspect.signature(spec).parameters) == ["register"]:
             yield name.removeprefix(PREFIX)

@@ -1,4 +1,4 @@
-"""Loading plugins: from entry points and files, held to the versions that they were made for."""
+"""Load plugins from entry points and files, and check the versions that they were made for."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from humanclaw.plugins import hookspecs
 from humanclaw.plugins.distributions import version
 
 PATIENCE: Final = 30.0
-"""Seconds that an observer or a metric may take, unless its plugin asks for others in HUMANCLAW_PATIENCE."""
+"""Seconds that an observer or a metric may take by default; a plugin sets others in HUMANCLAW_PATIENCE."""
 
 
 def check_api(made_for: object, name: str) -> None:
-    """Hold a plugin to the version of the plugin API that it was made for: the same major, and no later minor.
+    """Check the plugin API that a plugin was made for: it needs the host's major version, and no later minor.
 
-    Raises PluginError, with which of the two to upgrade.
+    Raises PluginError, which says whether to upgrade the plugin or the host.
     """
     try:
         major, minor = map(int, str(made_for).split("."))
     except ValueError:
-        told = f"plugin {name!r} was made for plugin API {made_for!r}, which is no version."
+        told = f"plugin {name!r} was made for plugin API {made_for!r}, expected major.minor."
         raise PluginError(told, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
     ours = tuple(map(int, hookspecs.API_VERSION.split(".")))
     if major != ours[0] or minor > ours[1]:
@@ -38,25 +38,25 @@ def check_api(made_for: object, name: str) -> None:
 
 
 def check_patience(seconds: object, name: str) -> None:
-    """Raise PluginError for a HUMANCLAW_PATIENCE that is no time."""
+    """Raise PluginError if HUMANCLAW_PATIENCE is not a positive number."""
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
-        told = f"plugin {name!r} has HUMANCLAW_PATIENCE = {seconds!r}, which is no number of seconds above 0."
+        told = f"plugin {name!r} has HUMANCLAW_PATIENCE = {seconds!r}, expected seconds above 0."
         raise PluginError(told, 'Write one, such as 60.0, or float("inf").')
 
 
 def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
-    """Name, version and distribution of a plugin. It is called like its distribution, whatever that calls its entry
-    point: two of them may call theirs the same."""
-    # Where pip was interrupted there is no metadata: None both, says the standard library.
+    """Return name, version and distribution of a plugin. The distribution names it: entry points of two distributions
+    may have the same name."""
+    # An interrupted pip leaves no metadata: the standard library then returns None for both.
     try:
         name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
-    except (TypeError, FileNotFoundError):  # Says importlib_metadata, which litellm brings, where there is none.
+    except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
     return name or point.name, version or "", name or ""
 
 
 def has_hook(plugin: object, hook: str) -> bool:
-    """Whether a plugin has a hook; a module that answers for its names itself may raise anything."""
+    """Whether a plugin has a hook. A module with a `__getattr__` of its own may raise anything."""
     try:
         return hasattr(plugin, hook)
     except KeyboardInterrupt:
@@ -72,7 +72,7 @@ def held_to_requirements(point: importlib.metadata.EntryPoint) -> importlib.meta
 
 
 def _check_requirement(dist: importlib.metadata.Distribution) -> None:
-    """Hold a distribution to the humanclaw that its own metadata say it was made for."""
+    """Raise PluginError if the distribution's metadata require another version of humanclaw."""
     for text in dist.requires or ():
         requirement = Requirement(text)
         if canonicalize_name(requirement.name) == "humanclaw" and version() not in requirement.specifier:
@@ -83,7 +83,7 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
 
 
 def reason_of(error: BaseException) -> str:
-    """Return an error in words; one of pluggy's says more with less."""
+    """Return an error in words; of pluggy's validation errors only their message."""
     if isinstance(error, pluggy.PluginValidationError):
         return " ".join(str(error.args[0]).split())
     return in_words(error)

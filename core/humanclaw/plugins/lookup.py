@@ -1,4 +1,4 @@
-"""Looking up by name what plugins registered, and making it."""
+"""Look up what plugins registered, by name, and call its factory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ class Lookup:
         return tuple(self._found.get(kind, {}).values())
 
     def offered(self, kind: str, name: str) -> Any:
-        """Return what a name means, be it disabled. Raises PluginError with the nearest names if there is none."""
+        """Return the item of a name, also a disabled skill. Raises PluginError with the nearest names if there is
+        none."""
         if kind == "skills" and name not in self._found[kind]:
             for one in self._faulty:
                 if name == one.name or means(name, one):
@@ -49,12 +50,13 @@ class Lookup:
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
         """Call the factory registered under a name.
 
-        Raises PluginError with the nearest names if there is none, for one that needs a package that is not installed,
-        and for an agent or a verifier whose factory raises what says nothing to a user.
+        Raises PluginError if there is no such name (with the nearest ones), if the factory needs a package that is not
+        installed, and if the factory of an agent or a verifier fails with an error that a user cannot mend.
         """
         found = self._find(kind, name)
         if not callable(found.value):
-            told = f"{noun(kind)} {name!r} of plugin {found.owner!r} is {type(found.value).__name__} and no factory."
+            came = type(found.value).__name__
+            told = f"{noun(kind)} {name!r} of plugin {found.owner!r} is of type {came}; expected a factory."
             raise PluginError(told, "Register a function that makes one.")
         try:
             return found.value(*args, **options)
@@ -68,10 +70,10 @@ class Lookup:
             raise FactoryError(told) from error
 
     def decider(self, kind: str, name: str, options: Mapping[str, Any], known_as: str = "") -> Any:
-        """Make an agent or a verifier for an episode of a run, where nobody is there to mend it.
+        """Make an agent or a verifier for an episode of an unattended run.
 
-        One whose factory raises is stood in for, by the name of known_as, and its episode ends as plugin_error when it
-        begins. Raises PluginError, ProviderError and LimitError as a decider may.
+        If its factory raises, return a stand-in with the name known_as; its episode ends as plugin_error when it
+        begins. Raises PluginError, ProviderError and LimitError, as agents and verifiers may.
         """
         try:
             return self.make(kind, name, options)
@@ -79,7 +81,7 @@ class Lookup:
             return Unmade(known_as or name, self._find(kind, name).owner, error.__cause__ or error)
 
     def scene(self, reference: str) -> Any:
-        """Return the scene that `source:argument` or `owner:source:argument` names."""
+        """Make the scene that `source:argument` or `owner:source:argument` refers to."""
         source, _, argument = reference.partition(":")
         longer, _, rest = argument.partition(":")
         if source not in self._found["scenes"] and self._get("scenes", f"{source}:{longer}"):
@@ -87,7 +89,8 @@ class Lookup:
         return self.make("scenes", source, argument)
 
     def require(self, *wanted: tuple[str, str]) -> None:
-        """Raise PluginError for all (kind, name) that are not there, with the one line that installs them."""
+        """Raise PluginError if a (kind, name) is not installed, with the one line that installs all that are
+        missing."""
         missing = [(kind, name) for kind, name in wanted if self._get(kind, name) is None]
         bringing = [distributions.bringing(kind, name) for kind, name in missing]
         if len(missing) > 1 and all(bringing):
@@ -109,7 +112,7 @@ class Lookup:
         return self._find("skills", name).value  # type: ignore[no-any-return]
 
     def owner(self, skill: str) -> str:
-        """Return the plugin that a skill is of."""
+        """Return the plugin that brings a skill."""
         return self._find("skills", skill).owner
 
     def overridden(self, skill: str) -> tuple[str, ...]:
@@ -124,22 +127,22 @@ class Lookup:
 
     @property
     def disabled(self) -> dict[str, str]:
-        """Names of skills that are not in use, and why: nothing runs them, and nobody is offered them."""
+        """Skills that are not in use, by name, with the reason."""
         found = [item for info in self._infos for item in info.disabled.items()]
         return {name: reason for name, reason in found if name not in self.skills}
 
     @property
     def infos(self) -> tuple[PluginInfo, ...]:
-        """Every plugin that was found, with what of it is in use."""
+        """Every plugin that was found, with its items in use."""
         return tuple(self._told(info) for info in self._infos)
 
     def info(self, owner: str) -> PluginInfo:
-        """Return what is known of a plugin."""
+        """Return the entry of a plugin."""
         return next(info for info in self.infos if info.name == owner)
 
     def _take(self, kind: str, found: Sequence[Registration]) -> None:
-        """Offer what a plugin registers. Of equal names that goes first which is preferred, else HumanCLAW's own, else
-        what was there first."""
+        """Add what a plugin registers. Among equal names the preferred item wins, then a first-party one, then the
+        earliest."""
         self._offered[kind] += found
         for one in found:
             same = [other for other in self._offered[kind] if other.name == one.name]
@@ -149,7 +152,7 @@ class Lookup:
         return self.choice.rank(one), one.owner.partition("/")[0] not in distributions.own()
 
     def _check_choice(self) -> None:
-        """Raise PluginError for what the choice names and nothing is, so that a misspelt word is not passed over."""
+        """Raise PluginError if the choice names something that is not installed: it may be misspelt."""
         told = [(one.owner, one.name) for found in self._offered.values() for one in found]
         told += [(one.owner, one.name) for one in (*self._faulty, *self._left_out)] + [
             (info.name, "") for info in self._infos
@@ -179,7 +182,7 @@ class Lookup:
         return f"{told} Choose it with --prefer {one.owner}:{one.name}, or call it {one.owner}:{one.name}."
 
     def _get(self, kind: str, name: str) -> Registration | None:
-        """Return what name or owner:name means, if it means anything."""
+        """Return the item of name or owner:name; None if there is none."""
         if name in self._found.get(kind, {}):
             return self._found[kind][name]
         return next((one for one in self._offered.get(kind, ()) if ":" in name and means(name, one)), None)
@@ -194,7 +197,7 @@ class Lookup:
         raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
 
     def _remedy(self, kind: str, name: str) -> str:
-        """Return the line that installs what a name may mean, or else what there is."""
+        """Return the command that installs what a name may mean, or else the known names."""
         known, elsewhere = self._found.get(kind, {}), distributions.table().get(kind, {})
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):
@@ -202,13 +205,15 @@ class Lookup:
         more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in (*known, name)]
         listed = f"Known: {', '.join([*known, *more]) or 'none'}."
         if distribution:
-            return f"{distribution} brings it where what it needs is installed; here it is not. {listed}"
+            return f"{distribution} brings it, but a package that it needs is not installed. {listed}"
         return nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
 
 
 def _gives_up(kind: str, error: BaseException) -> bool:
-    """Tell whether a factory ends with what its plugin alone can mend. Who asks a model may say that none is to be
-    had; of other kinds what they raise goes on, for it may be the machine's."""
+    """Tell whether a factory failed with an error that only its plugin can mend.
+
+    Agents and verifiers may report that a model cannot be had. Errors of other kinds of factories may be the machine's.
+    """
     if kind in _DECIDERS:
         mendable = isinstance(error, HumanclawError) and not isinstance(error, RecordError)
         return not (mendable or isinstance(error, ANSWERING) or by_hand(error))

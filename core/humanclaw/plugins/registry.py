@@ -23,25 +23,25 @@ _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
 
 @dataclass(frozen=True)
 class Choice:
-    """Which plugins and skills are wanted, of those that are there.
+    """Which of the installed plugins and skills to use.
 
     An owner is a distribution, with or without `humanclaw-`, or the name of a plugin file without .py.
     """
 
     prefer: tuple[str, ...] = ()
-    """owner or owner:name: what goes before others of the same name."""
+    """owner or owner:name: preferred over other plugins' items of the same name."""
     without: tuple[str, ...] = ()
-    """owner, owner:name, or the name of a skill: what is left out."""
+    """owner, owner:name, or the name of a skill: left out."""
     skills: tuple[str, ...] = ()
-    """name or owner:name: the skills that can be called, and no others; empty for all."""
+    """name or owner:name: the only skills that can be called; empty for all."""
 
     def rank(self, one: Registration) -> int:
-        """How far in front something goes; less is further."""
+        """Return the sort key: lower ranks first."""
         wanted = (*(name for name in self.skills if ":" in name), *self.prefer)
         return next((place for place, text in enumerate(wanted) if means(text, one)), len(wanted))
 
     def drops(self, one: Registration, kind: str) -> bool:
-        """Whether something of a plugin is left out."""
+        """Whether an item of a plugin is left out."""
         return any(
             (":" in text and means(text, one)) or (kind == "skills" and text == one.name) for text in self.without
         )
@@ -60,16 +60,16 @@ class PluginInfo:
     error: str = ""
     """Why it is disabled; empty if it is in use."""
     disabled: Mapping[str, str] = field(default_factory=dict)
-    """Of its skills those that break the contract, by name, and why. The others are in use."""
+    """Skills that were rejected, by name, with the reason. The others are in use."""
     duplicates: tuple[str, ...] = ()
-    """Of what it registers that for which another plugin goes first, each told with both owners."""
+    """Its items that give way to another plugin's of the same name, each with both owners."""
     notes: tuple[str, ...] = ()
-    """What of it is deprecated, and what takes its place."""
+    """What it uses that is deprecated, and the replacement."""
 
 
 @dataclass(frozen=True)
 class Registration:
-    """Something registered under a name: a skill, a factory, or what else a hook takes."""
+    """An item registered under a name: a skill, a factory, or whatever else a hook takes."""
 
     name: str
     owner: str
@@ -79,22 +79,22 @@ class Registration:
 
 @dataclass
 class Registry:
-    """What one plugin registers, gathered apart so that a plugin that fails half-way leaves nothing behind."""
+    """What one plugin registers, collected apart, so that a plugin that fails half-way leaves nothing behind."""
 
     owner: str
     found: dict[str, list[Registration]] = field(default_factory=dict)
     """By kind: the name of the hook without `humanclaw_`."""
     disabled: dict[str, str] = field(default_factory=dict)
-    """Skills that break the contract, by name, and why."""
+    """Skills that break the contract, by name, with the reason."""
     faulty: list[Registration] = field(default_factory=list)
-    """The same as they were registered."""
+    """The same skills as they were registered."""
     left_out: list[Registration] = field(default_factory=list)
-    """What is not wanted."""
+    """Items that the choice leaves out."""
     notes: tuple[str, ...] = ()
 
     def register(self, kind: str) -> Callable[..., None]:
-        """Return the argument `register` of a hook. It takes a name, a value and a description, or a value that has
-        them itself."""
+        """Return the argument `register` of a hook. It takes name, value and description, or one value that has a name
+        and a description itself."""
 
         def register(named: Any, value: Any = None, description: str = "") -> None:
             if value is None:
@@ -104,14 +104,14 @@ class Registry:
                 named, description = value.name, value.description
             if not isinstance(named, str) or not _NAME.fullmatch(named):
                 raise PluginError(
-                    f"{named!r} is no name of a {noun(kind)}.", f"Use a name that matches {_NAME.pattern}."
+                    f"{named!r} is not a valid name for a {noun(kind)}.", f"Use a name that matches {_NAME.pattern}."
                 )
             self.found.setdefault(kind, []).append(Registration(named, self.owner, value, description))
 
         return register
 
     def _skill(self, given: Skill | Path) -> Skill | None:
-        """Return the skill, or None for a folder that holds none: its neighbours are not to blame."""
+        """Return the skill, or None for a folder that cannot be read: the plugin's other skills stay in use."""
         try:
             return _skill(given)
         except Exception as error:
@@ -125,7 +125,7 @@ class Registry:
         self.faulty.append(Registration(name, self.owner, value))
 
     def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
-        """Hold each skill to the contract, and take out those that break it."""
+        """Check each skill against the contract, and take out those that break it."""
         kept = []
         for one in self.found.get("skills", []):
             if faults := skill_faults(one.value, measures, base):
@@ -135,7 +135,7 @@ class Registry:
         self.found["skills"] = kept
 
     def keep(self, choice: Choice) -> None:
-        """Leave out what is not wanted, and what a plugin names twice."""
+        """Leave out what the choice drops, and what the plugin names twice."""
         for kind, found in self.found.items():
             wanted = [one for one in found if not choice.drops(one, kind)]
             self.left_out += [one for one in found if choice.drops(one, kind)]
@@ -152,12 +152,12 @@ def _skill(given: Skill | Path) -> Skill:
 
 
 def means(text: str, one: Registration) -> bool:
-    """Whether owner or owner:name means something that a plugin registers."""
+    """Whether owner or owner:name refers to an item."""
     owner, _, name = text.partition(":")
     return is_owner(owner, one.owner) and name in ("", one.name)
 
 
 def is_owner(text: str, owner: str) -> bool:
-    """Whether a text names a plugin: distributions are one name whatever their case and their dashes."""
+    """Whether a text names a plugin. Case, dashes and the prefix humanclaw- make no difference."""
     names = canonicalize_name(text), canonicalize_name(f"{hookspecs.PROJECT}-{text}")
     return canonicalize_name(owner.partition("/")[0]) in names or text == owner
