@@ -105,7 +105,7 @@ def test_a_step_that_holds_no_finite_number_is_named(folder, value):
     _leave_open(folder)
     path = folder / "steps.jsonl"
     path.write_text(re.sub(r'"yaw_end":[^,}]+', f'"yaw_end":{value}', path.read_text(), count=1))
-    with pytest.raises(RecordError, match=rf"steps\.jsonl:1 holds {value}, which is no finite number"):
+    with pytest.raises(RecordError, match=rf"steps\.jsonl:1 holds {value}, which is not a finite number"):
         RecordedEpisode(folder)
 
 
@@ -122,7 +122,7 @@ def test_motion_that_holds_no_finite_number_is_named(folder):
         arrays = dict(data)
     arrays["simulated_root"][3, 1] = np.nan
     np.savez(folder / "motion.npz", **arrays)
-    with pytest.raises(RecordError, match=r"motion\.npz cannot be read: it holds values that are no finite number"):
+    with pytest.raises(RecordError, match=r"motion\.npz cannot be read: it holds values that are not finite"):
         RecordedEpisode(folder).motion()
 
 

@@ -54,7 +54,7 @@ def test_a_key_that_is_there_twice_in_an_episode_is_named(tmp_path):
 
 def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
     (tmp_path / "split.jsonl").write_bytes(SPEC.model_dump_json().encode() + b"\n\xff\xfe\n")
-    with pytest.raises(HumanclawError, match=r"split.jsonl:2 is no episode"):
+    with pytest.raises(HumanclawError, match=r"split.jsonl:2 is not an episode"):
         read_episodes(tmp_path / "split.jsonl")
 
 
@@ -201,7 +201,7 @@ def test_a_start_that_is_nowhere_is_told_by_its_line(tmp_path, place):
     (tmp_path / "s.jsonl").write_text(
         '{"id": "a", "instruction": "Find a couch.", "scene": "house:0", "start": {' + place + "}}"
     )
-    with pytest.raises(HumanclawError, match=r"s\.jsonl:1 is no episode"):
+    with pytest.raises(HumanclawError, match=r"s\.jsonl:1 is not an episode"):
         read_episodes(tmp_path / "s.jsonl")
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from humanclaw.plugins.hookspecs import GeneratorFactory, Register
 
 _COMMANDS = (
-    ("check", "check:check", "Hold skills to every named check, and play them; exit code 1 if one has a fault."),
+    ("check", "check:check", "Check skills against the contract, and play them; exit code 1 if one has a fault."),
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
     ("plugins", "show:plugins_command", "List the plugins, what they provide, and why one is disabled."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),

@@ -1,4 +1,4 @@
-"""The command line, and what commands of plugins share with it."""
+"""The command line, and what the commands of plugins share with it."""
 
 from typing import TYPE_CHECKING
 

@@ -47,15 +47,17 @@ def check(
     files: tuple[Path, ...],
     choice: Choice,
 ) -> None:
-    """Hold skills to every named check, and play them; exit code 1 if one has a fault.
+    """Check skills against the contract, and play them; exit code 1 if one has a fault.
 
-    NAME is an installed skill (owner:skill where two have it), FOLDER holds the schema.json of one or several, FILE is
-    a Python file with a hook humanclaw_skills. Without any, all installed skills are checked.
+    NAME is an installed skill (owner:skill if two plugins have it). FOLDER holds one or more skill folders. FILE is a
+    Python file with a hook humanclaw_skills. Without arguments, all installed skills are checked.
     """
     if listing:
         _list_checks(as_json)
         return
-    from humanclaw.testing import check_target  # Bodies and all, which other commands need not wait for.
+    from humanclaw.testing import (
+        check_target,
+    )  # Imported here: it loads bodies and engines, which other commands do not need.
 
     plugins = Plugins.discover(files, choice)
     named = targets or [*plugins.skills, *plugins.disabled]

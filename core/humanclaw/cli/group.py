@@ -1,7 +1,7 @@
-"""The command line. Its commands come through the hook humanclaw_commands, ours as anybody else's.
+"""The command line. All its commands but `run` come through the hook humanclaw_commands, the core's own included.
 
-What the user can mend is told in one sentence with a remedy, and the exit code is 2; what Ctrl-C ends exits with 130;
-no traceback.
+An error that the user can mend is printed in one sentence with a remedy; the exit code is 2. Ctrl-C exits with 130.
+Neither prints a traceback.
 """
 
 from __future__ import annotations
@@ -28,14 +28,13 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
-"""What is no fault of the program, and of no use as a traceback: disk full, quota used up, read-only, not allowed."""
+"""Errors of the system, not of the program: disk full, quota used up, read-only, not allowed."""
 
 
 class Commands(click.Group):
-    """A group that tells errors of the user's kind without a traceback.
+    """A group that prints user errors without a traceback.
 
-    plugins: asked for further commands when a name is not among those that are there, or all are listed. So `humanclaw
-    run` is under way before a plugin is loaded.
+    plugins: called when a command is unknown, or all are listed. So `humanclaw run` starts before any plugin is loaded.
     """
 
     def __init__(self, *args: Any, plugins: Callable[[], Plugins], **options: Any) -> None:
@@ -51,7 +50,7 @@ class Commands(click.Group):
         return super().get_command(ctx, cmd_name)
 
     def _missing(self, name: str) -> HumanclawError:
-        """Say what brings a command that is not there, or which ones have nearly its name."""
+        """Return the error for a missing command: the distribution that brings it, or the nearest names."""
         if distribution := bringing("commands", name):
             return HumanclawError(f"command {name!r} is not installed.", f"Run `{install([distribution])}`.")
         known = dict.fromkeys(self.commands, "")
@@ -68,7 +67,7 @@ class Commands(click.Group):
             self._complete = True
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
-        """Add a command. One of the same name that is there already stays, the core's before all; the log says so."""
+        """Add a command. A command of the same name that is there already stays; the log says so."""
         there = self.commands.get(name or cmd.name or "")
         if there is not None and there is not cmd:
             told = "command %r of %s is already that of %s, and is left out"
@@ -102,9 +101,9 @@ def _home(command: click.Command) -> str:
 
 
 class LazyCommand(click.Command):
-    """A command that is loaded when it is called: listing the commands costs nothing that only calling them needs.
+    """A command that is imported when it is called, so that listing commands stays fast.
 
-    target: module:name of the command. sentence: what the list says of it.
+    target: module:name of the command. sentence: its line in the list.
     """
 
     def __init__(self, name: str, target: str, sentence: str) -> None:
@@ -115,11 +114,11 @@ class LazyCommand(click.Command):
         """Return the command itself. Raises PluginError if its module cannot be imported, or holds no such command."""
         try:
             command = pkgutil.resolve_name(self.target)
-        except Exception as error:  # A plugin is code of somebody else.
+        except Exception as error:  # Third-party code may raise anything.
             told = f"command {self.name!r} cannot be loaded from {self.target}: {type(error).__name__}: {error}."
             raise PluginError(told) from error
         if not isinstance(command, click.Command):
-            raise PluginError(f"{self.target} is no command: it is of type {type(command).__name__}.")
+            raise PluginError(f"{self.target} is of type {type(command).__name__}; expected a click command.")
         return command
 
     def make_context(
@@ -139,18 +138,17 @@ class LazyCommand(click.Command):
 @plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
-    console = Console(markup=False, emoji=False, highlight=False)  # What is told is somebody's own words, or a path.
+    console = Console(markup=False, emoji=False, highlight=False)  # Instructions and paths may contain brackets.
     console.print(f'{deciders.agent} in {reference}: "{instruction}"', soft_wrap=True)
     with console.status("Loading the plugins") as status:
-        # What an episode needs takes a second to import; whoever typed the command has been answered by then.
+        # Imported here: it takes a second, and the user has an answer by then.
         from humanclaw.cli.play import play
 
         play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
 
 
 def build(plugins: Callable[[], Plugins]) -> click.Group:
-    """Return the command group with `run` and, once they are asked for, the commands of the plugins, the core's among
-    them."""
+    """Return the command group: `run`, and on demand the commands of plugins and of the core."""
 
     @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
     @click.version_option(package_name="humanclaw", prog_name="humanclaw")
@@ -162,8 +160,7 @@ def build(plugins: Callable[[], Plugins]) -> click.Group:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Entry point of the console script. A letter that the output has not, as in a pipe on Windows, is told by its
-    number."""
+    """Run the command line. A character that the output cannot encode, as in a pipe on Windows, is escaped."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(build(_discover).main(args=args, prog_name="humanclaw"))

@@ -21,40 +21,37 @@ if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
 
 INTERRUPTED: Final = 130
-"""The exit code of what Ctrl-C ended: 128 and the number of the signal."""
+"""Exit code after Ctrl-C: 128 plus the number of the signal."""
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
 class Deciders:
-    """Who decides and who verifies, with what options and within what limits, as a command line asked for them."""
+    """Agent and verifier with their options and limits, as the command line names them."""
 
     agent: str
     verifier: str
-    """Empty: none."""
+    """Empty for none."""
     options: Mapping[str, Any]
-    """What every factory of agents and verifiers is given."""
+    """Options for the factories of agent and verifier."""
     limits: Mapping[str, float]
 
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
-        """Return an agent and a verifier, for one episode after another.
-
-        Raises HumanclawError for an option of neither.
-        """
+        """Make agent and verifier. Raises HumanclawError for an option that neither knows."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None
         agent = plugins.make("agents", self.agent, self.options)
         check_options(self.options, self.agent, agent, verifier)
         return agent, verifier
 
     def meter(self) -> Meter:
-        """Return the accounts of one run."""
+        """Return the meter of one run."""
         return Meter(self.limits)
 
 
-SIMULATOR_HELP: Final = "What moves the world, by name; the default is bullet where it is installed, else mujoco."
+SIMULATOR_HELP: Final = "Simulator by name. The default is bullet if it is installed, otherwise mujoco."
 _ENGINES: Final = (
     click.option("--simulator", default="", help=SIMULATOR_HELP),
-    click.option("--generator", default=Backends.generator, show_default=True, help="What makes motion, by name."),
+    click.option("--generator", default=Backends.generator, show_default=True, help="Motion generator by name."),
 )
 _DECIDERS: Final = (
     click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
@@ -66,7 +63,7 @@ _DECIDERS: Final = (
     click.option(
         "--verifier", default="", help="Verifier by name, or none. The default is the model's own, if one is named."
     ),
-    click.option("--no-verifier", is_flag=True, help="The same as --verifier none."),
+    click.option("--no-verifier", is_flag=True, help="Same as --verifier none."),
     click.option(
         "--no-mid-level",
         "mid_level",
@@ -74,23 +71,23 @@ _DECIDERS: Final = (
         default=None,
         help="The agent keeps no mid-level goal.",
     ),
-    click.option("--history", type=click.IntRange(0), help="Past steps that the agent is told."),
-    click.option("--images", type=click.IntRange(1), help="Views that it is shown, the current one included."),
+    click.option("--history", type=click.IntRange(0), help="Number of past steps in the agent's prompt."),
+    click.option("--images", type=click.IntRange(1), help="Number of views in the prompt, the current one included."),
     click.option(
         "--profile",
         type=click.Choice(["default", "paper"]),
         default="default",
         show_default=True,
-        help="Settings of the simulator, the motion solver and the agent; the switches above go before it.",
+        help="Settings of simulator, motion solver and agent. The switches above override it.",
     ),
     *_ENGINES,
-    click.option("--renderer", default=Backends.renderer, show_default=True, help="What draws the views, by name."),
+    click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name."),
     click.option(
         "--sensor",
         "sensors",
         type=click.Choice(SENSORS),
         multiple=True,
-        help="What the agent is told besides the view, which is always there. Repeatable.",
+        help="Sense that the agent gets besides the view, which is always on. Repeatable.",
     ),
     click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
@@ -98,19 +95,18 @@ _DECIDERS: Final = (
         "limits",
         multiple=True,
         metavar="SCOPE.UNIT=N",
-        help="The most that a call, episode or run may take in seconds, tokens or usd (episode.usd=0.5). Repeatable.",
+        help="Maximum seconds, tokens or usd of a call, episode or run (episode.usd=0.5). Repeatable.",
     ),
 )
 
 
 def engine_options(function: F) -> F:
-    """Add --simulator and --generator, for commands that take no decider."""
+    """Add --simulator and --generator, for commands without an agent."""
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)
 
 
 def decider_options(function: F) -> F:
-    """Return the options that say who decides, and with what body; the command gets them as `deciders` and
-    `backends`."""
+    """Add the options for agent, verifier and body. The command gets them as `deciders` and `backends`."""
 
     @functools.wraps(function)
     def command(
@@ -148,17 +144,19 @@ def decider_options(function: F) -> F:
 
 
 def check_options(options: Mapping[str, Any], name: str, agent: object, verifier: object | None) -> None:
-    """Raise HumanclawError for an option that concerns neither: what is passed over in silence was meant.
+    """Raise HumanclawError for an option that neither agent nor verifier knows: it may be misspelt.
 
-    Their `settings` name what each of them knows; where one has none, nobody can tell. Raises PluginError for one that
-    breaks as it is asked for them.
+    The keys of their `settings` are the known options; without settings, any option passes. Raises PluginError if
+    reading the settings fails.
     """
     parts = [part for part in (agent, verifier) if part is not None]
     found = [_settings(part) for part in parts]
     if None in found:
         return
     known = {"profile", *(key for names in found for key in names or ())}
-    known |= {f"verifier_{key}" for key in known}  # Also where the verifier is left out: that is one switch.
+    known |= {
+        f"verifier_{key}" for key in known
+    }  # Known without a verifier too, so that --no-verifier can be added to a working command.
     for key in options:
         if key not in known:
             whose = f"agent {name}" + (" and its verifier" if verifier else "")
@@ -166,7 +164,7 @@ def check_options(options: Mapping[str, Any], name: str, agent: object, verifier
 
 
 def _settings(decider: object) -> tuple[str, ...] | None:
-    """Return the names of a decider's settings; None if it has none."""
+    """Return the names of the settings of an agent or a verifier; None if it has none."""
     from humanclaw.plugins.deciders import origin
 
     try:
@@ -186,7 +184,7 @@ def _nearest(key: str, known: Collection[str]) -> str:
 
 
 def parse_limits(texts: Sequence[str]) -> dict[str, float]:
-    """scope.unit=number texts to a dict. Raises HumanclawError."""
+    """Parse scope.unit=number texts. Raises HumanclawError."""
     limits: dict[str, float] = {}
     for text in texts:
         name, _, number = text.partition("=")
@@ -200,7 +198,7 @@ def parse_limits(texts: Sequence[str]) -> dict[str, float]:
 
 
 def plugin_files(function: F) -> F:
-    """--plugin FILE, as often as one likes."""
+    """Add --plugin FILE (repeatable)."""
     option = click.option(
         "--plugin",
         "files",
@@ -213,7 +211,7 @@ def plugin_files(function: F) -> F:
 
 
 def plugin_options(function: F) -> F:
-    """--plugin, --prefer, --without and --skills; the command gets `files` and a `choice` (humanclaw.Choice)."""
+    """Add --plugin, --prefer, --without and --skills. The command gets `files` and a `choice` (humanclaw.Choice)."""
 
     @functools.wraps(function)
     def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
@@ -246,7 +244,7 @@ _CHOICES: Final = (
 
 
 def parse_pairs(pairs: Sequence[str]) -> dict[str, Any]:
-    """key=value texts to a dict; values are JSON where they can be read as such. Raises HumanclawError."""
+    """Parse key=value texts; values are JSON if they parse as JSON. Raises HumanclawError."""
     return dict(_parse_pair(pair) for pair in pairs)
 
 

@@ -1,4 +1,4 @@
-"""`humanclaw physics` and `humanclaw bench-world`: evidence on the terminal, and nothing on the disk."""
+"""`humanclaw physics` and `humanclaw bench-world`: print evidence, write nothing to disk."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CHECKS: Final = (
 
 
 def _bar() -> Progress:
-    """On stderr, so that stdout holds the table alone."""
+    """Return a progress bar on stderr, so that stdout holds the table alone."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
@@ -56,7 +56,7 @@ def physics(
 ) -> None:
     """Run the physics checks of half-physics and print them as a table; exit code 1 if one does not hold.
 
-    CHECKS: some of them; all without.
+    CHECKS: names of the checks to run; by default all.
     """
     from humanclaw.testing.fixture import Fixture
     from humanclaw.testing.laws import CHECKS, table, ticks

@@ -1,5 +1,4 @@
-"""What `humanclaw run` does once it has answered: the plugins, the scene, the body, the episode, and what is told of
-it."""
+"""Play the episode of `humanclaw run`: plugins, scene, body, episode, report."""
 
 from __future__ import annotations
 
@@ -49,7 +48,7 @@ def play(
     film: str,
     choice: Choice,
 ) -> None:
-    """Play one episode; the arguments are the options of `humanclaw run`. Ends the process with 130 after Ctrl-C."""
+    """Play one episode. The arguments are the options of `humanclaw run`. Exits with 130 after Ctrl-C."""
     plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     agent, verifier = deciders.make(plugins)
@@ -94,7 +93,7 @@ def play(
 
 
 def _new_folder(agent: str) -> Path:
-    """Make a folder for a run that nobody has named: of two that begin in one second each has its own."""
+    """Make a new folder for a run. Two runs that begin in the same second get different folders."""
     first = Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
     for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
         with writing(first), suppress(FileExistsError):
@@ -105,7 +104,7 @@ def _new_folder(agent: str) -> Path:
 
 @contextmanager
 def _kept(folder: Path) -> Iterator[None]:
-    """Go on after Ctrl-C, however often, where there is a record by then: it is told of."""
+    """Ignore Ctrl-C, however often, if there is a record by then: its path is still printed."""
     try:
         yield
     except KeyboardInterrupt:
@@ -115,7 +114,7 @@ def _kept(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _left_empty(folder: Path) -> Iterator[None]:
-    """Where nothing was begun, nothing is left behind: the same command may then be given again."""
+    """Remove empty folders at the end, so that the same command can be given again."""
     try:
         yield
     finally:
@@ -125,7 +124,7 @@ def _left_empty(folder: Path) -> Iterator[None]:
 
 
 def _claim(folder: Path) -> None:
-    """Make the folder of the record, or refuse one that is there: of two processes only one makes it."""
+    """Make the folder of the record. Raises RecordError if it exists: of two processes only one may use it."""
     try:
         with writing(folder):
             folder.mkdir(parents=True)
@@ -139,7 +138,7 @@ def _claim(folder: Path) -> None:
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """Take a request to end as Ctrl-C by another name: the record is closed and the report written."""
+    """Treat SIGTERM like Ctrl-C: the record is closed and the report written."""
 
     def handle(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -155,9 +154,9 @@ def _interrupted_by_sigterm() -> Iterator[None]:
 
 
 def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
-    """Kind and name of all that an episode is made of."""
+    """Yield kind and name of everything that an episode needs."""
     yield "scenes", reference.partition(":")[0]
-    # Whatever simulator there is will do where none is named; where there is none, the one that every Python can have.
+    # Without a name any installed simulator will do. If none is installed, ask for the one with wheels everywhere.
     if backends.simulator or not plugins.registered("simulators"):
         yield "simulators", backends.simulator or SIMULATORS[-1]
     yield "renderers", backends.renderer
@@ -168,7 +167,7 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 
 def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
-    """Print what the installed reporters make of the record."""
+    """Let the installed reporters present the record, and print the paths of their files."""
     console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
@@ -183,5 +182,5 @@ def _exit(record: EpisodeRecord) -> None:
         raise click.ClickException(f"a plugin failed: {record.error}")
     if record.outcome == "limit_reached":
         raise click.ClickException(f"a limit was reached: {record.error}")
-    if record.outcome in ("interrupted", "running"):  # Running: Ctrl-C came again before its end was written.
+    if record.outcome in ("interrupted", "running"):  # Running: a second Ctrl-C came before the end was written.
         sys.exit(INTERRUPTED)

@@ -1,4 +1,4 @@
-"""What a person at the terminal sees of an episode under way."""
+"""Progress of an episode on the terminal."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from humanclaw.world.simulator import Chunk
 
 
 class StepProgress:
-    """Prints a line a step: the call, why, and what it took."""
+    """Prints one line for each step: call, distance, time and reasoning."""
 
     def __init__(self, console: Console, max_steps: int, distances: bool = True) -> None:
-        """distances: whether to tell how far the target is; who decides at this terminal is not to know."""
+        """distances: whether to print the distance to the target; a person who decides at this terminal must not see
+        it."""
         self._console, self._distances = console, distances
         self._width = len(str(max_steps))
         self._step, self._chunks = -1, 0
 
     @hookimpl
     def humanclaw_chunk(self, episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
-        """Of a call of several chunks, a word a chunk from the second on."""
+        """Print a line for each chunk of a call after the first."""
         self._chunks = self._chunks + 1 if step == self._step else 1
         self._step = step
         if self._chunks > 1:
@@ -38,13 +39,13 @@ class StepProgress:
         call = str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
         line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
-        # A line that is too long is cut off for a person, and never for a file.
+        # Long lines are cut on a terminal, and never in a file.
         whole = not self._console.is_terminal
         self._console.print(line, no_wrap=True, overflow="ellipsis", soft_wrap=whole)
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
-    """How the episode ended, in a sentence."""
+    """Return one sentence about the end of the episode."""
     parts = [f"{record.outcome.replace('_', ' ')} after {counted(record.steps, 'step')}"]
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")

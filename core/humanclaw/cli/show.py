@@ -1,4 +1,4 @@
-"""Commands that only look: skills, plugins, tools."""
+"""Commands that list: skills, plugins, tools."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from humanclaw.skills.contract import Skill, bounds
 from humanclaw.skills.publishing import Format, publish
 
 _WRAPPED: Final = ("parameters", "provides", "state")
-"""Columns whose cells may be long: the others are names, which are never broken."""
+"""Columns with long cells. The others hold names, which are never wrapped."""
 
 
 @click.command()
@@ -119,7 +119,7 @@ def _plugin_row(info: PluginInfo) -> dict[str, str]:
 
 
 def _print(rows: list[dict[str, str]], as_json: bool, shown: Sequence[str], nothing: str) -> None:
-    """Print everything as JSON, or as a table those columns that fit beside one another in 80 characters."""
+    """Print everything as JSON, or the columns that fit into 80 characters as a table."""
     if as_json:
         click.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
@@ -139,7 +139,7 @@ def _without_version(source: str) -> str:
 
 
 def _by_kind(provided: str) -> str:
-    """Say each kind once: "agent oracle" and "agent random" become "agent oracle, random"."""
+    """Group lines by kind: "agent oracle" and "agent random" become "agent oracle, random"."""
     kinds: dict[str, list[str]] = {}
     for line in provided.splitlines():
         kind, _, name = line.rpartition(" ")
@@ -148,4 +148,4 @@ def _by_kind(provided: str) -> str:
 
 
 _BRIEF: Final[Mapping[str, Callable[[str], str]]] = {"from": _without_version, "provides": _by_kind}
-"""How a table says what would make it wider than 80 characters."""
+"""Short forms of cells that would make a table wider than 80 characters."""

@@ -1,4 +1,4 @@
-"""Markdown on the terminal, in the width that there is."""
+"""Print Markdown in the width of the terminal."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rich.text import Text
 
 _BETWEEN: Final = re.compile(r"\s*(?<!\\)\|\s*")
 _WIDEST: Final = 30
-"""Characters of a column where room is short: longer cells go on in the next line."""
+"""Maximum characters of a column in a narrow terminal; longer cells wrap."""
 
 
 def show_markdown(text: str) -> None:
-    """Print Markdown within the width of the terminal, 80 characters in a pipe (or the variable COLUMNS).
+    """Print Markdown in the width of the terminal; in a pipe 80 characters, or COLUMNS.
 
-    A table that is wider comes in several parts, each with the first column; what fits is printed as it stands.
+    A wider table is split into parts, each with the first column. Everything else is printed as it is.
     """
     console = Console(highlight=False)
     for inside, found in groupby(text.splitlines(), lambda line: line.startswith("|")):
@@ -33,7 +33,7 @@ def show_markdown(text: str) -> None:
 
 
 def _parts(rows: Sequence[Sequence[str]], width: int) -> Iterator[Table]:
-    """Yield a table in parts; its second row is the rule below the heads."""
+    """Yield a table in parts. rows: header, rule, then the body."""
     columns = list(zip(rows[0], *rows[2:], strict=True))
     wide = [min(_WIDEST, max(map(len, column))) + 3 for column in columns]
     chosen, used = [0], wide[0] + 1

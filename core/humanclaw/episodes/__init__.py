@@ -1,1 +1,1 @@
-"""How an episode is played: bodies, the episode that anyone can step, the loop. `humanclaw` shows their names."""
+"""Play an episode: bodies, the steppable Episode, the loop. Import their public names from `humanclaw`."""

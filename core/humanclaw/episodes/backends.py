@@ -1,4 +1,4 @@
-"""What a body is made of, by name: free of numpy, so that a command answers before it loads anything."""
+"""The implementations that a body is made of, by name. Imports no numpy, so that commands answer at once."""
 
 from __future__ import annotations
 
@@ -12,34 +12,36 @@ if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
 
 SENSORS: Final = ("vision", "body", "touch")
-"""Vision is always on: it is the picture."""
+"""Senses that an observation can report. Vision, the picture, is always on."""
 SIMULATORS: Final = ("bullet", "mujoco")
-"""Which one a body runs in where nobody says: the benchmark's rows are Bullet's, which has no wheels for the newest
-Pythons."""
+"""Simulators by preference, if none is named. Bullet comes first because the benchmark's tables were made with it; it
+has no wheels for the newest Pythons."""
 
 
 @dataclass(frozen=True)
 class Backends:
-    """Names of the implementations to use, as plugins registered them."""
+    """Names of the implementations to use, as registered by plugins."""
 
     simulator: str = ""
-    """Empty: the first of SIMULATORS that is installed, or else whatever is."""
+    """Empty: the first installed one of SIMULATORS, or else any installed one."""
     renderer: str = "raster"
     generator: str = "dit"
     profile: str = "default"
-    """'default' or 'paper': settings of the simulator and the motion solver."""
+    """'default' or 'paper': settings of the simulator and of the motion solver."""
     sensors: tuple[str, ...] = ("vision",)
-    """What an observation tells of the last call (humanclaw.sensors); vision is the picture, and always on."""
+    """Senses that an observation reports (see SENSORS)."""
 
     def chosen(self, plugins: Plugins) -> Self:
-        """Return the same with every name filled in and in order: what records and versions name. Raises
-        HumanclawError for an unknown sensor, PluginError if no simulator is installed."""
+        """Return the same with defaults filled in and senses in a fixed order, as records name them.
+
+        Raises HumanclawError for an unknown sense, PluginError if no simulator is installed.
+        """
         simulator = self.simulator or default_simulator(plugins)
         return replace(self, simulator=simulator, sensors=check_sensors(self.sensors))
 
 
 def default_simulator(plugins: Plugins) -> str:
-    """Choose the first of SIMULATORS that is installed, or else whatever is. Raises PluginError if nothing is."""
+    """Return the first installed one of SIMULATORS, or else any installed one. Raises PluginError if there is none."""
     installed = [offer.name for offer in plugins.registered("simulators")]
     preferred = [name for name in SIMULATORS if name in installed] or installed
     if not preferred:
@@ -48,7 +50,7 @@ def default_simulator(plugins: Plugins) -> str:
 
 
 def check_sensors(names: Iterable[str]) -> tuple[str, ...]:
-    """Put the sensors asked for, vision among them, in a fixed order. Raises HumanclawError for an unknown one."""
+    """Return the wanted senses and vision, in a fixed order. Raises HumanclawError for an unknown one."""
     asked = set(names)
     unknown = asked - set(SENSORS)
     if unknown:

@@ -36,27 +36,27 @@ T = TypeVar("T", bound=np.generic)
 
 
 Watcher = Callable[[Chunk], bool]
-"""Told of each chunk once it has been played; false leaves out the rest of the call."""
+"""Called with each chunk once it has been played. Returns False to leave out the rest of the call."""
 
 
 @dataclass(frozen=True)
 class SkillExecution:
-    """What one executed call did: at least one chunk, and the wall time of its parts in seconds."""
+    """Result of one executed call: at least one chunk, and the wall time of generating and simulating, seconds."""
 
     call: Call
     chunks: tuple[Chunk, ...]
     seconds: Mapping[str, float]
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """What sensors other than vision tell of it; None for one that is off."""
+    """Readings of the senses beside vision; None for a sense that is off."""
     parts: tuple[PlayedPart, ...] = ()
-    """What was played of a sequence, in order; empty for a call of one part."""
+    """The parts of a sequence that were played, in order; empty for a call of one part."""
     cancelled: bool = False
-    """Whether some of it was left out."""
+    """Whether a part of the call was left out."""
 
     @property
     def feedback(self) -> Feedback:
-        """What its agent is told."""
+        """What the agent is told of the call."""
         return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
 
 
@@ -72,9 +72,14 @@ class Body:
         plugins: Plugins | None = None,
         backends: Backends | None = None,
     ) -> None:
-        """scene: a reference such as house:0, or a Scene. start: where to stand; by default where the scene says.
+        """Put a body into a scene.
 
-        seed: all randomness of the motion derives from it and the step number. Raises HumanclawError for unknown names.
+        Args:
+            scene: a reference such as house:0, or a Scene.
+            start: where to stand; by default the scene's own start.
+            seed: all randomness of the motion derives from the seed and the number of the step.
+
+        Raises HumanclawError for unknown names.
         """
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
@@ -84,14 +89,14 @@ class Body:
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
         self.resets = 0
-        """How often it was put somewhere: what was begun before the last time is over."""
+        """Number of resets. An episode of an earlier count is over."""
         self.reset(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:
         return self.plugins.make(kind, name, profile=self.backends.profile)
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
-        """Stand in a scene, everything in it at rest."""
+        """Stand at a start of a scene, with every object at rest."""
         wanted: Scene = self.plugins.scene(scene) if isinstance(scene, str) else scene
         if self._shown is not wanted:
             self._renderer.load(wanted)
@@ -113,7 +118,7 @@ class Body:
 
     @property
     def history(self) -> Motion:
-        """The five frames that the next motion continues, world frame."""
+        """The five frames that the next motion continues (world frame)."""
         return self._history
 
     @property
@@ -126,16 +131,16 @@ class Body:
         return self._state
 
     def view(self) -> View:
-        """Render what the eyes see: colours, depth and object ids, none of which can be written to."""
+        """Render what the eyes see: colours, depth and object ids, as read-only arrays."""
         seen = self._renderer.render(self._state, ego_camera(self._state.body))
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
-        """Look, and be told what became of the last call."""
+        """Return the view, and the feedback of the last call."""
         return Observation(self.step, instruction, self.view().rgb, feedback or Feedback())
 
     def call(self, skill: str, /, **params: Any) -> Observation:
-        """Check a call, execute it, and look. What it did is in `last`.
+        """Check a call, execute it, and return the view. `last` holds the result.
 
         Raises PluginError for an unknown skill, CallError for parameters outside its schema.
         """
@@ -143,16 +148,16 @@ class Body:
         return self.observe(feedback=done.feedback)
 
     def tools(self, framework: str) -> Any:
-        """Every skill that can run, and `look`, as an agent framework's own objects: "openai", "langchain", ...
+        """Return every skill that can run, and `look`, as tools of an agent framework ("openai", "langchain", ...).
 
-        Raises PluginError with the nearest names if no plugin knows the framework, and if it is not installed.
+        Raises PluginError if no plugin knows the framework (with the nearest names), or if it is not installed.
         """
         return self.plugins.make("frameworks", framework, body_tools(self))
 
     def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
-        """Carry out a call that has been checked already, chunk by chunk.
+        """Execute a checked call, chunk by chunk.
 
-        watch: told of each chunk, between which the body can be looked at; when it says false, the rest is left out.
+        watch: called after each chunk; if it returns False, the rest is left out.
         """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
@@ -189,7 +194,7 @@ class Body:
         )
 
     def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
-        """Yield the motion of a plan, 15 frames at a time, each placed where the chunk before it has ended.
+        """Yield the motion of a plan, 15 frames at a time, each beginning where the chunk before it ended.
 
         Yields the number of the part, the motion, and whether more follows.
         """
@@ -200,7 +205,7 @@ class Body:
                 index += 1
 
     def _pieces(self, skill: Skill, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
-        """Yield the chunks of one part, the first of which is that of this index in the call."""
+        """Yield the chunks of one part. index: number of its first chunk within the call."""
         if isinstance(part, Control):
             if part.adapter == skill.adapter:
                 require_trained(skill)
@@ -213,7 +218,7 @@ class Body:
             yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
 
     def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
-        """Generate the motion of a control, on the course of the calls before it."""
+        """Generate the motion of a control, and correct the heading error that earlier calls left."""
         values = part.values if declared is None else self._course.steer(declared, part.values)
         motion = self._generator.generate(self._history, part.adapter, values, key)
         if declared is not None:
@@ -221,7 +226,7 @@ class Body:
         return motion
 
     def _declared(self, skill: Skill, adapter: Path) -> Declaration | None:
-        """Return the declaration of the skill that an adapter belongs to; None if it is none of those installed."""
+        """Return the declaration of the skill that owns an adapter; None if that skill is not installed."""
         if adapter == skill.adapter:
             return skill.declaration
         return next((one.declaration for one in self.plugins.skills.values() if one.adapter == adapter), None)
@@ -243,12 +248,12 @@ class Body:
 
 
 def _fixed(picture: NDArray[T]) -> NDArray[T]:
-    """Return a copy that nobody can write to: agent, verifier and record see one and the same."""
+    """Return a read-only copy, so that agent, verifier and record see the same picture."""
     return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
 
 
 def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:
-    """Return what was played of each part, of whose chunks these are the numbers."""
+    """Return the parts that were played. numbers: for each chunk, the number of its part."""
     return tuple(
         PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
         if isinstance(part, Control)
@@ -259,13 +264,13 @@ def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, .
 
 
 def require_trained(skill: Skill) -> None:
-    """Refuse a skill without an adapter. Raises CheckpointError if it has not been trained."""
+    """Raise CheckpointError if a skill has not been trained."""
     if not skill.trained:
         raise untrained(skill)
 
 
 def untrained(skill: Skill) -> CheckpointError:
-    """Return the error of a skill whose adapter is not there."""
+    """Return the error for a skill whose adapter is missing."""
     return CheckpointError(
         f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
         f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
@@ -273,7 +278,7 @@ def untrained(skill: Skill) -> CheckpointError:
 
 
 def _offset(pose: Motion, motion: Motion) -> Array:
-    """From where the motion begins to where the body is, on the plane."""
+    """Return the horizontal offset (3,) from the beginning of a motion to the body."""
     return np.asarray([1.0, 0.0, 1.0] * (pose.root[-1] - motion.root[0]))
 
 
@@ -282,7 +287,10 @@ def _moved(motion: Motion, by: Array) -> Motion:
 
 
 def stand(simulator: Simulator, generator: MotionGenerator, scene: Scene, start: Pose2D) -> Motion:
-    """Put a body into a scene, in the stance that motion goes on from: a simulator stands it there in a pose of its
-    own. Returns the five frames of it, the history of the first motion, world frame."""
+    """Stand a body on its start, in the stance that the motion model begins from.
+
+    A simulator places the body in a pose of its own, so the stance is played first. Returns its five frames, the
+    history of the first motion (world frame).
+    """
     stance = re_rooted(generator.start(), simulator.reset(scene, start).body)
     return re_rooted(stance, simulator.execute(stance).simulated)

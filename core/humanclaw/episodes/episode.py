@@ -1,7 +1,7 @@
 """One episode that anyone can step: observe, submit a decision, get the step's record (paper, section 3).
 
-An agent's mistake is an error text that goes back to it; a provider's failure ends the episode as infra_error; neither
-is ever turned into a motion. Whatever ends an episode, its record is closed.
+An agent's mistake goes back to it as an error text. A provider's failure ends the episode as infra_error. Neither ever
+becomes a motion. Whatever ends an episode, its record is closed.
 
 with Episode(body, spec, agent, folder=folder) as episode:
     while not episode.done:
@@ -14,7 +14,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 from humanclaw.episodes.embodiment import Body, SkillExecution
@@ -22,14 +21,7 @@ from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start
 from humanclaw.episodes.replay import check_decision, check_end, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
-from humanclaw.errors import (
-    CallError,
-    HumanclawError,
-    LimitError,
-    PluginError,
-    PluginRunError,
-    ProviderError,
-)
+from humanclaw.errors import CallError, HumanclawError, LimitError, PluginError, PluginRunError, ProviderError
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
 from humanclaw.plugins.deciders import admit
 from humanclaw.records.decisions import Attempt, Decision, Refusal, Usage, Verdict, check
@@ -45,9 +37,9 @@ from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
 _QUALITY: Final = 88
-"""Of the frames of a record, as JPEG."""
+"""JPEG quality of recorded frames."""
 MAX_ATTEMPTS: Final = 3
-"""Answers asked for in one step until one is usable; after that the step is lost and the episode goes on."""
+"""Answers that an agent may give in one step until one is usable. After the last one the step is lost."""
 
 
 class Episode:
@@ -70,19 +62,19 @@ class Episode:
         """Put the body at the start, start agent and verifier, and begin the record.
 
         Args:
-            agent: who decides. It is told its task here; somebody who knows it already is only named.
-            folder: of the record; None keeps none on disk.
-            options: of the run, for the record.
-            distance: measures the way that is left to a target after each step, for the record.
-            replay: the steps of an earlier run of the same episode. They are executed again without asking anybody, and
-                the episode goes on from there.
-            meter: the limits of the run, one meter for all of its episodes.
-            attempts: so many refused decisions in a row cost a step; at least 1.
+            agent: who decides; begin() is called here. Give only a name if decisions come through submit().
+            folder: where to write the record; None writes nothing.
+            options: options of the run, for the record.
+            distance: measures the remaining way to a target after each step, for the record.
+            replay: steps of an earlier run of the same episode. They are executed again without asking the agent, and
+                the episode continues after them.
+            meter: limits of the run, shared by all its episodes.
+            attempts: number of refused decisions in a row that costs a step; at least 1.
 
         Raises:
-            HumanclawError: no attempt is left for any decision.
-            SceneError: the scene is not the one that the episode was made for.
-            ReplayError: the world does not do as it did, or steps follow the end of the episode.
+            HumanclawError: attempts is below 1.
+            SceneError: the scene has another digest than the specification.
+            ReplayError: a replayed step ends elsewhere than recorded, or steps follow the end of the episode.
         """
         if attempts < 1:
             raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
@@ -100,7 +92,7 @@ class Episode:
             distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
         )
         record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
-        # Before anything is written: what they refuse leaves nothing behind.
+        # Before anything is written, so that a refusal leaves no folder behind.
         self._panel.begin(EpisodeContext(spec, body.skills, spec.seed, meter=self._meter), self._privileged)
         self._recording = Recording(body, record, folder)
         self._history: list[HistoryEntry] = []
@@ -115,15 +107,15 @@ class Episode:
         elif self._is_over():
             self._close()
 
-    # -- how it stands -------------------------------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------------------------
     @property
     def done(self) -> bool:
-        """Whether no further decision is taken."""
+        """Whether the episode takes no further decision."""
         return self._stopping or self.outcome != "running" or len(self._recording.steps) >= self.spec.max_steps
 
     @property
     def fault(self) -> PluginRunError | None:
-        """What a plugin raised, if that ended the episode."""
+        """The plugin error that ended the episode, if one did."""
         return self._panel.fault
 
     @property
@@ -133,7 +125,7 @@ class Episode:
 
     @property
     def record(self) -> EpisodeRecord:
-        """The episode's record as it stands."""
+        """The record so far."""
         return self._recording.record
 
     @property
@@ -143,29 +135,30 @@ class Episode:
 
     @property
     def history(self) -> tuple[HistoryEntry, ...]:
-        """Every step so far as an agent remembers it."""
+        """Every step so far, as an agent may recall it."""
         return tuple(self._history)
 
     @property
     def success(self) -> bool:
-        """Whether it has been stopped within reach of a target, and sitting on it if that was asked."""
+        """Whether the agent has stopped within reach of a target, and seated on it if the task says so."""
         sits = {name for name, skill in self.body.skills.items() if skill.role == "sit"}
         return succeeded(self.spec, self._recording.steps, sits)
 
     def target_distance(self) -> float | None:
-        """Metres from the nearest joint to the bounding box of the nearest target, straight; None without a target."""
+        """Return the straight distance from the nearest joint to the nearest target's bounding box, metres; None
+        without a target."""
         return target_distance(self.body.scene, self.spec.target_ids, self.body.state())
 
     def distance_to_goal(self) -> float | None:
-        """Shortest way to a place beside the nearest target, metres; None if nothing measures it or there is none."""
+        """Return the length of the shortest way to a place beside the nearest target, metres; None if it is not
+        measured or there is no way."""
         return distance_to_goal(self.body.state(), self._distance)
 
-    # -- stepping it ---------------------------------------------------------------------------------------------------
+    # -- stepping ---------------------------------------------------------------------------------------------------
     def observe(self) -> Observation:
-        """See what the body sees, and what became of the last decision. Nothing moves; may be called as often as one
-        likes.
+        """Return the view and the feedback of the last decision. Nothing moves; call it as often as you like.
 
-        Raises LimitError, and ends the episode, if a limit leaves nothing for another decision.
+        Raises LimitError, and ends the episode, if a limit leaves no room for another decision.
         """
         view = self._look()
         if self._step.asked is None and not self.done:
@@ -174,20 +167,24 @@ class Episode:
         return Observation(len(self._recording.steps), self.spec.instruction, view.rgb, self._feedback)
 
     def ask(self) -> StepRecord | Refusal:
-        """Let the episode's agent decide, and submit it. Raises what submit does, and PluginRunError for what the agent
-        raises."""
+        """Let the episode's agent decide, and submit its decision.
+
+        Raises what submit() raises, and PluginRunError for an error of the agent.
+        """
         self._check_open()
         if self._panel.agent is None:
-            raise HumanclawError("nobody decides in this episode.", "Begin it with an agent, or submit decisions.")
+            raise HumanclawError("this episode has no agent.", "Begin it with an agent, or submit decisions.")
         seen = self.observe()
         with self._closing():
             return self._take(self._panel.decide(seen, self.history))
 
     def submit(self, decision: Decision) -> StepRecord | Refusal:
-        """Take a step. A decision that holds no legal call is refused; the last of several in a row costs the step.
+        """Take a step. A decision without a legal call is refused; the last allowed refusal in a row costs the step.
 
-        Raises HumanclawError if the episode has ended, TypeError for what is no Decision or is malformed, which changes
-        nothing, LimitError if a limit was crossed, which ends it.
+        Raises:
+            HumanclawError: the episode has ended.
+            TypeError: the decision is malformed; nothing changes.
+            LimitError: a limit was crossed, which ends the episode.
         """
         self._check_open()
         decision = admit(decision, Decision, "submit() was given")
@@ -195,39 +192,38 @@ class Episode:
             return self._take(decision)
 
     def _repr_html_(self) -> str:
-        """How it stands, and what the eyes see now, for a notebook."""
+        """Return the state and the current view, for a notebook."""
         last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
         lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
         return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb, _QUALITY))])
 
     def stop(self) -> None:
-        """Take no further decision, and break off the call under way. May be called from another thread or a signal
+        """Take no further decision, and break off the current call. Safe to call from another thread or a signal
         handler."""
         self._stopping = True
 
     def cancel(self) -> None:
-        """Break off the call under way after the chunk that is being played: a step, recorded as cancelled. May be
-        called from another thread or an observer; does nothing between two calls."""
+        """Break off the current call after the chunk that is being played, and record the step as cancelled.
+
+        Safe to call from another thread or an observer. Does nothing between two calls.
+        """
         self._cancelling = True
 
     def close(self) -> None:
-        """Close the record; an episode that has not ended is recorded as interrupted."""
+        """Close the record. An episode that has not ended is recorded as interrupted."""
         self._close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> bool:
-        """Close the record. The failure of a provider or a plugin and a limit end the episode; they go no further than
-        this."""
+    def __exit__(self, kind: object, fault: BaseException | None, trace: object) -> bool:
+        """Close the record. Swallow a provider's failure, a plugin's error and a limit: they are outcomes."""
         self._end_by(fault)
         return isinstance(fault, ProviderError | LimitError | PluginRunError)
 
     # -- one step ------------------------------------------------------------------------------------------------------
     def _check_open(self) -> None:
-        """Raise HumanclawError if no further decision is taken, or the body is somewhere else by now."""
+        """Raise HumanclawError if the episode has ended, or the body has been reset since it began."""
         if self.done:
             ended = "stopped from outside" if self.outcome == "running" else self.outcome.replace("_", " ")
             raise HumanclawError(f"the episode has ended ({ended}).", "Begin another one.")
@@ -235,7 +231,7 @@ class Episode:
             raise HumanclawError("the body was put elsewhere since the episode began.", "Begin another one.")
 
     def _look(self) -> View:
-        """Return the view of the step under way, which is drawn and kept once."""
+        """Return the view of the current step; it is drawn and kept once."""
         step = self._step
         if step.view is None:
             with step.timed("observe"):
@@ -245,13 +241,13 @@ class Episode:
         return step.view
 
     def _question(self) -> None:
-        """Open the account of one question to a model. Raises LimitError if a limit has been crossed."""
+        """Begin the account of one question to a model. Raises LimitError if a limit has been crossed."""
         self._meter.begin("call")
         self._meter.check()
         self._step.ask()
 
     def _take(self, decision: Decision) -> StepRecord | Refusal:
-        """Enter a decision, and carry it out if it holds a legal call."""
+        """Enter a decision, and execute it if it holds a legal call."""
         self._look()
         self._answered("decide", decision.usage)
         try:
@@ -263,7 +259,7 @@ class Episode:
         return self._keep(self._execute(call, verdict))
 
     def _answered(self, part: str, usage: Usage) -> None:
-        """Enter what an answer took. Raises LimitError if it has crossed a limit."""
+        """Enter the time and cost of an answer. Raises LimitError if a limit has been crossed."""
         self._step.answered(part)
         self._meter.add(usage)
         self._meter.check()
@@ -275,7 +271,7 @@ class Episode:
         return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
-        """Return the verdict and the call to execute. A replacement that is not legal lets the proposal through, and
+        """Return the verdict and the call to execute. An illegal replacement lets the proposal through; the verdict
         says so."""
         if self._panel.verifier is None:
             return None, call
@@ -292,7 +288,7 @@ class Episode:
             return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call
 
     def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
-        """Carry out a call. An active stop ends the episode where the body is: no motion follows."""
+        """Execute a call. An active stop ends the episode without motion."""
         before = self.body.state()
         if self._stops(call):
             return self._measure(before, call, verdict)
@@ -303,7 +299,7 @@ class Episode:
         return self._measure(before, call, verdict, done)
 
     def _watch(self, chunk: Chunk) -> bool:
-        """Tell the observers of a chunk; whether the call goes on."""
+        """Call the observers of a chunk. Returns whether the call goes on."""
         self.body.plugins.tell("humanclaw_chunk", episode=self.record, step=len(self._recording.steps), chunk=chunk)
         return not (self._cancelling or self._stopping)
 
@@ -314,7 +310,7 @@ class Episode:
         verdict: Verdict | None = None,
         done: SkillExecution | None = None,
     ) -> StepRecord:
-        """Return the record of a step: of a call with the motion that it led to, or of none."""
+        """Return the record of the current step: of a call with its motion, or of no call."""
         resting = self._recording.steps[-1].pelvis_contacts if self._recording.steps else ()
         return self._step.record(
             self._look(), self.body.scene, self.spec.target_ids, before, self.body.state(),
@@ -326,7 +322,7 @@ class Episode:
         return self.body.skills[call.skill].role == "stop"
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
-        """Note that a step is over: record it, remember it, tell the observers."""
+        """Finish a step: record it, remember it, call the observers."""
         self._recording.keep(step, replayed)
         self._feedback = step.feedback
         view = self._look().rgb
@@ -343,13 +339,13 @@ class Episode:
 
     # -- replay --------------------------------------------------------------------------------------------------------
     def _replay(self, steps: Sequence[StepRecord]) -> None:
-        """Carry out recorded steps again, up to where a plugin breaks."""
+        """Execute recorded steps again, up to a plugin's error."""
         with self._panel.noting():
             for step in () if self.fault else steps:
                 self._replay_step(step)
 
     def _replay_step(self, step: StepRecord) -> None:
-        """Carry out a recorded step again, so that body, history and trajectory are as they were after it."""
+        """Execute a recorded step again, to restore body, history and trajectory."""
         self._look()
         self._replay_decisions(step)
         if step.call and step.status != "stopped":
@@ -360,8 +356,8 @@ class Episode:
         self._keep(step, replayed=True)
 
     def _replay_decisions(self, step: StepRecord) -> None:
-        """Replay the decisions: a script that knows the world keeps a memory beside the history, so it has to live
-        through its decisions too."""
+        """Let privileged agents and verifiers decide again: a script that knows the world keeps a memory of its own
+        beside the history, and rebuilds it by deciding."""
         privileged = self._panel.privileged
         if privileged.get("agent"):
             feedback = self._feedback
@@ -376,7 +372,7 @@ class Episode:
     # -- the end -------------------------------------------------------------------------------------------------------
     @contextmanager
     def _closing(self) -> Iterator[None]:
-        """Close the record if anything is raised; it goes on to whoever called."""
+        """Close the record if the block raises, and raise again."""
         try:
             yield
         except BaseException as fault:
@@ -386,13 +382,14 @@ class Episode:
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, PluginRunError):
             self._panel.fault = fault
-        # A decider's PluginError ends the run; after the first step also the episode, which would be had again.
+        # A decider's PluginError ends the run. After the first step it also ends the episode: a resumed run would
+        # otherwise play it again.
         if isinstance(fault, PluginError) and self._panel.refusal and self._recording.steps:
             self._close("plugin_error", self._panel.refusal)
         self._close(*ending(fault))
 
     def _close(self, outcome: Outcome | None = None, error: str = "", limit: str = "") -> None:
-        """Write the end of the record, once. outcome: by default what the steps say."""
+        """Write the end of the record, once. outcome: by default the one that follows from the steps."""
         if self.outcome != "running":
             return
         counted = {"usage": self._meter.episode, "steps": len(self._recording.steps)}
@@ -402,5 +399,5 @@ class Episode:
         self.body.plugins.tell("humanclaw_episode_end", episode=self.record, folder=self._recording.folder)
 
     def _privileged(self, context: EpisodeContext) -> EpisodeContext:
-        """Add what the privileged are told besides: scene, true state and the view with its depth and ids."""
+        """Add what the privileged are given besides: scene, true state, and the view with depth and ids."""
         return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)

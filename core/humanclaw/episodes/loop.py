@@ -30,10 +30,10 @@ def run_episode(
 ) -> EpisodeRecord:
     """Run one episode to its end. See Episode for the arguments.
 
-    stopping: asked before each step; when true, the episode is broken off there and recorded as interrupted.
-    A provider's failure, a plugin's and a limit are outcomes; if the record's `limit` is "run", no further
-    episode may begin. Everything else
-    that is raised, KeyboardInterrupt included, is raised again once the record is closed.
+    stopping: called before each step; if true, the episode ends there and is recorded as interrupted.
+
+    A provider's failure, a plugin's error and a limit are outcomes. If the record's `limit` is "run", begin no further
+    episode. Every other exception, KeyboardInterrupt included, is raised again once the record is closed.
     """
     with Episode(
         body, spec, agent, verifier, folder=folder, options=options, distance=distance, replay=replay, meter=meter

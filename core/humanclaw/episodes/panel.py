@@ -1,4 +1,4 @@
-"""The agent and the verifier of an episode: what they say of themselves, what they are given, what they answer."""
+"""The agent and the verifier of an episode: what they declare, what they are given, what they answer."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Decider = Agent | Verifier
 
 
 class Panel:
-    """Who decides in an episode, and who verifies. What breaks in their code is kept in `fault`, with their plugin.
+    """Agent and verifier of an episode. `fault` keeps the first error in their code, with the name of their plugin.
 
-    An agent that is only a name decides elsewhere: it submits its decisions to the episode.
+    An agent that is only a name decides elsewhere and submits its decisions to the episode.
     """
 
     def __init__(self, agent: Agent | str, verifier: Verifier | None) -> None:
@@ -27,13 +27,13 @@ class Panel:
         self.verifier = verifier
         self.fault: PluginRunError | None = None
         self.refusal = ""
-        """Why one of them raised PluginError, which ends the run."""
-        # Each is asked once: what the record says is what they are given.
+        """Reason of a PluginError that one of them raised, which ends the run."""
+        # Asked once, so that the record states exactly what they are given.
         self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
-        """Settings of agent and verifier; none of one that broke when it was asked."""
+        """Settings of agent and verifier; empty if asking for them failed."""
         self.names = self._name(agent), self._name(verifier)
-        """Names of agent and verifier; the package of one whose name no record can hold."""
+        """Names of agent and verifier; the package instead of a name that a record cannot hold."""
 
     def _present(self) -> dict[str, Decider]:
         pair: dict[str, Decider | None] = {"agent": self.agent, "verifier": self.verifier}
@@ -41,29 +41,29 @@ class Panel:
 
     @contextmanager
     def noting(self) -> Iterator[None]:
-        """Keep what a plugin raises while there is no record yet: it ends the episode once there is one."""
+        """Keep a plugin's error while there is no record yet: it ends the episode once there is one."""
         try:
             yield
         except PluginRunError as fault:
             self.fault = self.fault or fault
 
     def begin(self, context: EpisodeContext, told: Callable[[EpisodeContext], EpisodeContext]) -> None:
-        """Give agent and verifier their task. told: adds scene and true state, for the privileged.
+        """Give agent and verifier their task. told: adds scene and true state for the privileged.
 
-        Raises PluginError for one that cannot be used; what breaks is kept in `fault`.
+        Raises PluginError if one cannot be used. Other errors are kept in `fault`.
         """
         for role, one in self._present().items():
             with self.noting(), blaming(origin(one), *ANSWERING):
                 one.begin(told(context) if self.privileged[role] else context)
 
     def decide(self, seen: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Return the agent's decision. Raises PluginRunError for what breaks there, a malformed decision included."""
+        """Return the agent's decision. Raises PluginRunError for an error or a malformed decision."""
         assert self.agent is not None
         with self._asking(self.agent):
             return admit(self.agent.decide(seen, history), Decision, f"decide() of {self.names[0]} returned")
 
     def verify(self, seen: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
-        """Return the verifier's verdict. Raises PluginRunError for what breaks there, a malformed verdict included."""
+        """Return the verifier's verdict. Raises PluginRunError for an error or a malformed verdict."""
         assert self.verifier is not None
         with self._asking(self.verifier):
             verdict = self.verifier.verify(seen, call, skill, goal)
@@ -71,7 +71,7 @@ class Panel:
 
     @contextmanager
     def _asking(self, decider: Decider) -> Iterator[None]:
-        """Name the plugin of a decider in what it raises."""
+        """Name the plugin of agent or verifier in every error of its code."""
         try:
             with blaming(origin(decider), *ANSWERING):
                 yield
@@ -80,7 +80,8 @@ class Panel:
             raise
 
     def dismiss(self) -> None:
-        """Forget agent and verifier: they know the episode by their context, and the cycle would keep its house."""
+        """Forget agent and verifier. Their context refers to the episode, and the cycle would keep its house in
+        memory."""
         self.agent = self.verifier = None
 
     def _is_privileged(self, decider: Decider) -> bool:

@@ -39,10 +39,10 @@ class Recording:
         self._trajectory = TrajectoryBuffer(body)
         self._writer: EpisodeWriter | None = None
         self._drawn: dict[str, bytes] = {}
-        """Frames of replayed steps, until the world is known to do as it did."""
+        """Frames of replayed steps, held back until the replay has succeeded."""
 
     def open(self) -> None:
-        """Begin the folder. Not before a replay: one that fails leaves the folder as it was."""
+        """Begin the folder. Call it after a replay, so that a failed one leaves the folder as it was."""
         if self.folder:
             self._writer = EpisodeWriter(self.folder, self.record, self.steps)
             for name, data in self._drawn.items():
@@ -61,20 +61,20 @@ class Recording:
         self._trajectory.add(chunks)
 
     def keep(self, step: StepRecord, replayed: bool = False) -> None:
-        """Append a step. replayed: it is in the folder already, or will be when the folder is opened."""
+        """Append a step. replayed: open() writes it to the folder."""
         if self._writer and not replayed:
             self._writer.step(step)
         self.steps.append(step)
 
     def end(self, record: EpisodeRecord) -> None:
-        """Write the last record. An end for which there was no room may be written again."""
+        """Write the final record. If the disk was full, call it again."""
         if self._writer:
             self._writer.end(record, self._trajectory.arrays())
         self.record = record
 
     @property
     def outcome(self) -> Outcome:
-        """What the steps so far say of the episode: 'interrupted' as long as none of them ends it."""
+        """The outcome that follows from the steps so far: 'interrupted' as long as none of them ends the episode."""
         if self.steps and self.steps[-1].status == "stopped":
             return "stopped"
         return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
@@ -103,7 +103,8 @@ class TrajectoryBuffer:
             self._length += len(chunk.commanded)
 
     def arrays(self) -> dict[str, Array]:
-        """Name the arrays of motion.npz: {generated,simulated}_{root,rotations} and object_ID, a row a frame."""
+        """Return the arrays of motion.npz by name: {generated,simulated}_{root,rotations} and object_ID, one row a
+        frame."""
         arrays = {f"object_{key}": self._path(key) for key in sorted(self._paths)}
         for kind, pieces in (("generated", self._commanded), ("simulated", self._simulated)):
             arrays[f"{kind}_root"] = np.concatenate([piece.root for piece in pieces])
@@ -111,7 +112,8 @@ class TrajectoryBuffer:
         return arrays
 
     def _path(self, key: int) -> Array:
-        """(T, 7) pose of an object in every frame; between recorded pieces it rests where the last one left it."""
+        """Return the (T, 7) pose of an object in every frame. Between recorded pieces it rests where the last one
+        ended."""
         obj = self._scene.by_id[key]
         full = np.tile(np.array([*obj.position, *obj.rotation], float), (self._length, 1))
         for first, path in self._paths[key]:
@@ -121,8 +123,7 @@ class TrajectoryBuffer:
 
 
 def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
-    """Put a body at the start of an episode. Raises SceneError if the scene is not the one that the episode was made
-    for."""
+    """Put a body at the start of an episode. Raises SceneError if the scene has another digest than the episode's."""
     body.reset(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
     if spec.scene_digest and body.scene.digest != spec.scene_digest:
         raise SceneError(
@@ -135,12 +136,12 @@ def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
 def begin_record(
     body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> EpisodeRecord:
-    """Write down what an episode begins with.
+    """Return the record that an episode begins with.
 
     Args:
         body: at the start of the episode.
-        options: of the run, as they were given.
-        settings: what is in force of agent, verifier and limits; empty ones are left out.
+        options: options of the run, as given.
+        settings: effective settings of agent, verifier and limits; empty ones are left out.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
     in_force = {**settings, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
@@ -192,13 +193,13 @@ def _digest(skill: Skill) -> str:
 
 @functools.lru_cache(maxsize=256)
 def _file_digest(path: Path, changed: int, size: int) -> bytes:
-    """Adapters are large and seldom change, and every episode asks for all of them."""
+    """Cache digests: adapters are large, seldom change, and every episode asks for all of them."""
     return hashlib.sha256(path.read_bytes()).digest()
 
 
 def ending(fault: BaseException | None) -> tuple[Outcome | None, str, str]:
-    """Return the outcome that a fault gives an episode, its words, and the scope of a limit; None leaves it to the
-    steps."""
+    """Return the outcome that an exception gives an episode, its text, and the scope of a limit. Outcome None: the
+    steps decide."""
     if isinstance(fault, ProviderError):
         return "infra_error", str(fault), ""
     if isinstance(fault, PluginRunError):

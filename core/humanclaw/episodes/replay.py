@@ -1,4 +1,4 @@
-"""What has to hold when recorded steps are carried out again: the same decisions, the same places, the same end."""
+"""Checks of a replay: recorded steps lead to the same decisions, the same places and the same end."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def check_end(steps: Sequence[StepRecord], spec: EpisodeSpec) -> None:
     ends = [index for index, step in enumerate(steps, 1) if step.status == "stopped" or index == spec.max_steps]
     if ends and ends[0] < len(steps):
         told = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
-        raise ReplayError(told, "Remove its folder, or give back the specification that it was begun with.")
+        raise ReplayError(told, "Remove its folder, or restore the specification that it was begun with.")
 
 
 def check_place(step: StepRecord, after: WorldState, spec: EpisodeSpec) -> None:
-    """Raise ReplayError for a step that leaves the body elsewhere than its record says."""
+    """Raise ReplayError if a step leaves the body elsewhere than its record says."""
     if (vec3(after.body.root[-1]), yaw(after)) != (step.end, step.yaw_end):
         raise ReplayError(
             f"step {step.step} of episode {spec.id} ended at {step.end}, and now ends at {vec3(after.body.root[-1])}.",
@@ -30,7 +30,10 @@ def check_place(step: StepRecord, after: WorldState, spec: EpisodeSpec) -> None:
 
 
 def check_decision(found: Decision, recorded: Decision, agent: str, step: StepRecord, spec: EpisodeSpec) -> None:
-    """Raise ReplayError for an agent that decides otherwise than it did."""
+    """Raise ReplayError if a privileged agent now decides otherwise than its record says.
+
+    Only scripts that know the true state decide again; models are never asked twice.
+    """
     if found != recorded:
         raise ReplayError(
             f"{agent} now decides otherwise in step {step.step} of episode {spec.id}.",

@@ -1,8 +1,8 @@
-"""Senses beyond sight, for those who ask for them: where one's own limbs are (`body`), and what they touch (`touch`).
+"""Optional senses beside vision: where the own limbs are (`body`), and what they touch (`touch`).
 
-The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). What is told here is
-what a person would feel: heights above one's own soles, displacements beside those intended, which part of the body
-touches something and for how long. Never a coordinate of the scene, never a name of what is touched.
+The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). These senses report
+what a person would feel: heights above the soles, intended and actual displacement, which part of the body touches
+something and for how long. They never report a coordinate of the scene or the name of an object.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from humanclaw.records.feedback import Displacement, Proprioception, Touch
 from humanclaw.world.simulator import Contact, Execution
 
 _UNDERFOOT: Final = 0.05
-"""Metres below the ankle at which what a foot touches is what it stands on."""
+"""Metres below the ankle from which a contact of the foot counts as the ground."""
 _PARTS: Final = {"head": "head", "torso": "torso", "arm_hand": "arm or hand", "leg_foot": "leg or foot"}
 
 
 # -- where the limbs are -----------------------------------------------------------------------------------------------
 def proprioception(before: Motion, chunks: Sequence[tuple[Motion, Execution]]) -> Proprioception:
-    """Feel one call.
+    """Return the body sense after one call.
 
     Args:
         before: the pose (one frame) in which the call began.
-        chunks: what was commanded (15 frames each, world frame) and what became of it.
+        chunks: commanded motion (15 frames each, world frame) and its execution.
     """
     last = chunks[-1][1].simulated
     joints = last.joints()[-1]
@@ -46,14 +46,14 @@ def proprioception(before: Motion, chunks: Sequence[tuple[Motion, Execution]]) -
 
 
 def _shift(frame: Pose2D, start: Motion, motion: Motion) -> Array:
-    """(4,) left, up, forward in metres and turn in radians, from a pose to the end of a motion."""
+    """Return (4,) left, up, forward (metres) and turn (radians), from a pose to the end of a motion."""
     way = frame.point_to_local(motion.root[-1]) - frame.point_to_local(start.root[-1])
     return np.array([*way, float(wrap_angle(float(motion.yaw()[-1] - start.yaw()[-1])))])
 
 
 # -- what they touch ---------------------------------------------------------------------------------------------------
 def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
-    """Find the parts of the body that touched something other than what they stood on, in the order of their names."""
+    """Return the parts of the body that touched anything but the ground under the feet, sorted by name."""
     frames: dict[str, set[tuple[int, int]]] = defaultdict(set)
     gives_way: dict[str, bool] = defaultdict(bool)
     for number, execution in enumerate(executions):

@@ -1,4 +1,4 @@
-"""The step under way: what was seen and submitted since the last one, and how long it took."""
+"""The current step: what was seen and submitted since the last one, how long it took, and its measured record."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ class Step:
     attempts: list[Attempt] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     view: View | None = None
-    """What the decision is made from; drawn once."""
+    """The view that the decision is made from; drawn once."""
     frame_file: str = ""
     asked: float | None = None
-    """When the open question was put; None if none is open."""
+    """Time at which the open question was put; None if none is open."""
 
     def ask(self) -> None:
         """Start the clock of a question."""
         self.asked = time.perf_counter()
 
     def answered(self, part: str) -> None:
-        """Enter how long the open question took, if one is open."""
+        """Enter the time of the open question, if there is one."""
         if self.asked is not None:
             self._add(part, time.perf_counter() - self.asked)
             self.asked = None
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
-        """Enter how long the block took."""
+        """Enter the time of the block."""
         began = time.perf_counter()
         yield
         self._add(part, time.perf_counter() - began)
@@ -70,11 +70,12 @@ class Step:
         """Return the record of the step.
 
         Args:
-            view: what the decision was made from.
-            call: the call that was carried out; None if there was none. stops: whether it is an active stop.
-            done: the motion that it led to; None without motion.
-            resting: what the pelvis touched when the last motion ended.
-            geodesic: the shortest way that is left to a target, metres.
+            view: the view that the decision was made from.
+            call: the executed call; None if there was none.
+            stops: whether the call is an active stop.
+            done: the motion of the call; None without motion.
+            resting: ids that the pelvis touched when the last motion ended.
+            geodesic: remaining shortest way to a target, metres.
         """
         chunks = done.chunks if done else ()
         return StepRecord(
@@ -113,24 +114,24 @@ def vec3(point: Array) -> Vec3:
 
 
 def yaw(state: WorldState) -> float:
-    """Heading of the body, radians."""
+    """Return the heading of the body, radians."""
     return float(state.body.yaw()[-1])
 
 
 def distance_to_goal(state: WorldState, distance: DistanceFn | None) -> float | None:
-    """Shortest way from the pelvis to a target, metres; None if nothing measures it or there is none."""
+    """Return the shortest way from the pelvis to a target, metres; None if it is not measured or there is none."""
     metres = distance(state.body.root[-1]) if distance else float("inf")
     return round(metres, 3) if np.isfinite(metres) else None
 
 
 def target_boxes(scene: Scene, targets: Sequence[int], state: WorldState) -> dict[int, tuple[Vec3, Vec3]]:
-    """Return the bounding box of each target where it is now, metres: most chairs can be pushed."""
+    """Return the current bounding box of each target, metres. Most chairs can be pushed, so boxes move."""
     boxes = {key: scene.aabb(key, state.objects.get(key)) for key in targets}
     return {key: (vec3(low), vec3(high)) for key, (low, high) in boxes.items()}
 
 
 def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> float | None:
-    """From the nearest joint (pelvis, root and link origins) to the nearest target's box, as both are now, metres."""
+    """Return the distance from the nearest joint (pelvis, root, link origins) to the nearest target's box, metres."""
     if not targets:
         return None
     boxes = [scene.aabb(key, state.objects.get(key)) for key in targets]
@@ -139,7 +140,7 @@ def target_distance(scene: Scene, targets: Sequence[int], state: WorldState) -> 
 
 # -- a step ------------------------------------------------------------------------------------------------------------
 def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
-    """Gather one contact a pair of joint and object, with the frames counted from the first of the step."""
+    """Merge contacts to one for each pair of joint and object; frames count from the first of the step."""
     pairs: dict[tuple[str, int], list[tuple[int, Contact]]] = {}
     for start, part in _timed(chunks):
         for contact in part.contacts:
@@ -161,12 +162,12 @@ def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
 
 
 def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
-    """List (frame of the step, object, object) where a movable object touches another."""
+    """Return (frame of the step, object, object) for each touch of a movable object and another."""
     return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
 
 
 def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
-    """List the objects that the pelvis touches in the last frame."""
+    """Return the ids of the objects that the pelvis touches in the last frame."""
     if not chunks:
         return ()
     last = chunks[-1].execution
@@ -175,7 +176,7 @@ def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:
 
 
 def _timed(chunks: Sequence[Chunk]) -> Iterator[tuple[int, Execution]]:
-    """Yield what became of each chunk, with the frame of the step that it begins at."""
+    """Yield each chunk's first frame within the step, and its execution."""
     start = 0
     for chunk in chunks:
         yield start, chunk.execution

@@ -22,7 +22,7 @@ _LOOK: Final[Json] = {
 
 
 class Driven(Protocol):
-    """What a body's tools ask of it."""
+    """What the tools use of a body."""
 
     @property
     def skills(self) -> Mapping[str, Skill]: ...
@@ -33,7 +33,7 @@ class Driven(Protocol):
 
 
 def body_tools(body: Driven) -> tuple[BodyTool, ...]:
-    """Make a tool of every skill of a body that can run, and `look`. Calls take their turn: a body does one thing at a
+    """Return a tool for every skill that can run, and `look`. A lock makes calls wait: a body does one thing at a
     time."""
     turn = threading.Lock()
     ready = tellable((skill for skill in body.skills.values() if skill.trained), "openai")

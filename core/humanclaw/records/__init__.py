@@ -1,4 +1,4 @@
-"""What is decided, done and kept: specifications, decisions, records and the facts read from them."""
+"""What is asked, decided, done and kept: specifications, decisions, records, and the facts read from them."""
 
 from typing import TYPE_CHECKING
 

@@ -1,5 +1,4 @@
-"""What is decided in a step: the call, the reasoning around it, its verification, its cost. In the loop and in the
-record alike."""
+"""Values of a decision, in the loop and in the record: call, reasoning, verification, cost."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Usage:
-    """What one or more answers cost. Tokens are the provider's own count unless estimated is true; cost is in US
+    """Tokens and cost of one or more answers. Tokens are the provider's count unless `estimated`; cost is in US
     dollars."""
 
     __pydantic_config__: ClassVar = HELD
@@ -29,15 +28,15 @@ class Usage:
     cost: float = 0.0
     estimated: bool = False
     cost_estimated: bool = False
-    """The cost is tokens times a listed price, or unknown and 0: the provider told none."""
+    """The provider reported no cost: it is tokens times a listed price, or unknown and 0."""
     tokens_reasoning: int = 0
-    """Of tokens_out those that the model thought with, as far as the provider tells."""
+    """Reasoning tokens among tokens_out, if the provider reports them."""
 
     def __post_init__(self) -> None:
-        """Raise ValueError for what nothing can cost: it would lift every limit."""
+        """Raise ValueError for a negative or non-finite number: it would disable every limit."""
         counts = (self.tokens_in, self.tokens_out, self.tokens_reasoning, self.cost)
         if not all(0 <= count < math.inf for count in counts):
-            raise ValueError(f"tokens and cost are finite and not below 0; got {counts}")
+            raise ValueError(f"tokens and cost must be finite and not below 0; got {counts}")
 
     def __add__(self, other: Usage) -> Usage:
         return Usage(
@@ -52,8 +51,8 @@ class Usage:
 
 @dataclass(frozen=True)
 class Decision:
-    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). One call is
-    legal."""
+    """One answer: perception, high-, mid- and low-level reasoning, and the calls (paper, section 3.2). A legal answer
+    has one call."""
 
     __pydantic_config__: ClassVar = HELD
 
@@ -77,12 +76,12 @@ class Attempt:
 
     decision: Decision
     error: str = ""
-    """Why it was handed back; empty if its call was used."""
+    """Reason of a refusal; empty if the call was used."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Nothing was executed: the agent has to read the error and decide again."""
+    """Nothing was executed. The agent reads the error and decides again."""
 
     error: str
     attempts_left: int
@@ -101,7 +100,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Accept the proposed call, or put another one from the same pool in its place."""
+    """Accept the proposed call, or replace it by another one from the same pool."""
 
     __pydantic_config__: ClassVar = HELD
 
@@ -109,7 +108,7 @@ class Verdict:
     replacement: Call | None = None
     answers: tuple[Answer, ...] = ()
     failed_open: str = ""
-    """Why the call was let through unverified, if it was."""
+    """Reason why the call passed unverified; empty if it was verified."""
     usage: Usage = field(default_factory=Usage)
 
     @property
@@ -119,9 +118,9 @@ class Verdict:
 
 
 def recordable(value: T, kind: type[T]) -> T:
-    """Bring a decision or a verdict, which a model may have written, into what a record can hold.
+    """Return a decision or a verdict, which a model may have written, in a form that a record can hold.
 
-    Texts become legible, texts and nesting are bounded. What a schema would refuse it still refuses.
+    Control characters are replaced; texts and nesting are cut at a limit. Values that a schema refuses stay refusable.
     """
     found = {part.name: getattr(value, part.name) for part in fields(kind)}  # type: ignore[arg-type]
     listed = {name: tuple(part) if isinstance(part, list) else part for name, part in found.items()}
@@ -132,7 +131,7 @@ def _bounded(value: Any, depth: int = 0) -> Any:
     if isinstance(value, str):
         return legible(value)
     if isinstance(value, int) and abs(value) > LARGEST:
-        return float("inf") if value > 0 else float("-inf")  # A reader of the record would stumble over its digits.
+        return float("inf") if value > 0 else float("-inf")  # Readers of JSON would lose its digits.
     if value is None or isinstance(value, bool | int | float):
         return value
     if depth > DEEPEST:
@@ -151,7 +150,8 @@ def _bounded(value: Any, depth: int = 0) -> Any:
 
 
 def check(decision: Decision, skills: Mapping[str, Skill]) -> Call:
-    """Take the one legal call of a decision, defaults filled in. Raises CallError, written for the model."""
+    """Return the one legal call of a decision, with defaults filled in. Raises CallError, whose text is for the
+    model."""
     if len(decision.calls) != 1:
         count = "no call" if not decision.calls else f"{len(decision.calls)} calls"
         raise CallError(f"Nothing was executed: the answer held {count}; make exactly one skill call a step.")

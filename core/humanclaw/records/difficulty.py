@@ -1,4 +1,4 @@
-"""How hard a way is: length, branching and clutter (paper, section 4.1)."""
+"""Measure how hard a way is: length, turns, rooms and clutter (paper, section 4.1)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from humanclaw.world.navigation.occupancy import OBSTACLE_HEIGHTS, room_at
 from humanclaw.world.scene import Scene
 
 CROWDED: Final = 1.0
-"""Distance from the way within which an object counts as an obstacle, metres."""
+"""Metres from the way within which an object counts as an obstacle."""
 NO_OBSTACLES: Final = frozenset({"floor", "ceiling", "stairs"})
-"""What one walks on or under is no obstacle."""
+"""Categories that a body walks on or under."""
 
 
 def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
-    """Measure the difficulty of a way (N, 3) on the ground, from the start on. distance: its length in metres."""
+    """Return the difficulty of a way (N, 3) on the ground, from start to target. distance: its length, metres."""
     return Difficulty(
         distance=round(distance, 2),
         turns=turns(way[:, [0, 2]]),
@@ -31,13 +31,14 @@ def route_difficulty(scene: Scene, way: Array, distance: float) -> Difficulty:
 
 
 def _rooms(scene: Scene, way: Array) -> Iterator[str]:
-    """Names of the rooms on a way, in order; between two rooms one is still in the first."""
+    """Yield the names of the rooms on a way, in order. Points between two rooms belong to the first."""
     names = (room_at(scene, x, z, y) for x, y, z in way)
     yield from (name for name, _ in groupby(name for name in names if name))
 
 
 def _crowd(scene: Scene, way: Array) -> Array:
-    """(N,) how many solid objs stand within CROWDED of each point of a way: walls, furniture, and what can be moved."""
+    """(N,) how many solid objects stand within CROWDED of each point of a way: walls, furniture, and what can be
+    moved."""
     low, high = _boxes(scene)
     near, far = OBSTACLE_HEIGHTS
     feet = way[:, None, :]
@@ -49,16 +50,17 @@ def _crowd(scene: Scene, way: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _boxes(scene: Scene) -> tuple[Array, Array]:
-    """(N, 3) corners of the bounding boxes of everyobj solid."""
+    """(N, 3) corners of the bounding boxes of every solid object."""
     solid = [obj for obj in scene.objects if obj.category not in NO_OBSTACLES and scene.assets[obj.asset].hulls]
     corners = [scene.aabb(obj.id) for obj in solid]
     return np.array([low for low, _ in corners]), np.array([high for _, high in corners])
 
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
-    """Measure how often a polyline (N, 2) turns by more than so many degrees, once simplified (Douglas and Peucker,
-    metres)."""
-    from skimage.measure import approximate_polygon  # It brings scipy.signal and scipy.stats: a second of loading.
+    """Count the turns of a polyline (N, 2) above some degrees, after simplifying it (Douglas-Peucker, metres)."""
+    from skimage.measure import (
+        approximate_polygon,
+    )  # Imported here: it loads scipy.signal and scipy.stats, which takes a second.
 
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)

@@ -1,4 +1,4 @@
-"""What an agent is told of its last step: as values in the record, as words where a model or a person reads them."""
+"""What an agent is told of its last step: values for the record, words for models and people."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _UPRIGHT: Final = 0.85
 _BENT: Final = 0.62
 """Shares of the standing height down to which a body stands upright, and stands with bent knees."""
 _TILTED: Final = 20.0
-"""Degrees from which on a trunk is worth a word."""
+"""Degrees from which a tilted trunk is mentioned."""
 
 
 @dataclass(frozen=True)
 class Displacement:
-    """A way in the body's own frame: metres to the left, up and forward, and a turn to the left in radians."""
+    """A displacement in the body frame: left, up, forward in metres, and a left turn in radians."""
 
     __pydantic_config__: ClassVar = STRICT
 
@@ -45,14 +45,14 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Proprioception:
-    """Where the limbs are after a step, and how the body went beside how its limbs meant to."""
+    """The posture after a step, and the intended and the actual displacement."""
 
     __pydantic_config__: ClassVar = STRICT
 
     hip_height: float
-    """Of the pelvis above the soles, metres."""
+    """Height of the pelvis above the soles, metres."""
     trunk_tilt: float
-    """Degrees from upright."""
+    """Angle from upright, degrees."""
     intended: Displacement
     moved: Displacement
 
@@ -73,15 +73,15 @@ class Proprioception:
 
 @dataclass(frozen=True)
 class Touch:
-    """A part of the body touched something other than what it stood on."""
+    """A part of the body touched something other than the ground under the feet."""
 
     __pydantic_config__: ClassVar = STRICT
 
     part: str
-    """As in 'left arm or hand'."""
+    """Such as 'left arm or hand'."""
     frames: int
     gives_way: bool
-    """Whether something of it can be moved."""
+    """Whether a touched object is movable."""
 
     def __str__(self) -> str:
         return f"your {self.part} for {self.frames / FPS:.1f} s{' (it gives way)' if self.gives_way else ''}"
@@ -89,15 +89,15 @@ class Touch:
 
 @dataclass(frozen=True)
 class Feedback:
-    """What became of the last step, or why the last answer was refused. str() says it in words."""
+    """Outcome of the last step, or the reason why the last answer was refused. str() gives words."""
 
     executed: Call | None = None
     replaced: Call | None = None
-    """The call that was proposed, where the verifier put another in its place."""
+    """The proposed call, if the verifier replaced it."""
     failed: tuple[Answer, ...] = ()
-    """The checks that it had failed."""
+    """The checks that the proposed call failed."""
     refusal: str = ""
-    """Why nothing was executed."""
+    """Reason why nothing was executed."""
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """None without the sense; empty if nothing was touched."""
@@ -114,7 +114,7 @@ class Feedback:
 
     @property
     def sensor_readings(self) -> str:
-        """What the body felt, in words; empty for one that only sees."""
+        """The readings of body and touch senses in words; empty if both are off."""
         return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
 
     def _action(self) -> str:

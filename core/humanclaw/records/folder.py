@@ -1,4 +1,4 @@
-"""The folder of an episode's record: episode.json, steps.jsonl, motion.npz, frames/."""
+"""Write the folder of an episode's record: episode.json, steps.jsonl, motion.npz, frames/."""
 
 from __future__ import annotations
 
@@ -20,30 +20,29 @@ from humanclaw.storage.files import write_atomically
 AGAIN = "Run the episode again, or remove its folder."
 
 
-# -- the folder --------------------------------------------------------------------------------------------------------
 class EpisodeWriter:
     """Writes one episode folder; every step is on disk before the next begins."""
 
     def __init__(self, folder: Path, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
-        """kept: the steps that the folder begins with, those of an earlier run."""
+        """kept: steps of an earlier run that the folder begins with."""
         self.folder = folder
         lines = "".join(step.model_dump_json() + "\n" for step in kept)
         with writing(folder):
             (folder / "frames").mkdir(parents=True, exist_ok=True)
             write_record(folder, record.model_copy(update={"files": {}}))
             for old in ("motion.npz", *frames_in(folder)):
-                (folder / old).unlink(missing_ok=True)  # Of an earlier run: what is kept of it is drawn again.
+                (folder / old).unlink(missing_ok=True)  # Left by an earlier run; kept steps are drawn again.
             write_atomically(folder / "steps.jsonl", lines.encode())
             self._steps = (folder / "steps.jsonl").open("ab", buffering=0)
 
     def frame(self, name: str, data: bytes) -> str:
-        """Keep a picture; returns its path relative to the folder."""
+        """Write a picture. Returns its path relative to the folder."""
         with writing(self.folder):
             write_atomically(self.folder / "frames" / name, data)
         return f"frames/{name}"
 
     def step(self, step: StepRecord) -> None:
-        """Append a line, whole or not at all. Raises RecordError if there is no room for it."""
+        """Append a line, whole or not at all. Raises RecordError if the disk is full."""
         line, before = step.model_dump_json().encode() + b"\n", self._steps.tell()
         with writing(self.folder):
             try:
@@ -55,8 +54,7 @@ class EpisodeWriter:
                 raise
 
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
-        """Close the record: motion.npz, then the final episode.json. Raises RecordError if there is no room for
-        them."""
+        """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
         self._steps.close()
         motion = io.BytesIO()
         np.savez_compressed(motion, **arrays)  # type: ignore[arg-type]
@@ -67,7 +65,7 @@ class EpisodeWriter:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Tell of a full disk, a folder that cannot be written to and the like as RecordError, in a sentence."""
+    """Turn an OSError, such as a full disk or a read-only folder, into a RecordError."""
     try:
         yield
     except OSError as error:
@@ -82,7 +80,7 @@ def write_record(folder: Path, record: EpisodeRecord) -> None:
 
 
 def close_record(folder: Path, record: EpisodeRecord) -> None:
-    """Write the last episode.json, which holds the digest of every other file: from then on damage is found."""
+    """Write the final episode.json, with the digest of every other file. From then on, damage is detected."""
     there = [name for name in ("steps.jsonl", "motion.npz") if (folder / name).exists()]
     digests = {name: hashlib.sha256(read_file(folder / name)).hexdigest() for name in (*there, *frames_in(folder))}
     write_record(folder, record.model_copy(update={"files": digests}))

@@ -1,7 +1,7 @@
-"""Limits on what one answer, an episode or a whole run may take: seconds, tokens and US dollars.
+"""Limits on one answer, an episode or a whole run: seconds, tokens and US dollars.
 
-A limit is noticed when an answer has crossed it, so at most one answer lies beyond it; seconds are also noticed while
-an agent waits, if it asks for seconds_left(). One that does not ask is ended only when it returns.
+A limit is checked after each answer, so at most one answer exceeds it. Time limits also end a waiting agent, if it asks
+for seconds_left(); an agent that does not ask is ended when it returns.
 """
 
 from __future__ import annotations
@@ -18,19 +18,16 @@ if TYPE_CHECKING:
     from humanclaw.records.decisions import Usage
 
 Scope = Literal["call", "episode", "run"]
-"""call: one question to a model, its retries included."""
+"""call: one question to a model, retries included."""
 Unit = Literal["seconds", "tokens", "usd"]
 SCOPES: Final[tuple[Scope, ...]] = get_args(Scope)
 UNITS: Final[tuple[Unit, ...]] = get_args(Unit)
 Limits = Mapping[str, float]
-"""'scope.unit' to the most of it, such as {"episode.usd": 0.5}; what is not named is not limited."""
+"""Maximum by 'scope.unit', such as {"episode.usd": 0.5}. Missing entries are unlimited."""
 
 
 def check_limits(limits: Limits) -> Limits:
-    """Return the limits themselves.
-
-    Raises HumanclawError for a name that is not scope.unit or a number that is not above 0.
-    """
+    """Return the limits. Raises HumanclawError for an unknown scope.unit or a number that is not above 0."""
     known = [f"{scope}.{unit}" for scope in SCOPES for unit in UNITS]
     for name, most in limits.items():
         if name not in known:
@@ -42,7 +39,7 @@ def check_limits(limits: Limits) -> Limits:
 
 @dataclass
 class _Account:
-    """What a scope has used since it began."""
+    """Usage of a scope since it began."""
 
     began: float
     tokens: int = 0
@@ -53,30 +50,30 @@ class _Account:
 
 
 def _nothing() -> Usage:
-    # Pydantic takes a while, and a command line is held to its limits before it answers.
+    # Imported here: the command line checks limits before it loads pydantic.
     from humanclaw.records.decisions import Usage
 
     return Usage()
 
 
 class Meter:
-    """Keeps the accounts of a run, of the episode under way and of its present call. One thread uses it at a time."""
+    """The accounts of a run, of its current episode and of its current call. Not thread-safe."""
 
     def __init__(self, limits: Limits | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        """Keep limits. Raises HumanclawError for limits that cannot be meant."""
+        """Raise HumanclawError for invalid limits."""
         self.limits = dict(check_limits(limits or {}))
         self._clock = clock
         self._accounts: dict[Scope, _Account] = {scope: _Account(clock()) for scope in SCOPES}
         self._total = _nothing()
 
     def begin(self, scope: Scope) -> None:
-        """Open a new account: of the next episode, or of the next call."""
+        """Begin a new account: of the next episode, or of the next call."""
         self._accounts[scope] = _Account(self._clock())
         if scope == "episode":
             self._total = _nothing()
 
     def add(self, usage: Usage) -> None:
-        """Enter what an answer took, into every account."""
+        """Add the usage of an answer to every account."""
         for account in self._accounts.values():
             account.tokens += usage.tokens_in + usage.tokens_out
             account.usd += usage.cost
@@ -84,14 +81,11 @@ class Meter:
 
     @property
     def episode(self) -> Usage:
-        """What the episode has used so far, answers included that no step holds."""
+        """Usage of the episode so far, including answers that belong to no step."""
         return self._total
 
     def check(self) -> None:
-        """Hold what was spent against the limits.
-
-        Raises LimitError if a limit has been crossed; a run's before an episode's before a call's.
-        """
+        """Raise LimitError if a limit has been crossed: first the run's, then the episode's, then the call's."""
         now = self._clock()
         for scope in reversed(SCOPES):
             for unit in UNITS:
@@ -100,7 +94,7 @@ class Meter:
                     raise LimitError(scope, f"{used:.6g} {unit} used; the limit {scope}.{unit} is {most:g}")
 
     def seconds_left(self) -> float:
-        """Until the first limit on time is reached; infinite without one, never below 0."""
+        """Return the seconds until the first time limit; infinite without one, never below 0."""
         now = self._clock()
         left = [
             self.limits[f"{scope}.seconds"] - account.used("seconds", now)

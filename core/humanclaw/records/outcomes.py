@@ -1,5 +1,4 @@
-"""The facts of a step that success rests on, each defined once: what is seen, reached, sat on, stood on,
-acknowledged."""
+"""The facts that success depends on, each defined once: seen, acknowledged, reached, sat on, stood on."""
 
 from __future__ import annotations
 
@@ -13,11 +12,11 @@ from humanclaw.records.steps import StepRecord
 from humanclaw.world.simulator import Contact
 
 SEEN_PIXELS: Final = 100
-"""Pixels of the 512 x 512 view from which on a target counts as seen."""
+"""Pixels of the 512 x 512 view from which a target counts as seen."""
 REACHED: Final = 0.2
 """Metres from the body to a target's bounding box within which it counts as reached."""
 FLOOR_THRESHOLD: Final = 0.0205
-"""Contacts lower than this over the floor of the start are steps on the ground, metres."""
+"""Metres above the start's floor. Lower contacts count as steps on the ground."""
 
 
 def in_view(step: StepRecord) -> bool:
@@ -26,10 +25,7 @@ def in_view(step: StepRecord) -> bool:
 
 
 def role_of(recorded: RecordedEpisode, step: StepRecord) -> str:
-    """Return the role of the skill that a step called.
-
-    Empty for a step without a call, or of a skill that the record does not know.
-    """
+    """Return the role of the skill that a step called; empty without a call or for a skill missing from the record."""
     info = recorded.record.skills.get(step.call.skill) if step.call else None
     return info.role if info else ""
 
@@ -48,8 +44,8 @@ def stopped_within_reach(steps: Sequence[StepRecord]) -> bool:
 def stopped_seated(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
     """Tell whether the body sat down, and an active stop ended the steps with the pelvis on a target (InteractSR).
 
-    sits: names of the skills of role sit. What the pelvis touches at the stop is what it touched in the last physics
-    frame before it.
+    sits: names of the skills of role sit. The contacts of the pelvis are those of the last physics frame before the
+    stop.
     """
     if not steps or steps[-1].status != "stopped":
         return False
@@ -58,32 +54,31 @@ def stopped_seated(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Contain
 
 
 def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
-    """Decide whether an episode ended in success: stopped on the seat if it was to be sat on, else within reach."""
+    """Tell whether an episode succeeded: stopped on the target if the task is to sit, otherwise within reach."""
     return stopped_seated(spec, steps, sits) if spec.interact else stopped_within_reach(steps)
 
 
 def sits_of(recorded: RecordedEpisode) -> frozenset[str]:
-    """Return the names of the skills of role sit, as a record has them."""
+    """Return the names of the skills of role sit in a record."""
     return frozenset(name for name, info in recorded.record.skills.items() if info.role == "sit")
 
 
 def footing(contact: Contact, ground: Set[int]) -> bool:
-    """Tell whether a contact is a foot on what it is meant to stand on. ground: ids of floors and stairs."""
+    """Tell whether a contact is a foot on the ground. ground: ids of floors and stairs."""
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 
 def touched_above_ground(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
-    """Return the contacts of a step but for those of standing: none below FLOOR_THRESHOLD, no foot on stairs or on an
-    upper floor."""
+    """Return the contacts of a step, without those of standing: below FLOOR_THRESHOLD, or a foot on stairs or an upper
+    floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
     return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
 
 
 def end_distance(recorded: RecordedEpisode) -> float:
-    """From the nearest body point to the nearest target's bounding box after the last step, metres; infinite if
-    unknown.
+    """Return the distance from the nearest body point to the nearest target's box after the last step, metres.
 
-    A stop moves nothing, so this is where the body was when it was called.
+    Infinite if unknown. A stop moves nothing, so this is also the distance at the stop.
     """
     return _distance(recorded.steps[-1]) if recorded.steps else float("inf")
 

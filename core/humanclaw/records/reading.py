@@ -1,4 +1,4 @@
-"""An episode folder, read back, and checked."""
+"""Read episode folders back, and check them for damage."""
 
 from __future__ import annotations
 
@@ -26,16 +26,14 @@ from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
 
 _LARGEST: Final = 1 << 30
-"""Bytes of all arrays of motion: 10,000 steps of half a second take a sixth of it, and a hundred objects that move the
-rest."""
+"""Maximum bytes of all arrays of motion. 10,000 steps take a sixth of it, 100 moving objects the rest."""
 _ROWS: Final = {"root": (3,), "rotations": (24, 3), "object": (7,)}
-"""Shape of a row of an array of motion."""
+"""Shape of one row, by kind of array."""
 _ARRAY: Final = re.compile(r"(?:(?:generated|simulated)_(root|rotations)|(object)_\d{1,9})\.npy")
 
 
 class RecordedEpisode:
-    """An episode folder, read back. Raises RecordError, which names the file and the line, if anything in it is
-    damaged."""
+    """An episode folder, read back. Raises RecordError, with file and line, if anything in it is damaged."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -49,22 +47,22 @@ class RecordedEpisode:
 
     @property
     def has_motion(self) -> bool:
-        """Whether there is a motion.npz: an episode that is under way, or was cut short, has none."""
+        """Whether there is a motion.npz. A running or killed episode has none."""
         return (self.folder / "motion.npz").is_file()
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
-        """Return all frames of the episode: the five of standing first, then motion_frames a step. World frame."""
+        """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""
         arrays = self._arrays(f"{kind}_root", f"{kind}_rotations")
         return Motion(*(part.astype(float) for part in arrays.values()))
 
     def objects(self) -> dict[int, Array]:
-        """Movable object id to (T, 7) position and quaternion, a row a frame of motion()."""
+        """Return (T, 7) position and quaternion by object id, one row for each frame of motion()."""
         return {int(key[7:]): path.astype(float) for key, path in self._arrays().items() if key.startswith("object_")}
 
     def _arrays(self, *names: str) -> dict[str, Array]:
-        """Return the arrays of motion.npz by name, of these names or all. Raises RecordError if they are damaged.
+        """Return the named arrays of motion.npz, or all. Raises RecordError if they are damaged.
 
-        What a file says of its size is checked before room is made for it.
+        Sizes are checked before memory is allocated.
         """
         path = self.folder / "motion.npz"
         try:
@@ -73,13 +71,13 @@ class RecordedEpisode:
             with np.load(path) as data:
                 found = {name: data[name] for name in names or sorted(data.files)}
             if not all(np.isfinite(array).all() for array in found.values()):
-                raise ValueError("it holds values that are no finite number")
-        except Exception as error:  # What damage makes of them numpy, zipfile and its unpackers tell by a dozen kinds.
+                raise ValueError("it holds values that are not finite")
+        except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             raise RecordError(f"{path} cannot be read: {error}.", AGAIN) from error
         return found
 
     def _repr_html_(self) -> str:
-        """Return what was asked and done, and a strip of what the eyes saw, for a notebook."""
+        """Return the task, the outcome and a strip of views, for a notebook."""
         spec, count = self.record.spec, len(self.steps)
         kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
         pictures = [(f"step {kept[k].step}", read_file(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
@@ -88,9 +86,9 @@ class RecordedEpisode:
 
     @property
     def digest(self) -> str:
-        """SHA-256 over all that happened: record, steps, frames and motion. Two runs that did the same have the same.
+        """SHA-256 over record, steps, frames and motion. Runs that did the same have the same digest.
 
-        When it was and how long it took is left out, as is what was made of the record later on.
+        Times, durations and later additions to the record are left out.
         """
         state = hashlib.sha256(self.record.model_dump_json(exclude={"created", "files", "seal"}).encode())
         for step in self.steps:
@@ -104,10 +102,10 @@ class RecordedEpisode:
 
 
 class RecordedRun(list[RecordedEpisode]):
-    """The episodes of a run, a list that shows itself in a notebook."""
+    """The episodes of a run: a list with a table for notebooks."""
 
     def _repr_html_(self) -> str:
-        """Return how many episodes came to which end, and a line for each of the first."""
+        """Return the number of episodes by outcome, and a row for each of the first."""
         ends = Counter(episode.record.outcome.replace("_", " ") for episode in self)
         told = ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())
         head = ("episode", "instruction", "agent", "outcome", "steps", "to the target")
@@ -141,7 +139,7 @@ def load_run(folder: Path) -> RecordedRun:
 
 
 def _refuse_copies(episodes: Sequence[RecordedEpisode]) -> None:
-    """In a run every episode lies in the folder of its name; a copy beside it would count twice."""
+    """Raise RecordError for an episode in a folder of another name: a copy would count twice."""
     for episode in episodes:
         if episode.folder.name != episode.record.spec.id:
             raise RecordError(f"{episode.folder} holds the record of {episode.record.spec.id!r}.", "Remove the copy.")
@@ -159,18 +157,18 @@ def _read_record(path: Path) -> EpisodeRecord:
 
 
 def _verify(folder: Path, record: EpisodeRecord) -> None:
-    """Hold every file to the digest that the record has of it."""
+    """Raise RecordError if a file differs from its digest in the record."""
     for name, digest in record.files.items():
         if hashlib.sha256(read_file(_within(folder, name))).hexdigest() != digest:
             raise RecordError(f"{folder / name} has been changed since it was written.", AGAIN)
 
 
 def _within(folder: Path, name: str) -> Path:
-    """Return a file of a record; what a record says must not lead out of its folder."""
+    """Return the path of a record's file. Raises RecordError if it leads out of the folder."""
     try:
         path = within(folder, name)
         inside = path.resolve().is_relative_to(folder.resolve())
-    except ValueError:  # Also of what no file can be called.
+    except ValueError:  # Also for names that no file can have.
         inside = False
     if not inside:
         raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", AGAIN)
@@ -178,13 +176,13 @@ def _within(folder: Path, name: str) -> Path:
 
 
 def _check_arrays(archive: zipfile.ZipFile) -> None:
-    """Raise ValueError for an array that is none of motion or not as large as its header says, for arrays that are of
-    different lengths, and if all are together larger than any episode's."""
+    """Raise ValueError for an array of an unknown name or shape, one that differs from its header, arrays of different
+    lengths, and a total size above _LARGEST."""
     shapes = {member.filename: _shape(archive, member) for member in archive.infolist()}
     for name, shape in shapes.items():
         kind = _ARRAY.fullmatch(name)
         if not kind or shape[1:] != _ROWS[kind[1] or kind[2]]:
-            raise ValueError(f"{name} {shape} is no array of motion")
+            raise ValueError(f"{name} {shape} is not an array of motion")
     if len({shape[0] for shape in shapes.values()}) > 1:
         raise ValueError("its arrays are of different lengths")
     if sum(member.file_size for member in archive.infolist()) > _LARGEST:
@@ -192,22 +190,22 @@ def _check_arrays(archive: zipfile.ZipFile) -> None:
 
 
 def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:
-    """Return the shape in an array's header. Raises ValueError if the array has another size, or holds no numbers."""
+    """Return the shape in an array's header. Raises ValueError if the data have another size or no numbers."""
     with archive.open(member) as stream:
         version = np.lib.format.read_magic(stream)
         read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
         shape, _, kind = read(stream)
         size = math.prod(shape) * kind.itemsize
         if stream.tell() + size != member.file_size or kind.kind != "f":
-            raise ValueError(f"{member.filename} is not {size} bytes of numbers long")
+            raise ValueError(f"{member.filename} does not hold {size} bytes of numbers")
     return shape
 
 
 def _read_steps(path: Path) -> Iterator[StepRecord]:
-    """Complete lines only: a line cut off by a crash is not a step."""
+    """Yield the complete lines. A line cut off by a crash is not a step."""
     if not path.exists():
         return
-    # Only this byte ends a line: str.splitlines would also break at what a model may write, such as U+2028.
+    # str.splitlines would also break at characters that a model may write, such as U+2028.
     for number, line in enumerate(read_file(path).split(b"\n")[:-1], 1):
         step = _parse(line, f"{path}:{number}")
         if step.step != number - 1:
@@ -225,16 +223,16 @@ def _parse(line: bytes, where: str) -> StepRecord:
 
 
 def _refuse_infinite(line: bytes, where: str) -> None:
-    """Refuse a value that no episode writes; words may be what they like."""
+    """Raise RecordError for NaN or Infinity outside of strings: no episode writes them."""
 
     def refuse(value: str) -> None:
-        raise RecordError(f"{where} holds {value}, which is no finite number.", AGAIN)
+        raise RecordError(f"{where} holds {value}, which is not a finite number.", AGAIN)
 
     with suppress(ValueError):
         json.loads(line, parse_constant=refuse)
 
 
 def _where(error: ValidationError) -> str:
-    """':line' where the text stops being JSON."""
+    """Return ':line' where the text stops being JSON; empty if it does not."""
     found = re.search(r"at line (\d+)", error.errors()[0]["msg"])
     return f":{found[1]}" if found else ""

@@ -1,6 +1,6 @@
-"""Whether a sentence says that the target is in view: the text rule of FindSR (paper, section 4.1), in lists.
+"""Decide whether a sentence says that the target is in view: the text rule of FindSR (paper, section 4.1).
 
-It reads what a model wrote, so it can only be a rule of thumb. It is one for everybody, and all of it stands here.
+Models write freely, so this is a rule of thumb. It is the same for every agent, and complete in this module.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _CLAUSE: Final = re.compile(
     r"|,?\s+and\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its)\b)"
     r"|,\s+(?=(?:there|it|i|no|nothing|nobody|none|a|an|the|my|its|with|without)\b)"
 )
-"""Where a clause ends: at a full stop, a semicolon, a contrast, and where "and" or a comma begins a new subject."""
+"""Ends of clauses: a full stop, a semicolon, a contrast, and "and" or a comma before a new subject."""
 _QUESTION: Final = re.compile(r"(?:[^.!?;\n]|\.(?=\d))*\?")
-"""Whoever asks has not seen."""
+"""Questions: whoever asks has not seen."""
 _HARMLESS: Final = _words(
     r"(?:not|no longer) (?:very |too |so |that )?far(?: away| off)?",
     r"not only|(?:no|without(?: a)?) doubt|can(?:not| ?not|['\u2019]t) be missed",
@@ -33,18 +33,18 @@ _HARMLESS: Final = _words(
     r"find (?:a|my|the) (?:way|path|route)|search (?:is )?(?:complete|over|done)",
     r"(?:may|might|could|can) be (?:sat on|reached)",
 )
-"""Denials of something else than the sighting; they are taken out before the rest is read."""
+"""Negations that do not deny the sighting. They are removed first."""
 _OTHER: Final = _words(
     r"flower beds?", r"(?:shower|window|fire) screens?", r"power plants?", r"toilet (?:paper|rolls?|brush)"
 )
-"""Things that only sound like a target."""
+"""Other things that contain a target's name."""
 _NEGATION: Final = _words(
     r"no|not|none|never|neither|nor|nothing|nowhere|without|cannot|cant|zero|hardly|false",
     r"\w+n['\u2019]t|unable|fail(?:s|ed)? to|lacks?|doubt(?:s|ful)?",
     r"absent|missing|invisible|unseen|hidden|occluded|gone|lost|disappeared|vanished|out of (?:view|sight)",
     r"behind (?:me|us)|elsewhere|somewhere else|(?:last|previous) room|earlier|previously|ago|remember(?:ed)?",
 )
-"""It is not there, not here, or not now."""
+"""Negations: not there, not here, not now."""
 _SEEKING: Final = _words(
     r"looking (?!at|to|straight)(?:\w+ ){0,3}for|looks? for|look(?:s|ing)? (?:around|about|everywhere|elsewhere)",
     r"search(?:es|ing)?|seek(?:s|ing)?|hunt(?:ing)?|yet to (?:see|find)",
@@ -54,11 +54,11 @@ _SEEKING: Final = _words(
     r"might|may|could|probably|perhaps|maybe|likely|possibly|(?:must|should) be",
     r"assum(?:e|es|ing)|i think|suspect|expect(?:s|ing)?|guess|suppose|presum(?:e|ably)",
 )
-"""Words of who has not seen it yet: a search, a wish or a guess is no sighting."""
+"""Words of a search, a wish or a guess: the target has not been seen yet."""
 
 
 def acknowledges(text: str, category: str) -> bool:
-    """Whether a text says that the target is in view.
+    """Tell whether a text says that the target is in view.
 
     A clause has to name it (category, alias or 'target') without a negation, a search or a guess in the same clause. A
     negation that stands before an enumeration ("neither a couch nor a bed", "no table, couch or bed") holds for all of

@@ -1,4 +1,4 @@
-"""What is asked of a body: an episode's specification."""
+"""The specification of an episode: what a body is asked to do."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ _FARTHEST: Final = 10_000.0
 class Record(BaseModel):
     """Base of all records: frozen, and strict about unknown fields, so that an old reader never misreads a new record.
 
-    What a model wrote as NaN or Infinity is kept as that word: JSON has no such number.
+    NaN and Infinity from a model are kept as words: JSON has no such numbers.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
 
 Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
-"""What a terminal prints and does not obey."""
+"""Text without control characters, which a terminal would obey."""
 
 
 class Difficulty(Record):
     """How hard the shortest way to the nearest target is (paper, section 4.1)."""
 
     distance: float
-    """Its length, metres."""
+    """Length of the way, metres."""
     turns: int
-    """Of more than 30 degrees."""
+    """Number of turns above 30 degrees."""
     rooms: int
-    """That it enters, the one of the start included."""
+    """Number of rooms on the way, the first included."""
     obstacles: float
-    """Pieces of furniture within a metre, averaged along it."""
+    """Mean number of objects within a metre of the way."""
 
 
 def _on_the_map(start: Pose2D) -> Pose2D:
-    """Hold a start to where floats still tell millimetres."""
+    """Raise ValueError for a start so far away that floats lose millimetres."""
     if max(map(abs, (start.x, start.z, start.floor))) > _FARTHEST:
-        raise ValueError(f"a start lies within {_FARTHEST:g} m of the origin")
+        raise ValueError(f"a start must lie within {_FARTHEST:g} m of the origin")
     return start
 
 
@@ -51,23 +51,22 @@ class EpisodeSpec(Record):
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$")]
     instruction: Annotated[str, Field(min_length=1)]
     scene: str
-    """Scheme and name, such as house:0."""
+    """A scene reference, source:argument, such as house:0."""
     scene_digest: str = ""
-    """If given, a scene with another digest is refused."""
+    """A scene with another digest is refused; empty accepts any."""
     start: Annotated[Pose2D, AfterValidator(_on_the_map)] | None = None
-    """None: where the scene says."""
+    """Where to stand; None for the scene's own start."""
     target_category: str = ""
-    """Empty for a free instruction, which is then not scored."""
+    """Empty for a free instruction, which is not scored."""
     target_ids: tuple[int, ...] = ()
     interact: bool = False
     """Whether the target is to be sat on."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 100
     seed: Annotated[int, Field(ge=0)] = 0
     difficulty: Difficulty | None = None
-    """Known of the episodes of a split."""
+    """Given for the episodes of a split."""
 
 
 def name_of(scene: str) -> str:
-    """Make a scene reference part of an episode's id: house:3 becomes house-3, and so does whatever a file cannot be
-    called."""
+    """Return a scene reference as a part of an episode's id and folder: house:3 becomes house-3."""
     return re.sub(r"[^A-Za-z0-9._]+", "-", scene).strip("-")[:60]

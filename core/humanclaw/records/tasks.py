@@ -1,4 +1,4 @@
-"""What can be asked for: the words that name objects, the episode that an instruction means, and files of episodes."""
+"""Tasks: target words, the episode that an instruction means, files of episodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from humanclaw.text.json import first_fault, once
 from humanclaw.world.scene import Scene
 
 SEATS: Final = ("bed", "couch", "toilet")
-"""What a body sits down on when it is asked to: what stays where it is under its weight."""
+"""Categories that a body sits on: furniture that stays in place under its weight."""
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "chair": ("chair", "armchair", "seat", "stool"),
     "couch": ("couch", "sofa", "settee", "loveseat", "sectional"),
@@ -26,11 +26,11 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "tv": ("tv", "television", "tv screen", "screen", "flatscreen", "monitor"),
     "toilet": ("toilet", "lavatory", "wc", "commode"),
 }
-"""Words by which a sentence names what is to be found, by its category; a category without any is named by itself."""
+"""Words for each target category. A category without an entry is its own word."""
 
 
 def category_of(instruction: str) -> str:
-    """Find the target category that an instruction names, by the longest alias in it; empty if it names none."""
+    """Return the target category that an instruction names, by its longest alias; empty if it names none."""
     words = instruction.lower()
     found = [
         (len(alias), category)
@@ -46,10 +46,7 @@ def wants_to_sit(instruction: str) -> bool:
 
 
 def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:
-    """Make an episode for an instruction of one's own, in a scene as it stands.
-
-    Not scored if it names no target category.
-    """
+    """Return an episode for a free instruction in a scene. Without a target category it is not scored."""
     category = category_of(instruction)
     return EpisodeSpec(
         id=name or f"free-{seed}",
@@ -66,8 +63,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
 
 
 def instruction(category: str) -> str:
-    """Write what an agent is asked to do with the nearest object of a category, in the words of the paper (section
-    4.1)."""
+    """Return the instruction for a target category, in the words of the paper (section 4.1)."""
     noun = ALIASES.get(category, (category.replace("_", " "),))[0]
     if category in SEATS:
         return f"find a {noun}, navigate to it with zero distance, and finally sit on it."
@@ -75,10 +71,10 @@ def instruction(category: str) -> str:
 
 
 def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
-    """Read the episodes of a file, one a line.
+    """Read a file of episodes, one a line.
 
-    Raises HumanclawError if it cannot be read, a line is none, or an id is there twice: each names a folder, and some
-    systems do not tell capitals from small letters.
+    Raises HumanclawError for an unreadable file, a malformed line, or an id that occurs twice. Ids name folders, so
+    they are compared without regard to case.
     """
     try:
         lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
@@ -98,7 +94,7 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
         spec = EpisodeSpec.model_validate_json(line)
         json.loads(line, object_pairs_hook=once)
     except ValidationError as error:
-        raise HumanclawError(f"{where} is no episode: {first_fault(error)}.", "Make the file again.") from error
+        raise HumanclawError(f"{where} is not an episode: {first_fault(error)}.", "Make the file again.") from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
     return spec

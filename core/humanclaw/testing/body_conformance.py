@@ -30,7 +30,7 @@ class BodyConformance:
     """Tests of a body in the world. simulator: the factory that a plugin offers."""
 
     def simulator(self, profile: str | Profile = "default") -> Simulator:
-        raise NotImplementedError("a conformance test names its simulator.")
+        raise NotImplementedError("a conformance test must define simulator().")
 
     def play(self, scene: Scene, motion: Motion, profile: str = "default") -> Played:
         simulator = self.simulator(profile)
@@ -78,7 +78,7 @@ class BodyConformance:
 
     @pytest.mark.parametrize("speed", [1.0, 1.6, 5.0])
     def test_a_thin_wall_is_not_entered_however_fast_one_walks(self, speed: float) -> None:
-        """3 cm of wall, and a body that is moved 80 cm a step, and faster than any sprint."""
+        """A wall of 3 cm; a body that moves 80 cm a step, and faster than any sprint."""
         builder = SceneBuilder()
         builder.floor()
         wall = builder.box("wall", (6, 2.5, 0.03), (0, 0, 0.8))
@@ -135,7 +135,7 @@ class BodyConformance:
 
     @pytest.mark.parametrize("seat", [0.38, 0.42, 0.46, 0.5])
     def test_sitting_down_ends_with_the_pelvis_on_the_seat_and_upright(self, seat: float) -> None:
-        """Also where the seat is higher than the knees: thighs that slope give way to it."""
+        """Seats above the knees too: sloping thighs give way."""
         builder = SceneBuilder()
         builder.floor()
         couch = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.65))
@@ -170,7 +170,7 @@ class BodyConformance:
 
     @pytest.mark.parametrize("profile", PROFILES)
     def test_a_kick_does_not_enter_a_wall(self, profile: str) -> None:
-        """A straight leg swung from the hip at 12 m/s."""
+        """A straight leg swings from the hip at 12 m/s."""
         builder = SceneBuilder()
         builder.floor()
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.55))
@@ -228,7 +228,7 @@ class BodyConformance:
 
 
 def _uprightness(motion: Motion) -> Array:
-    """(T,) cosine between the pelvis's own up and the world's."""
+    """Return (T,) cosine between the pelvis's up axis and the world's."""
     return np.asarray(matrix_from_vector(motion.rotations[:, 0])[:, 1, 1])
 
 

@@ -24,37 +24,37 @@ from humanclaw.testing.playing import Bench, Faults, motion_faults
 from humanclaw.testing.sampling import illegal_calls, legal_calls
 
 SPEED_LIMIT: Final = 1500.0
-"""Degrees a second: about what the knee of a kick and the elbow of a throw reach."""
+"""Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""
 _LIMITS: Final = {
     "spine": 60, "hip": 135, "knee": 160, "ankle": 70, "foot": 70, "neck": 80, "collar": 60, "head": 85,
     "shoulder": 180, "elbow": 160, "wrist": 100, "hand": 80,
 }  # fmt: skip
-"""Degrees that a joint can turn from the standing pose, about any axis; a shoulder turns as far as there is."""
+"""Degrees that a joint can turn from the standing pose about any axis. Shoulders are not limited."""
 _KNEE_BACK: Final = 20.0
 """Degrees that a knee bends the wrong way."""
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema-object", "schema-valid", "references", "properties", "types", "bounds-order",
      "bounds-finite", "choices", "required-declared", "defaults-given", "defaults-legal"}
 )  # fmt: skip
-"""What leaves nobody a legal call."""
+"""Faults that leave no legal call."""
 PATIENCE: Final = 10.0
-"""Seconds that planning one call may take: as long as a call lasts at most."""
+"""Seconds that planning one call may take: the maximum length of a call."""
 PLAYING: Final = 120.0
-"""Seconds that one world may take to play one call, also on a machine that does much besides."""
+"""Seconds that one engine may take to play one call, also on a busy machine."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a check of one skill found. It passes if there are no faults."""
+    """Result of checking one skill. It passes if there are no faults."""
 
     skill: str
     faults: tuple[ContractError, ...]
     calls: int = 0
-    """Legal calls that were played."""
+    """Number of legal calls that were played."""
     engines: tuple[str, ...] = ()
-    """Simulators that played them, beside the fake one."""
+    """Engines that played them, besides the fake one."""
     notes: tuple[str, ...] = ()
-    """What could not be checked, and why."""
+    """Checks that could not run, and why."""
 
     @property
     def passed(self) -> bool:
@@ -70,15 +70,15 @@ def check_skill(
     seed: int = 0,
     trained: bool = False,
 ) -> Skill:
-    """Hold a skill, or a skill folder, to every named check, as `humanclaw check` does.
+    """Check a skill, or a skill folder, as `humanclaw check` does, and return the skill.
 
     Args:
-        measures: what its parameters may command; Plugins.measures has those of plugins too.
-        engines: simulators that play it beside the fake one; None for each that is installed.
-        samples: calls to play besides those at the bounds.
-        trained: insist on an adapter; a skill that is still to be trained is else held to what it says of itself.
+        measures: measures that parameters may command; Plugins.measures includes those of plugins.
+        engines: simulators that play the skill besides the fake one; None for all installed ones.
+        samples: number of calls to play besides those at the bounds.
+        trained: require an adapter; otherwise an untrained skill is checked as far as its files go.
 
-    Raises AssertionError that tells of all problems, each with its check and remedy; returns the skill.
+    Raises AssertionError with all problems, each with its check and remedy.
     """
     report = examine(skill, measures, engines=engines, samples=samples, seed=seed)
     faults = [fault for fault in report.faults if trained or fault.check != "adapter-there"]
@@ -97,8 +97,10 @@ def examine(
     patience: float = PATIENCE,
     playing: float = PLAYING,
 ) -> Report:
-    """Report on a skill as check_skill does, and raise nothing. patience, playing: seconds that planning a call and
-    playing it may take."""
+    """Return a report on a skill; like check_skill, but it raises nothing.
+
+    patience, playing: seconds that planning a call and playing it may take.
+    """
     if plugins is None:
         plugins = Plugins() if engines == () else Plugins.discover()
     bench = Bench(plugins, measures, engines, samples, seed, Bounded(patience), Bounded(playing))
@@ -124,12 +126,11 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
 
 
 _ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))
-"""Checks that a skill may fail and still be played."""
+"""Checks that a playable skill may fail."""
 
 
 def _once(faults: Sequence[ContractError]) -> tuple[ContractError, ...]:
-    """Return the first fault of each check and message: a skill that breaks at its minimum breaks at its maximum
-    too."""
+    """Return one fault for each check and message: a skill often fails at both bounds in the same way."""
     return tuple({(fault.check, fault.message): fault for fault in reversed(faults)}.values())[::-1]
 
 
@@ -142,7 +143,7 @@ def _distinct(calls: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _untold(skill: Skill) -> Iterator[str]:
-    """Yield what an adapter's header leaves open."""
+    """Yield a note for everything that an adapter's header does not state."""
     if skill.adapter and skill.adapter.is_file() and len(skill.parameters) > 1:
         header, _ = adapter_header(skill.adapter, "")
         if header and not header["adapter"].get("measures"):
@@ -173,7 +174,7 @@ def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) ->
 
 
 def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Faults:
-    """Yield what is wrong with one legal call."""
+    """Yield the faults of one legal call."""
     call = f"{skill.name}({', '.join(f'{key}={value}' for key, value in params.items())})"
     try:
         checked = skill.check(params)
@@ -190,14 +191,14 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         message = f"{call} raises {in_words(error)}."
         yield ContractError("plan-runs", message, "Bound its parameters so that every legal call can be planned.")
         return
-    if repr(plan) != repr(again):  # Keys may be arrays, which are not simply equal.
+    if repr(plan) != repr(again):  # Keyframes may hold arrays, which == compares elementwise.
         message = f"{call} is planned otherwise the second time."
         yield ContractError("plan-repeats", message, "Plan from the parameters alone: no clock, no random numbers.")
     pose = rest_pose(HISTORY)
     for part in plan:
         if isinstance(part, Keyframes):
             yield from _pose_faults(part, call, pose)
-        elif part.adapter != skill.adapter:  # Its own is held to its schema already.
+        elif part.adapter != skill.adapter:  # The skill's own adapter has been checked against its schema already.
             yield from _control_faults(part, call, bench)
 
 
@@ -251,7 +252,7 @@ def _pose_faults(part: Keyframes, call: str, pose: Motion) -> Faults:
 
 
 def _speeds(motion: Motion) -> Array:
-    """(T - 1, 24) degrees a second of every joint."""
+    """Return (T - 1, 24) the speed of every joint, degrees a second."""
     turned = matrix_from_vector(motion.rotations)
     steps = vector_from_matrix(turned[:-1].swapaxes(-1, -2) @ turned[1:])
     return np.asarray(np.degrees(np.linalg.norm(steps, axis=-1)) * FPS)

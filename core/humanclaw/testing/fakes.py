@@ -1,4 +1,4 @@
-"""A world, a motion generator and a model that are none: for tests of skills, agents and observers in milliseconds.
+"""Fake world, motion generator and model, for tests of skills, agents and observers in milliseconds.
 
 with fake_body(nod) as body:
     body.call("nod", times=2)
@@ -31,13 +31,13 @@ from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import Camera, View
 
 FAKE: Final = "fake"
-"""The name under which a world, a renderer, a generator and a scene are registered."""
+"""Name of the fake simulator, renderer, generator and scene."""
 _SECONDS: Final = FUTURE / FPS
 
 
 class FakeWorld:
-    """A simulator without dynamics: the body is where it is told to be, and nothing else moves. `heard` keeps what it
-    was told."""
+    """A simulator without dynamics: the body follows its commands, and nothing else moves. `heard` keeps the
+    commands."""
 
     def __init__(self) -> None:
         self.heard: list[Motion] = []
@@ -58,7 +58,7 @@ class FakeWorld:
 
 
 class FakeRenderer:
-    """Shows a grey picture in which nothing is to be seen."""
+    """Draws an empty grey picture."""
 
     def load(self, scene: Scene) -> None: ...
 
@@ -70,8 +70,8 @@ class FakeRenderer:
 
 
 class FakeGenerator:
-    """A motion generator without weights: it glides x metres to the left, z ahead and turns by yaw. `asked` keeps the
-    adapters and values that it was given."""
+    """A motion generator without weights: it glides x metres left, z ahead, and turns by yaw. `asked` keeps adapters
+    and values."""
 
     digest = FAKE
 
@@ -93,8 +93,7 @@ class FakeGenerator:
 
 @dataclass
 class FakeModel:
-    """An agent that makes legal calls, drawn at random: `calls` of them, and then the skill that stops, if there is
-    one."""
+    """An agent that makes random legal calls: `calls` of them, then a stop if a skill has that role."""
 
     calls: int = 3
     name: str = FAKE
@@ -117,8 +116,8 @@ Line = Decision | Call | Exception
 
 
 class ScriptedAgent:
-    """Answers with the next line of a script: a decision, a call, or an exception to raise. `heard` keeps what it was
-    told."""
+    """Answers with the next line of a script: a decision, a call, or an exception to raise. `heard` keeps the
+    observations."""
 
     name = "scripted"
     privileged = False
@@ -141,7 +140,7 @@ class ScriptedAgent:
 
 @dataclass(eq=False)
 class Fakes:
-    """A plugin that registers fakes, and skills and measures beside them."""
+    """A plugin that registers the fakes, and the given skills and measures."""
 
     skills: Sequence[Skill | Path] = ()
     measures: Sequence[Measure] = ()
@@ -174,14 +173,14 @@ class Fakes:
 
 
 def fake_scene() -> Scene:
-    """Return a floor of 20 by 20 metres and nothing on it."""
+    """Return an empty floor of 20 by 20 metres."""
     builder = SceneBuilder()
     builder.floor()
     return builder.scene()
 
 
 def fake_body(*skills: Skill | Path, measures: Sequence[Measure] = (), seed: int = 0) -> Body:
-    """Return a body with these skills alone in a world without dynamics. Raises PluginError for a skill that breaks the
+    """Return a body with only these skills, in a world without dynamics. Raises PluginError for a skill that breaks the
     contract."""
     plugins = Plugins()
     plugins.add(Fakes(skills, measures), FAKE)

@@ -1,4 +1,4 @@
-"""Where the laws of half-physics are measured: a simulator, a generator, and commands carried out on it."""
+"""Measure on any simulator: a fixture of simulator and generator that performs commands."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from humanclaw.world.simulator import Execution, Simulator
 
 GRAVITY: Final = 9.81
 Command = Mapping[str, float]
-"""What a chunk is to do: measure to its value, metres or radians."""
+"""Command of one chunk: value by measure, metres or radians."""
 Tick = Callable[[], object]
 FORWARD, TURN, RISE, DROP, HEIGHT = "hips.forward", "heading.left", "hips.rise", "hips.drop", "hips.height"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured number and the bounds that the check sets it."""
+    """A measured number with the bounds of its check."""
 
     check: str
     measure: str
@@ -46,14 +46,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class Played:
-    """What was commanded and what became of it, chunk after chunk, world frame."""
+    """Commanded motion and its execution, chunk by chunk (world frame)."""
 
     start: Array
     """(3,) root before the first chunk."""
     commanded: tuple[Motion, ...]
     executions: tuple[Execution, ...]
     objects: dict[int, Array]
-    """Movable object id to (7,) at the end."""
+    """Final pose (7,) by id of the movable object."""
 
     @property
     def simulated(self) -> Motion:
@@ -61,19 +61,19 @@ class Played:
         return Motion(np.concatenate([p.root for p in parts]), np.concatenate([p.rotations for p in parts]))
 
     def achieved(self) -> Array:
-        """Return (3,) displacement of the root, as a share of the displacement that was commanded chunk by chunk."""
+        """Return (3,) displacement of the root as a share of the commanded displacement."""
         ends = np.stack([self.start, *(execution.simulated.root[-1] for execution in self.executions)])
         asked = np.stack([motion.root[-1] for motion in self.commanded]) - ends[:-1]
         return np.asarray((ends[-1] - ends[0]) / asked.sum(axis=0))
 
     def path(self, object_id: int, begin: Array, above: float = 0.0) -> Array:
-        """Return (frames + 1, 3) where the point that high above the base of an upright movable object was, from where
-        it began."""
+        """Return (frames + 1, 3) the path of a point above the base of an upright movable object, metres. begin: its
+        first position; above: height of the point."""
         places = self.places(object_id, np.array([*begin, 0.0, 0.0, 0.0, 1.0]))
         return np.asarray(places[:, :3] + above * _upward(places[:, 3:]))
 
     def places(self, object_id: int, begin: Array) -> Array:
-        """Return (frames + 1, 7) where a movable object was, from where it began."""
+        """Return (frames + 1, 7) the poses of a movable object. begin: its first pose."""
         rows = [begin[None]]
         for execution in self.executions:
             still = np.repeat(rows[-1][-1:], len(execution.simulated), axis=0)
@@ -81,13 +81,14 @@ class Played:
         return np.concatenate(rows)
 
     def depths(self, object_id: int) -> Array:
-        """Measure how deep links were in an object, metres, in every frame in which they touched it."""
+        """Return the penetration of links into an object in every contact, metres."""
         return np.array([c.depth for e in self.executions for c in e.contacts if c.object_id == object_id])
 
 
 @dataclass
 class Fixture:
-    """Where checks are measured. samples: of random walls; chunks: of random commands."""
+    """The simulator under test and the size of the checks. samples: number of random walls; chunks: of random
+    commands."""
 
     make: Callable[[Profile], Simulator]
     """The simulator under test, as a plugin's factory makes it."""
@@ -102,10 +103,8 @@ class Fixture:
 
     @classmethod
     def of(cls, simulator: str, profile: str = "default", **numbers: int) -> Fixture:
-        """Return a fixture of an installed simulator.
-
-        Empty: the default one. Raises HumanclawError for unknown names.
-        """
+        """Return a fixture for an installed simulator; empty means the default. Raises HumanclawError for unknown
+        names."""
         plugins = Plugins.discover()
         simulator = simulator or default_simulator(plugins)
         return cls(
@@ -118,19 +117,19 @@ class Fixture:
         return self.make(self.profile)
 
     def stand(self, simulator: Simulator, scene: Scene) -> Motion:
-        """Put the body on a scene's start; returns the history of its first motion, (5,) frames."""
+        """Put the body on a scene's start. Returns the five frames that its first motion continues."""
         return stand(simulator, self._generator, scene, scene.start)
 
     def generate(self, history: Motion, command: Command, number: int) -> Motion:
-        """15 frames of the skill that commands these measures."""
+        """Return 15 frames of the skill that commands these measures."""
         skill, keys = skill_with(self.plugins, *command)
         plan = skill.plan(skill.check({keys[measure]: _written(keys[measure], x) for measure, x in command.items()}))
         if not isinstance(plan, Control):
-            raise HumanclawError(f"the checks are measured with motion that is generated, and {skill.name} is not.")
+            raise HumanclawError(f"the checks need generated motion, and skill {skill.name} plays keyframes.")
         return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
 
     def perform(self, scene: Scene, commands: Sequence[Command], profile: Profile | None = None) -> Played:
-        """Let a body that stands on the scene's start carry out some commands."""
+        """Perform commands with a body that stands on the scene's start."""
         simulator = self.make(profile or self.profile)
         history = self.stand(simulator, scene)
         start, commanded, executions = history.root[-1], [], []
@@ -145,7 +144,7 @@ class Fixture:
         return Played(start, tuple(commanded), tuple(executions), objects)
 
     def imagine(self, commands: Sequence[Command]) -> Motion:
-        """Return the same commands as pure kinematics: generated motion played back, and no world."""
+        """Return the generated motion of commands without a world."""
         motion = self._generator.start()
         for number, command in enumerate(commands):
             motion = motion.then(self.generate(motion[-HISTORY:], command, number))
@@ -153,8 +152,7 @@ class Fixture:
 
 
 def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
-    """Return the installed skill whose parameters command these measures, the fewest others beside them; and measure to
-    parameter.
+    """Return the installed skill that commands these measures and the fewest others, with its parameter by measure.
 
     Raises HumanclawError if there is none.
     """
@@ -169,21 +167,21 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
 
 
 def _commands(skill: Skill) -> Mapping[str, str]:
-    """Measure to the parameter that commands it."""
+    """Return the parameter that commands each measure."""
     return {one.measure: one.key for one in skill.parameters if one.measure}
 
 
 def _written(key: str, value: float) -> int:
-    """Metres or radians in the unit of a parameter, which is an integer."""
+    """Convert metres or radians to the integer unit of a parameter."""
     return round(from_si(key, value))
 
 
 def _upward(quaternions: Array) -> Array:
-    """(N, 4) x, y, z, w to (N, 3) where the vertical of each points."""
+    """Return (N, 3) the up axes of (N, 4) quaternions x, y, z, w."""
     x, y, z, w = quaternions.T
     return np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1)
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:
-    """So many half seconds of walking, each so far, turning so many radians."""
+    """Return `count` half seconds of walking, each with a distance and a turn in radians."""
     return [{FORWARD: metres, TURN: turn}] * count

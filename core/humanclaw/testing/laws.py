@@ -1,8 +1,7 @@
 """The laws of half-physics, measured on any simulator. `humanclaw physics` prints them.
 
-Each law is a function of a Fixture that yields Findings: what was measured, and within what bounds it has to lie.
-They are measured with the motion that skills generate, and, where that would prove little, with commands that no skill
-would ever give.
+Each law is a function of a Fixture that yields Findings: a measured number with its bounds. Most use the motion that
+skills generate. Where that would prove little, they use commands that no skill would give.
 """
 
 from __future__ import annotations
@@ -25,14 +24,14 @@ STEP_DEPTH: Final = 0.28
 RISES: Final = (0.10, 0.13, 0.16, 0.19, 0.22)
 STEPS: Final = 6
 SEATS: Final = (0.36, 0.42, 0.46, 0.50, 0.55, 0.60, 0.65)
-"""Heights of seats, metres; the knees are at 0.49."""
+"""Heights of seats, metres. The knees are at 0.49."""
 
 
 # -- the checks --------------------------------------------------------------------------------------------------------
 def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a walk commanded to a body that falls and touches nothing.
+    """Check a walk of a falling body that touches nothing.
 
-    Heights, which are not commanded, are taken from the root.
+    Heights are not commanded, so they are compared relative to the root.
     """
     command = fixture.imagine(walk(2, 0.6))[HISTORY:]
     path = np.arange(1, 11)[:, None] / FPS * [0.0, 0.0, 5.0]
@@ -56,7 +55,7 @@ def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Two seconds of walking at walls of any distance, angle and thickness."""
+    """Check two seconds of walking into walls of random distance, angle and thickness."""
     rng = np.random.default_rng([fixture.seed, 1])
     depths, beyond, imagined = [np.zeros(1)], 0, 0
     for _ in range(fixture.samples):
@@ -80,7 +79,7 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a step over the edge of a platform, and the fall while nothing is touched."""
+    """Check a step over the edge of a platform, and the free fall."""
     builder = SceneBuilder()
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
     played = fixture.perform(builder.scene(), walk(5, 0.8))
@@ -92,8 +91,7 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a flight of six, up and down, begun one tread before the first riser, and half a foot before the first
-    edge."""
+    """Check six stairs up and down, begun one tread before the first riser and half a foot before the first edge."""
     for change, check in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
         heights, advances = [], []
         for rise in RISES:
@@ -113,7 +111,7 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Benches from 36 to 65 cm, lower and higher than the knees, half a metre behind the body."""
+    """Check sitting down on benches of 36 to 65 cm, half a metre behind the body."""
     touched, gaps = 0, []
     for seat in SEATS:
         builder = SceneBuilder()
@@ -132,7 +130,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def wild(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Random poses, held, jittering or upright, far beyond what any skill commands, in a small furnished room."""
+    """Check random poses (held, jittering, upright), far beyond any skill, in a small furnished room."""
     rng, worst = np.random.default_rng([fixture.seed, 2]), _Worst()
     simulator = fixture.simulator()
     for number in range(fixture.chunks):
@@ -225,7 +223,7 @@ CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
 
 
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
-    """Measure how often the checks of these names will tick."""
+    """Return how often the checks of these names will tick."""
     each: Mapping[str, int] = {
         "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 1,
         "chair": 1, "door": 5, "hinges": 7, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,

@@ -20,16 +20,16 @@ _HIP_DROP: Final = float(-OFFSETS[JOINT_INDEX["left_hip"]][1])
 
 @dataclass(frozen=True)
 class Played:
-    """What was commanded and what became of it."""
+    """Commanded motion and its execution."""
 
     commanded: Motion
     simulated: Motion
     contacts: tuple[Contact, ...]
     touches: tuple[tuple[int, int, int], ...]
     objects: Mapping[int, Array]
-    """Movable object id to (7,) at the end."""
+    """Final pose (7,) by id of the movable object."""
     paths: Mapping[int, Array]
-    """Movable object id to (T, 7), a row a frame."""
+    """Poses (T, 7) by id of the movable object, one row a frame."""
 
     def touched(self, object_id: int) -> tuple[Contact, ...]:
         """Return the body's contacts with one object."""
@@ -37,7 +37,7 @@ class Played:
 
 
 def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
-    """Drive a body through a motion in chunks of half a second, each begun where the one before has ended."""
+    """Drive a body through a motion in chunks of half a second, each from where the last one ended."""
     began = simulator.reset(scene, scene.start)
     here, origin, chunks = began.body, began.body.root[0] * [0, 1, 0], []
     paths: dict[int, list[Array]] = {key: [] for key in began.objects}
@@ -62,20 +62,20 @@ def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
 
 
 def hold(motion: Motion, frames: int) -> Motion:
-    """Return a motion, and then its last pose for so many frames."""
+    """Return a motion, followed by its last pose for some frames."""
     return motion.then(Motion(np.repeat(motion.root[-1:], frames, 0), np.repeat(motion.rotations[-1:], frames, 0)))
 
 
 def glide(x: float, z: float, frames: int = FUTURE) -> Motion:
-    """Standing, moved at a constant velocity, m/s: the simplest command with a known path."""
+    """Return a standing body that glides at a constant velocity, m/s: the simplest command with a known path."""
     motion = rest_pose(frames)
     path = np.arange(1, frames + 1)[:, None] / FPS * [x, 0.0, z]
     return Motion(motion.root + path, motion.rotations)
 
 
 def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Motion:
-    """Step forward from standing, each rise metres higher; a step is 0.6 s and run metres, the first `first`
-    metres."""
+    """Return steps from standing, 0.6 s each: `run` metres forward (the first one `first` metres) and `rise` metres
+    up."""
     feet, pelvis = [np.zeros(3), np.zeros(3)], np.array([0.0, 0.93, 0.0])
     roots: list[Array] = []
     turns: list[Array] = []
@@ -95,7 +95,7 @@ def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Moti
 
 
 def sitting_down(height: float, z: float) -> Motion:
-    """From standing, in 1.5 s, to a pelvis over the place (height, z), feet where they were; then 1 s of sitting."""
+    """Return 1.5 s of sitting down to a pelvis at (height, z) with still feet, then 1 s of sitting."""
     share = (np.arange(1, 46) / 45)[:, None]
     standing, seated = np.array([0.0, 0.96, 0.0]), np.array([0.0, height, z])
     roots = standing + (seated - standing) * share
@@ -104,7 +104,7 @@ def sitting_down(height: float, z: float) -> Motion:
 
 
 def _bent(pelvis: Array, ankles: Sequence[Array]) -> Array:
-    """Rotations of a body whose left and right ankle are at given points (y, z), arms hanging, soles level."""
+    """Return the rotations of a body with ankles at given points (y, z), arms hanging and soles level."""
     rotations: Array = rest_pose().rotations[0].copy()
     for side, (y, z) in zip(("left", "right"), ankles, strict=True):
         down, ahead = pelvis[1] - _HIP_DROP - y, z - pelvis[2]

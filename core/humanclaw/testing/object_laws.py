@@ -23,32 +23,32 @@ MASSES: Final = {
     300.0: (-0.01, 0.02),
     1000.0: (-0.01, 0.01),
 }
-"""Kilograms of a box, to how far two seconds of walking (2 m) must and may push it, metres."""
+"""By mass of a box, kg: how far two seconds of walking (2 m) must and may push it, metres."""
 STRENGTH: Final = 600.0
-"""What a person pushes with at most, newtons."""
+"""Maximum push of a person, newtons."""
 
 
 @dataclass(frozen=True)
 class Pushed:
-    """What became of a box that somebody walked against."""
+    """A box after a body walked against it."""
 
     way: float
-    """Metres along +Z."""
+    """Displacement along +Z, metres."""
     speed: float
-    """The highest, m/s."""
+    """Highest speed, m/s."""
     force: float
-    """The highest that its frames tell of, friction included, newtons."""
+    """Highest force that its frames imply, friction included, newtons."""
     work: float
-    """Joules, friction included."""
+    """Work, friction included, joules."""
 
 
 def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None = None) -> Pushed:
-    """So many half seconds of walking against a box of 40 cm."""
+    """Walk `count` half seconds against a box of 40 cm."""
     builder = SceneBuilder()
     builder.floor()
     box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.6), movable=True, mass=mass)
     played = fixture.perform(builder.scene(), walk(count), profile)
-    # Of the centre of mass: a box that tips has a base that is faster, and nobody pushed that.
+    # Measured at the centre of mass: the base of a tipping box moves faster without being pushed.
     path = played.path(box, np.array([0, 0, 0.6]), above=0.2)
     steps = np.linalg.norm(np.diff(path[:, [0, 2]], axis=0), axis=1)
     speed, friction = steps * FPS, GROUND_FRICTION**2 * mass * GRAVITY
@@ -122,22 +122,22 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class Turned:
-    """What became of a door that somebody walked against."""
+    """A door after a body walked against it."""
 
     through: bool
-    """Whether the hips got beyond the wall."""
+    """Whether the hips passed the wall."""
     angles: Array
-    """(frames + 1,) degrees from shut, open positive."""
+    """(frames + 1,) opening angle, degrees."""
     hinge: float
-    """How far the hinge moved, metres."""
+    """Displacement of the hinge, metres."""
     torque: float
-    """The largest that made it faster, hinge's friction included, newton metres."""
+    """Largest accelerating torque, the hinge's friction included, newton metres."""
     depth: float
-    """The deepest that a link was in it, metres."""
+    """Deepest penetration by a link, metres."""
 
 
 def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = True, **place: float) -> Turned:
-    """So many half seconds of walking against a door."""
+    """Walk `count` half seconds against a door."""
     builder = SceneBuilder()
     builder.floor()
     door = builder.door(mass=mass, away=away, **place)
@@ -156,8 +156,8 @@ def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = Tru
 
 
 def hinges(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a door of 25 kg, shut or ajar, that opens away from the body, one that would have to be pulled, and one of
-    a tonne."""
+    """Check a door of 25 kg that opens away from the body (shut and ajar), one that would have to be pulled, and one of
+    1,000 kg."""
     opened, held = [], []
     for place in ({"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}):
         opened.append(swing(fixture, **place))

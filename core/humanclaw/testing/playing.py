@@ -24,13 +24,13 @@ from humanclaw.skills.plan import Control, Part, parts
 from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
 
 _FAR: Final = 20.0
-"""Metres that no call of 10 s takes a body."""
+"""Metres that a body cannot cover in a call of 10 s."""
 Faults = Iterator[ContractError]
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What a skill is held to and played with."""
+    """What a skill is checked against and played with."""
 
     plugins: Plugins
     measures: Mapping[str, Measure]
@@ -38,9 +38,9 @@ class Bench:
     samples: int
     seed: int
     ask: Bounded
-    """Waits for the plan of a call, so long and no longer."""
+    """Plans a call with a timeout."""
     play: Bounded
-    """The same for the playing of one."""
+    """Plays a call with a timeout."""
     base: str = field(default_factory=lambda: str(read_header(shipped_base())["digest"]))
 
 
@@ -48,7 +48,7 @@ class Bench:
 def motion_faults(
     skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
-    """Faults, the engines that played it, and notes of those that could not."""
+    """Return the faults, the engines that played the skill, and notes on those that could not."""
     real = Skill(**{name: getattr(skill, name) for name in skill.__dataclass_fields__})
     faults = [*_on_fake(real, calls, bench)]
     engines: list[str] = []
@@ -74,7 +74,9 @@ def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Fau
                 yield ContractError("body-plays", message, "Mend its motion.")
                 continue
             if any(len(chunk.commanded) != FUTURE for chunk in once.chunks) or not _is_finite(once):
-                yield ContractError("body-plays", f"{call} is no motion of whole chunks.", "Mend its motion.")
+                yield ContractError(
+                    "body-plays", f"the motion of {call} is not a whole number of chunks.", "Mend its motion."
+                )
             if not _same(once, again):
                 message = f"{call} at the same moment is another motion."
                 yield ContractError("body-repeats", message, "Plan from the parameters alone.")
@@ -108,7 +110,9 @@ def _on_engine(name: str, skill: Skill, calls: Sequence[dict[str, Any]], bench: 
     moves = any(isinstance(part, Control) for params in calls for part in _parts(skill, params))
     backends = Backends(name, FAKE, "dit" if moves else FAKE)
     try:
-        body = Body(fake_scene(), plugins=host, backends=backends)  # It takes up its stance: the engine has moved it.
+        body = Body(
+            fake_scene(), plugins=host, backends=backends
+        )  # Standing still first: the engine has moved the body into its stance.
     except HumanclawError:
         raise
     except Exception as error:

@@ -1,9 +1,9 @@
-"""A test for each named check of a skill, in anybody's test run.
+"""A pytest plugin: one test for each named check of a skill.
 
     pytest --humanclaw-skill=skills/hop --humanclaw-skill=mine.py
 
-or, in pyproject.toml, [tool.pytest.ini_options] with humanclaw_skills = ["skills/hop"]. A check that a skill has
-nothing for passes.
+or, in pyproject.toml, [tool.pytest.ini_options] with humanclaw_skills = ["skills/hop"]. A check that does
+not apply to a skill passes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Add the checks of the skills that were asked for."""
+    """Add the checks of the configured skills."""
     targets = [*config.getini("humanclaw_skills"), *config.getoption("--humanclaw-skill")]
     for target in dict.fromkeys(targets):
         items += SkillChecks.from_parent(session, name=target).collect()
 
 
 class SkillChecks(pytest.Collector):
-    """The checks of what one target stands for. It is played once, when the first of them runs."""
+    """The checks of one target. The target is played once, when the first check runs."""
 
     _reports: list[Report] | None = None
 
@@ -45,7 +45,7 @@ class SkillChecks(pytest.Collector):
 
     @property
     def reports(self) -> list[Report]:
-        """What was found."""
+        """The reports."""
         if self._reports is None:
             from humanclaw.plugins.host import Plugins
             from humanclaw.testing import check_target
@@ -71,7 +71,7 @@ class NamedCheck(pytest.Item):
                     yield f"{report.skill}: {fault}"
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
-        """Tell the problem and its remedy, and no traceback."""
+        """Print the problem and its remedy, without a traceback."""
         return str(excinfo.value)
 
     def reportinfo(self) -> tuple[str, None, str]:

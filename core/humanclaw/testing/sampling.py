@@ -12,20 +12,19 @@ from humanclaw.skills.contract import Skill
 from humanclaw.skills.publishing import parameter_schema
 
 OPEN: Final = 1000
-"""What stands for any number at all where a schema sets no bound: large for a skill, and soon counted to."""
+"""Bound for a number without bounds in the schema: large for a skill, and quick to iterate over."""
 _WORDS: Final = ("", "a", "a few words")
 
 
 def corners(skill: Skill) -> list[dict[str, Any]]:
-    """Return the lowest and the highest legal call of a skill: all parameters at their minimum, and all at their
-    maximum."""
+    """Return two legal calls of a skill: all parameters at their minimum, and all at their maximum."""
     return [_drawn(skill, lambda: 0.0), _drawn(skill, lambda: 1.0)]
 
 
 def legal_calls(skill: Skill, samples: int = 3, seed: int = 0) -> list[dict[str, Any]]:
-    """Return the corners, the call that leaves everything to its default, and so many drawn at random.
+    """Return the corners, the call with all defaults, and some random calls.
 
-    Raises PluginError for a schema that no provider could be told.
+    Raises PluginError for a schema that cannot be published to any provider.
     """
     random = np.random.default_rng(seed)
     required = skill.schema.get("required", ())
@@ -38,7 +37,7 @@ def _drawn(skill: Skill, share: Any) -> dict[str, Any]:
 
 
 def _value(part: Mapping[str, Any], share: Any) -> Any:
-    """Return a value of a flat schema; share() says where between its least and its most."""
+    """Return a value of a flat schema. share(): position between minimum and maximum, 0 to 1."""
     if "enum" in part:
         return part["enum"][_index(share(), len(part["enum"]))]
     kind = part.get("type")
@@ -60,7 +59,7 @@ def _index(share: float, count: int) -> int:
 
 
 def _text(part: Mapping[str, Any], share: float) -> str:
-    """Return a text of a legal length. What a pattern asks for only a default can say."""
+    """Return a text of a legal length. For a pattern, return the default."""
     text = str(part.get("default", _WORDS[_index(share, len(_WORDS))]))
     return text.ljust(part.get("minLength", 0), "a")[: part.get("maxLength", len(text) + part.get("minLength", 0))]
 
@@ -81,7 +80,7 @@ def _number(part: Mapping[str, Any], share: float) -> float:
 
 
 def illegal_calls(skill: Skill) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield calls that a schema has to refuse, each with the name of the check."""
+    """Yield calls that a schema must refuse, each with the name of its check."""
     legal = corners(skill)[0]
     yield "refuses-unknown", legal | {"no_such_parameter": 1}
     for key, part in parameter_schema(skill).items():

@@ -1,4 +1,4 @@
-"""Small scenes of boxes: for physics checks, for tests, and to try things out."""
+"""Build small scenes of boxes, for physics checks and tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GREY: Colour = (200, 200, 200)
 
 
 def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:
-    """Make a box that stands on y = 0, its six faces with vertices of their own."""
+    """Return a box that stands on y = 0. Each face has vertices of its own, for flat normals."""
     corners: list[Any] = []
     faces: list[list[int]] = []
     for axis in range(3):
@@ -41,13 +41,13 @@ def block(low: Vec3, high: Vec3) -> NDArray[np.float32]:
 
 @dataclass
 class SceneBuilder:
-    """Boxes put together to a scene; ids count from 1. Metres; a position is the centre of a box's underside."""
+    """Builds a scene of boxes. Metres; ids count from 1; a position is the centre of a box's underside."""
 
     assets: dict[str, Asset] = field(default_factory=dict)
     objects: list[SceneObject] = field(default_factory=list)
 
     def box(self, category: str, size: Vec3, position: Vec3, colour: Colour = GREY, **facts: Any) -> int:
-        """Put a box somewhere; facts are those of SceneObject. Returns its id."""
+        """Add a box. facts: fields of SceneObject. Returns its id."""
         name = f"{category} {size} {colour}"
         if name not in self.assets:
             mesh = box_mesh(size, colour)
@@ -55,7 +55,7 @@ class SceneBuilder:
         return self._put(name, category, position, facts)
 
     def mesh(self, category: str, mesh: Mesh, position: Vec3, **facts: Any) -> int:
-        """Put something without a body somewhere. Returns its id."""
+        """Add an object without collision shape. Returns its id."""
         self.assets[category] = Asset(category, category, mesh, ())
         return self._put(category, category, position, facts)
 
@@ -64,7 +64,7 @@ class SceneBuilder:
         return len(self.objects)
 
     def solid(self, category: str, hulls: Sequence[NDArray[np.float32]], position: Vec3, **facts: Any) -> int:
-        """Put something of several convex pieces somewhere; it looks like its bounding box. Returns its id."""
+        """Add an object of several convex pieces; it is drawn as its bounding box. Returns its id."""
         low, high = np.concatenate(hulls).min(axis=0), np.concatenate(hulls).max(axis=0)
         x, y, z = (float(edge) for edge in high - low)
         name = f"{category} {len(self.assets)}"
@@ -72,10 +72,9 @@ class SceneBuilder:
         return self._put(name, category, position, facts)
 
     def door(self, angle: float = 0.0, x: float = 0.0, z: float = 0.8, away: bool = True, mass: float = 25.0) -> int:
-        """Put a doorway of 90 cm into a wall across +Z, and in it a leaf that hangs on its side of smaller x and opens
-        by 95 degrees, away from the origin or towards it.
+        """Add a wall across +Z with a doorway of 90 cm and a leaf, hinged at smaller x, that opens by 95 degrees.
 
-        angle: how far it stands open, radians. Returns the id of the leaf.
+        away: whether it opens away from the origin. angle: how far it is open, radians. Returns the id of the leaf.
         """
         for side in (-1, 1):
             self.box("wall", (2, 2.5, 0.12), (x + 1.45 * side, 0, z))
@@ -91,25 +90,19 @@ class SceneBuilder:
         return self.box("floor", (20, 0.2, 20), (0, y - 0.2, 0))
 
     def steps(self, count: int, rise: float, run: float, first: float) -> None:
-        """Build a flight of steps up in the direction +Z that ends in a landing.
-
-        First: where the first riser stands.
-        """
+        """Add stairs that rise towards +Z and end in a landing. first: z of the first riser."""
         for k in range(count):
             self.box("stairs", (2, rise * (k + 1), run), (0, 0, first + run * (k + 0.5)))
         self.box("floor", (2, rise * count, 4), (0, 0, first + run * count + 2))
 
     def descent(self, count: int, rise: float, run: float, first: float) -> None:
-        """Build a landing, and from there a flight of steps down to the floor at 0 in the direction +Z.
-
-        First: its first edge.
-        """
+        """Add a landing, and stairs from it that descend towards +Z to the floor at 0. first: z of the first edge."""
         self.box("floor", (2, rise * count, 4), (0, 0, first - 2))
         for k in range(count - 1):
             self.box("stairs", (2, rise * (count - 1 - k), run), (0, 0, first + run * (k + 0.5)))
 
     def room(self) -> None:
-        """Four by four metres between four walls."""
+        """Add a floor of 4 by 4 metres between four walls."""
         self.floor()
         for size, x, z in (
             ((4, 2.5, 0.2), 0, 2),
@@ -120,5 +113,5 @@ class SceneBuilder:
             self.box("wall", size, (x, 0, z))
 
     def scene(self, floor: float = 0.0) -> Scene:
-        """Return what has been put together; the body starts at the origin, facing +Z."""
+        """Return the scene. The body starts at the origin, facing +Z."""
         return Scene("boxes", dict(self.assets), tuple(self.objects), (), Pose2D(0, 0, 0, floor))

@@ -1,4 +1,4 @@
-"""What every simulator has to pass: a test class that the tests of an engine's plugin inherit.
+"""The conformance suite of simulators: a test class for the tests of an engine's plugin to inherit.
 
 from humanclaw.testing import SimulatorConformance
 
@@ -26,7 +26,7 @@ from humanclaw.world.half_physics.profile import find_profile
 
 
 class SimulatorConformance(ObjectConformance):
-    """Tests of every simulator: what a body may do, what the world does to it and to objects, what is refused."""
+    """Tests of a simulator: what the world does to a body and to objects, and what it must refuse."""
 
     def test_the_same_commands_have_the_same_outcome_bit_for_bit(self) -> None:
         builder = SceneBuilder()
@@ -94,7 +94,7 @@ class SimulatorConformance(ObjectConformance):
 
     @pytest.mark.parametrize("check", sorted(CHECKS))
     def test_the_law_holds(self, check: str) -> None:
-        """What `humanclaw physics` measures, on few samples: the same code, within the same bounds."""
+        """The laws of `humanclaw physics`, on few samples: same code, same bounds."""
         fixture = Fixture(self.simulator, find_profile("default"), samples=2, chunks=60)
         found = list(CHECKS[check](fixture, lambda: None))
         assert found

@@ -1,4 +1,4 @@
-"""How fast the world runs: what `humanclaw bench-world` prints. Times are CPU seconds of this process, which other work
+"""Measure how fast the world runs, for `humanclaw bench-world`. Times are CPU seconds of this process, which other work
 on the machine disturbs least."""
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _APART: Final = 40.0
 
 @dataclass(frozen=True)
 class Quartiles:
-    """25, 50 and 75 % of some measurements."""
+    """The 25th, 50th and 75th percentiles of measurements."""
 
     low: float
     median: float
@@ -39,8 +39,7 @@ class Quartiles:
 
 
 def crowded(scene: Scene, fixed: int = FIXED, movable: int = MOVABLE) -> Scene:
-    """Return a house with exactly so many fixed and movable objects: its own and, once they are used up, copies of them
-    next door."""
+    """Return a house with exact numbers of fixed and movable objects: its own, then copies of them next door."""
     counts, objects = {False: fixed, True: movable}, list[SceneObject]()
     for copy in range(100):
         for obj in scene.objects:
@@ -56,7 +55,7 @@ def _copy(obj: SceneObject, number: int, shift: float) -> SceneObject:
 
 
 def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[float]:
-    """CPU milliseconds of half a second of walking about, contacts included."""
+    """Return the CPU milliseconds of half seconds of walking, contacts included."""
     simulator, times = fixture.simulator(), []
     history = fixture.stand(simulator, scene)
     for number in range(count):
@@ -71,7 +70,7 @@ def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[
 
 
 def reset_times(simulator: Simulator, scene: Scene, count: int, tick: Tick) -> tuple[list[float], Array]:
-    """CPU milliseconds of loading the scene, and (count,) resident megabytes after each time."""
+    """Return the CPU milliseconds of loading a scene, and (count,) resident megabytes after each."""
     times, memory = [], []
     for _ in range(count):
         times.append(_timed(lambda: simulator.reset(scene, scene.start))[0])
@@ -82,8 +81,7 @@ def reset_times(simulator: Simulator, scene: Scene, count: int, tick: Tick) -> t
 
 
 def resident(statm: Path = Path("/proc/self/statm")) -> float:
-    """Megabytes of memory that the process holds now; NaN where the system has no such file, as on macOS and
-    Windows."""
+    """Return the resident megabytes of this process; NaN on systems without the file, such as macOS and Windows."""
     if not statm.exists():
         return float("nan")
     pages = int(statm.read_text().split()[1])

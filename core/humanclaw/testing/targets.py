@@ -1,4 +1,4 @@
-"""What a name, a folder or a Python file stands for, to be examined."""
+"""Find the skills to examine: by name, in a folder, or in a Python file."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ LOADING: Final = 30.0
 """Seconds that importing a file and asking its hooks may take."""
 
 
-# -- what is to be checked ---------------------------------------------------------------------------------------------
 def found_at(
     target: str, plugins: Plugins, patience: float = LOADING
 ) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
-    """Return the skills that a name, a folder or a Python file stands for, the measures that come with them, and why
-    there are none.
+    """Return the skills of a target, the measures that come with them, and the faults that kept skills from loading.
 
-    target: the name of an installed skill (owner:skill where two have it), the folder of one or of several, or a file
-    with a hook humanclaw_skills. patience: seconds that importing it may take. Raises PluginError for a name that
-    nobody knows.
+    Args:
+        target: name of an installed skill (owner:skill if two plugins have it), a folder of one or more skills, or a
+            Python file with a hook humanclaw_skills.
+        patience: seconds that importing the file may take.
+
+    Raises PluginError for an unknown name.
     """
     path = Path(target)
     if path.suffix == ".py" or path.is_file():
@@ -40,10 +41,8 @@ def found_at(
 
 
 def check_target(target: str, plugins: Plugins, **options: Any) -> list[Report]:
-    """Examine all that a name, a folder or a Python file stands for; options are those of examine.
-
-    Raises PluginError for a name that nobody knows.
-    """
+    """Examine every skill of a target (see found_at). options: those of examine. Raises PluginError for an unknown
+    name."""
     skills, measures, faults = found_at(target, plugins)
     known = {**plugins.measures, **measures}
     reports = [examine(one, known, plugins=plugins, **options) for one in skills]
@@ -59,7 +58,7 @@ def _in_file(
     try:
         return Bounded(patience)(partial(_loaded, path))
     except OverdueError as error:
-        return [], {}, [ContractError("loads", f"plugin file {path}: {error}.", "Do nothing long at import.")]
+        return [], {}, [ContractError("loads", f"plugin file {path}: {error}.", "Move slow work out of the import.")]
     except ContractError as error:
         return [], {}, [error]
     except PluginError as error:
@@ -79,7 +78,7 @@ def _loaded(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[Co
 
 
 def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
-    """Return what the hooks of a plugin's module register."""
+    """Return what the hooks of a plugin's module register, and faults."""
     skills: list[Skill | Path] = []
     measures: list[Measure] = []
     for hook, found in (("humanclaw_skills", skills), ("humanclaw_measures", measures)):

@@ -179,7 +179,7 @@ def test_a_split_that_is_not_there_or_not_one_is_refused(tmp_path):
     with pytest.raises(HumanclawError, match="there is no split missing"):
         load_split("missing")
     (tmp_path / "bad.jsonl").write_text('{"id": 1}\n')
-    with pytest.raises(HumanclawError, match=r"bad\.jsonl:1 is no episode"):
+    with pytest.raises(HumanclawError, match=r"bad\.jsonl:1 is not an episode"):
         load_split(str(tmp_path / "bad.jsonl"))
 
 
