@@ -1,4 +1,4 @@
-"""The distributions of this repository are alike, stand in every list, and are named when a part of theirs is missing."""
+"""The distributions of this repository are alike, stand in every list, and are named when one is missing."""
 
 import ast
 import re
