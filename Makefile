@@ -57,7 +57,7 @@ HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; prin
 ci:  ## Run lint, docs and test without installing anything, in .venv or else in the environment of `python`
 	$(MAKE) lint docs test READY= BIN=$(HERE)
 
-package: install  ## Add a package to this repository: make package KIND=skill NAME=wave (MORE="--trained")
+package: install  ## Add a package to this repository: make package KIND=skill NAME=salute (MORE="--trained")
 	$(BIN)/python tests/support/package.py $(KIND) $(NAME) $(MORE)
 
 lint-pages:  ## Check the types of the pages' scripts (needs npx)

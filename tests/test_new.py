@@ -1,4 +1,4 @@
-"""`humanclaw new` writes packages that work, and our own skills are such packages (see also test_distributions.py)."""
+"""`humanclaw new` writes packages that work as they stand. test_distributions.py compares ours with them."""
 
 import importlib
 import os
@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from environments import like_this
-from wheels import distributions
 
 from humanclaw import EpisodeContext, EpisodeSpec, Observation
-from humanclaw.cli.new import KINDS, TRAINED, Distribution, new
+from humanclaw.cli.new import KINDS, new
 
 ROOT = Path(__file__).parents[1]
 MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}
@@ -88,32 +87,9 @@ def test_nothing_of_the_template_is_left(made, kind):
 
 @pytest.mark.parametrize("kind", MADE)
 def test_it_is_complete(made, kind):
-    project = tomllib.loads((made[kind] / "pyproject.toml").read_text("utf-8"))["project"]
     assert (made[kind] / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
-    assert project["name"] in (made[kind] / "README.md").read_text()
-    assert (made[kind] / ".github/workflows/test.yml").is_file()
-    assert (made[kind] / ".gitignore").is_file()
-    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
-    assert (package / "py.typed").is_file()
-    assert list(project["entry-points"]["humanclaw"].values()) == [package.name]
-
-
-OURS = [folder for folder in distributions() if folder.parent.name == "skills" and folder.name != "climb"]
-"""climb is left out: it holds two skills and a module that they share."""
-
-
-@pytest.mark.parametrize("folder", OURS, ids=lambda folder: folder.name)
-def test_our_own_skills_are_what_it_writes(folder):
-    project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
-    (skill,) = (schema.parent.name for schema in folder.glob("*/*/schema.json"))
-    about = project["description"].removeprefix("HumanCLAW skill: ")
-    made = Distribution.of(TRAINED, folder.name, skill, about, project["authors"][0]["name"]).files()
-    # The repository has one workflow and one .gitignore, and a skill may have no checks.
-    ours = {path for path in made if not path.startswith(".") and not path.endswith("checklist.toml")}
-    assert [path for path in sorted(ours) if not (folder / path).is_file()] == []
-    package = f"humanclaw_skill_{folder.name}/__init__.py"
-    for path in ("pyproject.toml", f"tests/test_skill_{folder.name}.py", package):
-        assert (folder / path).read_bytes() == made[path], path
+    assert {".github", ".gitignore", "README.md", "tests"} <= {path.name for path in made[kind].iterdir()}
+    assert list(made[kind].glob("humanclaw_*/py.typed"))
 
 
 def test_a_folder_that_is_not_empty_is_left_alone(tmp_path):

@@ -1,4 +1,4 @@
-"""Add a package to this repository: `make package KIND=skill NAME=wave`.
+"""Add a package to this repository: `make package KIND=skill NAME=salute`.
 
 `humanclaw new` writes the package. Every list of the repository that names the package's neighbour then names it too.
 """
@@ -15,7 +15,7 @@ from humanclaw.cli.new import KINDS, Distribution, new
 
 ROOT = Path(__file__).parents[2]
 AUTHOR = "The HumanCLAW authors"
-NEIGHBOURS = {"skill": "skills/stop", "agent": "harnesses/human", "verifier": "harnesses/human"}
+NEIGHBOURS = {"skill": "skills/walk", "agent": "harnesses/human", "verifier": "harnesses/human"}
 """An existing package of each kind, which stands in every list where a new one belongs; else plugins/habitat."""
 LISTS = ("requirements-demo.txt", "requirements.txt", "pyproject.toml")
 ENTRIES = (
