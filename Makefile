@@ -50,7 +50,7 @@ types: $(READY)  ## Check types (mypy --strict)
 
 # Import-linter needs every package on the path; Ray and Rerun are not installed.
 imports: $(READY)  ## Check which package imports which (import-linter)
-	PYTHONPATH=plugins/ray:plugins/rerun $(BIN)/lint-imports
+	PYTHONPATH=plugins/ray:plugins/rerun$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 
