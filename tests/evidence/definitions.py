@@ -1,9 +1,9 @@
-"""What each change of definition moved: the same records read by the definition before and the one of now.
+"""Score the same records by the former and the present definitions of the metrics, to show what each change did.
 
 python tests/evidence/definitions.py runs/seeing runs/oracle
 
-The definitions before are kept here alone. The half second that followed a stop is no longer played, so it is made anew
-by the motion model, without physics: how far a body coasts, and not what it would have run into.
+The former definitions exist only here. Some of them need the half second after a stop, which is no longer played. The
+motion model generates it without physics: it shows how far a body coasts, but not which obstacles it would hit.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ NEGATION = re.compile(
 )
 
 Row = tuple[RecordedEpisode, Scores, Motion | None]
-"""An episode, its scores, and what its body would have done in the half second after its stop."""
+"""An episode, its scores, and the body's motion in the half second after its stop."""
 
 
 def coasted(recorded: RecordedEpisode, generator: DiTGenerator, stop: Path) -> Motion | None:
-    """Return the half second after a stop; None for who did not stop."""
+    """Return the half second after a stop; None if the episode did not end with one."""
     if recorded.record.outcome != "stopped":
         return None
     return generator.generate(recorded.motion()[-HISTORY:], stop, {}, (recorded.record.spec.seed,))
@@ -67,7 +67,7 @@ def found_by_sentence(row: Row) -> bool | None:
 
 
 def collisions_with_the_stop(row: Row) -> float:
-    """Take the stop for a half second in which nothing new was touched."""
+    """Count the stop as a half second without a new contact."""
     _, scores, after = row
     return scores.collisions["any"] * scores.chunks / (scores.chunks + (after is not None)) if scores.chunks else np.nan
 
@@ -100,7 +100,7 @@ CHANGES: Sequence[tuple[str, str, Callable[[Row], float | bool | None], Callable
 
 
 def table(name: str, rows: Sequence[Row]) -> list[str]:
-    """Return a line a change: means before and now, and how many episodes read otherwise."""
+    """Return one line a change: both means, and the number of episodes whose value changed."""
     lines = []
     for change, metric, before, now in CHANGES:
         pairs = [(before(row), now(row[1])) for row in rows]

@@ -1,4 +1,4 @@
-"""Kill a run again and again, at any moment, and compare what it comes to with a run that nobody disturbed.
+"""Kill a run many times, at random moments, and compare its records with those of an undisturbed run.
 
 python tests/evidence/kill.py --kills 200 --simulator mujoco     # `make kill` does both engines
 """
@@ -20,19 +20,17 @@ from humanclaw.records import write_episodes
 
 
 def split(folder: Path, episodes: int, steps: int) -> Path:
-    """Short episodes in two houses."""
+    """Write a split of short episodes in two houses."""
     specs = [
-        EpisodeSpec(
-            id=f"kill-{number}", instruction="Walk about.", scene=f"house:{number % 2}", max_steps=steps, seed=number
-        )
-        for number in range(episodes)
+        EpisodeSpec(id=f"kill-{k}", instruction="Walk about.", scene=f"house:{k % 2}", max_steps=steps, seed=k)
+        for k in range(episodes)
     ]
     write_episodes(folder / "kill.jsonl", specs)
     return folder / "kill.jsonl"
 
 
 def run(file: Path, out: Path, simulator: str) -> subprocess.Popen[bytes]:
-    """Begin a run, or go on with it."""
+    """Start a run or resume it."""
     command = [sys.executable, "-m", "humanclaw", "bench", "run", "--split", str(file), "--agent", "random"]
     options = ["--simulator", simulator, "--workers", "2", "--out", str(out)]
     return subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, start_new_session=True)
@@ -55,7 +53,7 @@ def main() -> int:
         home = Path(temporary)
         file = split(home, asked.episodes, asked.steps)
         began = time.monotonic()
-        assert run(file, home / "clean", asked.simulator).wait() == 0, "the run that nobody disturbs fails"
+        assert run(file, home / "clean", asked.simulator).wait() == 0, "the undisturbed run fails"
         length, expected = time.monotonic() - began, digests(home / "clean")
         kills = rounds = 0
         while kills < asked.kills:
@@ -70,9 +68,11 @@ def main() -> int:
                     os.killpg(running.pid, signal.SIGKILL)
                     running.wait()
                     kills += 1
-            assert run(file, out, asked.simulator).wait() == 0, f"round {rounds} cannot be finished after {kills} kills"
+            assert run(file, out, asked.simulator).wait() == 0, f"round {rounds} fails after {kills} kills"
             if digests(out) != expected:
-                print(f"round {rounds} of {asked.simulator} came to something else after {kills} kills: {out}")
+                print(
+                    f"round {rounds} of {asked.simulator} differs from the undisturbed run after {kills} kills: {out}"
+                )
                 return 1
             print(f"{asked.simulator}: {kills} kills, {rounds} runs, all byte-identical", flush=True)
     return 0

@@ -1,4 +1,4 @@
-"""Two thousand decisions in one process: memory, handles, threads and temporary files stay what they were.
+"""Make 2,000 decisions in one process: memory, handles, threads and temporary files must not grow.
 
 python tests/evidence/soak.py --decisions 2000     # `make soak`
 """
@@ -22,12 +22,12 @@ from humanclaw.records import free_episode
 from humanclaw.testing import resident
 
 EPISODE = 100
-"""Decisions an episode."""
+"""Decisions in an episode."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What the process holds."""
+    """The resources that the process holds."""
 
     decisions: int
     mebibytes: float
@@ -44,14 +44,14 @@ class Sample:
 
 @contextmanager
 def own_temporaries() -> Iterator[None]:
-    """Put the temporary files of this process into a folder of their own: in the shared one others come and go."""
+    """Use a private temporary folder: other processes write to the shared one."""
     with tempfile.TemporaryDirectory() as folder:
         tempfile.tempdir = os.environ["TMPDIR"] = folder
         yield
 
 
 def grows(samples: list[Sample]) -> str:
-    """What still grows in the second half; empty if nothing does. Memory may sway by a twentieth."""
+    """Return the resources that grow in the second half, if any. Memory may vary by 5 %."""
     half = len(samples) // 2
     early, late = samples[1 : half + 1], samples[half + 1 :]
     slack = {"mebibytes": 1.05, "handles": 1.0, "threads": 1.0, "temporary": 1.0}
@@ -75,8 +75,8 @@ def main() -> int:
 
 
 def played(decisions: int, simulator: str) -> list[Sample]:
-    """Play so many decisions, and sample before the first episode and after each."""
-    plugins = Plugins.discover(choice=Choice(without=("stop",)))  # Nobody ends an episode before its last step.
+    """Play a number of decisions; sample before the first episode and after each."""
+    plugins = Plugins.discover(choice=Choice(without=("stop",)))  # No episode ends before its last step.
     samples = [Sample.now(0)]
     backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:

@@ -1,4 +1,4 @@
-"""Parts that are slow to make and safe to share: each test resets what it uses."""
+"""Fixtures that are slow to make. Tests share them safely because each test resets what it uses."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Declarations for tests: those of the shipped skills, and of one that is nobody's."""
+"""Declarations for tests: those of the shipped skills, and an invented one."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ STROLL = {
     "additionalProperties": False,
     "description": "Stroll ahead for half a second.",
 }
-"""The schema of a ninth skill, whose parameters have names of their own."""
+"""The schema of a ninth skill. No shipped skill has parameters of these names."""
 
 
 def folder_of(skill: str) -> Path:
-    """The folder of a shipped skill."""
+    """Return the folder of a shipped skill."""
     (found,) = SKILLS.glob(f"*/humanclaw_skill_*/{skill}")
     return found
 
@@ -35,7 +35,7 @@ def declaration(skill: str) -> Declaration:
 
 
 def declare(folder: Path, schema: dict | None = None) -> None:
-    """Lay a schema.json into a skill's folder: that of the shipped skill of this name, or another."""
+    """Write schema.json into a skill's folder: by default that of the shipped skill of the same name."""
     folder.mkdir(parents=True, exist_ok=True)
     if schema is None:
         shutil.copy(folder_of(folder.name) / "schema.json", folder)
@@ -44,9 +44,10 @@ def declare(folder: Path, schema: dict | None = None) -> None:
 
 
 def info(skill: Declaration) -> SkillInfo:
-    """What a record says of a skill."""
+    """Return what a record holds about a skill."""
     return SkillInfo(role=skill.role, commands={one.key: one.measure for one in skill.parameters if one.measure})
 
 
-INFOS = {path.parent.name: info(Declaration.read(path.parent)) for path in sorted(SKILLS.glob("*/*/*/schema.json"))}
-"""What a record says of the shipped skills."""
+FOLDERS = [path.parent for path in sorted(SKILLS.glob("*/*/*/schema.json"))]
+INFOS = {folder.name: info(Declaration.read(folder)) for folder in FOLDERS}
+"""What a record holds about the shipped skills."""

@@ -1,4 +1,4 @@
-"""The simulators that this Python can have: PyBullet has wheels for some alone."""
+"""The simulators of this Python version: PyBullet has wheels for some versions only."""
 
 from importlib.util import find_spec
 
@@ -7,4 +7,4 @@ import pytest
 needs_bullet = pytest.mark.skipif(find_spec("pybullet") is None, reason="PyBullet has no wheel for this Python")
 BULLET = pytest.param("bullet", marks=needs_bullet)
 DEFAULT = "bullet" if find_spec("pybullet") else "mujoco"
-"""What moves the world where no simulator is named."""
+"""The simulator that runs if none is named."""

@@ -10,8 +10,10 @@ from pathlib import Path
 
 
 def like_this(folder: Path) -> dict[str, str]:
-    """Make an environment that sees all that is installed here, so that what is installed there does not stay; the
-    variables under which its `python`, `pip`, `humanclaw` and `pytest` are found."""
+    """Make an environment that also sees every package installed here.
+
+    Return the variables with which a process finds its `python`, `pip`, `humanclaw` and `pytest`.
+    """
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     here = [path for path in sys.path if path.endswith("-packages")] + site.getsitepackages()
     (packages,) = folder.glob("[Ll]ib/**/site-packages")

@@ -1,4 +1,4 @@
-"""Episode records made of a walker's steps, for the tests of reports."""
+"""Episode records of a walker's steps, for the tests of reports."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from humanclaw_scripted.agents import OracleAgent
 
 
 def picture(step: int) -> bytes:
-    """A view that differs from step to step."""
+    """Return a view that differs from step to step."""
     ramp = np.linspace(40, 220, 256)
     rgb = np.stack([np.tile(ramp, (256, 1)), np.tile(ramp[:, None], (1, 256)), np.full((256, 256), 9 * step % 256)], -1)
     buffer = io.BytesIO()
@@ -41,7 +41,7 @@ def picture(step: int) -> bytes:
 
 
 def foot(obj: int, height: float) -> Contact:
-    """The left ankle touches an object at this height in the world."""
+    """Return a contact of the left ankle with an object at a height in the world, metres."""
     return Contact(
         joint="left_ankle", group="leg_foot", object_id=obj, movable=False, frames=(14,), depth=0.004, height=height
     )
@@ -56,7 +56,7 @@ def record_episode(
     targets: tuple[int, ...] = (20,),
     settings: dict[str, dict[str, object]] | None = None,
 ) -> Scene:
-    """Let the oracle walk to a seat, sit down and stop, and write it down as the loop would."""
+    """Let the oracle walk to a seat, sit down and stop; write the records that the loop would write."""
     scene = scene or two_rooms()
     spec = EpisodeSpec(
         id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
@@ -116,6 +116,6 @@ def record_episode(
 
 
 def broken_off(folder: Path, **changes: Any) -> None:
-    """Make of a closed record one that nobody came to close: it does not yet hold the digests of its files."""
+    """Turn a closed record into one of a run that broke off, without the digests of its files."""
     record = RecordedEpisode(folder).record
     write_record(folder, record.model_copy(update={"outcome": "running", "files": {}} | changes))

@@ -1,4 +1,4 @@
-"""Execute the notebook of the examples: `python tests/support/notebook.py` writes its outputs anew."""
+"""Execute examples/notebook.ipynb: `python tests/support/notebook.py` saves its outputs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from nbclient import NotebookClient
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
 
 
-def executed(path: Path = NOTEBOOK) -> nbformat.NotebookNode:
-    """Return a notebook with the outputs of every cell, run in the order they stand. Raises CellExecutionError."""
-    notebook = nbformat.read(path, as_version=4)
+def executed() -> nbformat.NotebookNode:
+    """Return the notebook with the outputs of every cell, run in order. Raises CellExecutionError."""
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(notebook, timeout=300, record_timing=False).execute()
-    # What the kernel tells of itself changes with every Python.
+    # The kernel's description of itself differs between versions of Python.
     notebook.metadata.language_info = {"name": "python"}
     return notebook
 

@@ -1,4 +1,4 @@
-"""Episode records written by hand, a step a line, for the tests of metrics and root causes."""
+"""Episode records written by hand, one step a line, for the tests of metrics and root causes."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def touch(obj: int, *frames: int, joint: str = "left_knee", group: str = "leg_fo
 
 
 def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | None = 4.0, **more: Any) -> StepRecord:
-    """A step as one writes it down. away: distance to the target after it.
+    """Return the record of a step. away: distance to the target after it, metres.
 
-    A stop ends the episode, "" is no usable call: nothing moves.
+    The skill "stop" ends the episode, and "" stands for an invalid call: nothing moves.
     """
     params = more.pop("params", {"walk": {"z_cm": 40}, "turn_in_place": {"yaw_deg": 30}}.get(skill, {}))
     status = {"stop": "stopped", "": "invalid"}.get(skill, "executed")
@@ -43,18 +43,18 @@ def step(skill: str = "walk", says: str = "", pixels: int = 0, *, away: float | 
 
 
 def stuck(count: int, **more: object) -> list[StepRecord]:
-    """Walking calls that move the body by 9 cm each."""
+    """Return walking calls that move the body by 9 cm each."""
     return [step(start=(0.09 * k, 1, 0), end=(0.09 * k + 0.09, 1, 0), geodesic=4.0, **more) for k in range(count)]
 
 
 def pacing(count: int, width: float, **more: object) -> list[StepRecord]:
-    """Walking calls to and fro between 0 and so many metres."""
+    """Return walking calls back and forth between x = 0 and `width` metres."""
     ends = [(0.0, 1.0, 0.0), (width, 1.0, 0.0)]
     return [step(start=ends[k % 2], end=ends[(k + 1) % 2], geodesic=4.0, **more) for k in range(count)]
 
 
 def roaming(count: int, **more: object) -> list[StepRecord]:
-    """Walking calls that get about, 40 cm each."""
+    """Return walking calls that move the body by 40 cm each."""
     return [step(start=(0.4 * k, 1, 0), end=(0.4 * k + 0.4, 1, 0), **({"geodesic": 4.0} | more)) for k in range(count)]
 
 

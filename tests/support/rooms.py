@@ -14,7 +14,7 @@ FACES = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))], np
 
 
 def block(x: float, y: float, z: float, at: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
-    """(8, 3) corners of a box of this size whose bottom's centre is at a point."""
+    """Return the (8, 3) corners of a box of this size; `at` is the centre of its bottom."""
     return (CORNERS * np.array([x, y, z]) + np.array(at)).astype(np.float32)
 
 
@@ -40,8 +40,8 @@ def scene(*placed: tuple[Asset, SceneObject], rooms: tuple[Room, ...] = (), star
 def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:
     """Two rooms of 4 m x 6 m (x from 0 to 8, z from 0 to 6); the wall between them at x = 4 has a doorway at z = 4.5.
 
-    Living room (x > 4): a couch (id 20) at its far wall that looks back along -X, a TV (21) high on the wall at z = 0.
-    Bedroom (x < 4): a bed (22), its head at the wall x = 0. Start at (1, 1) facing +Z.
+    Living room (x > 4): a couch (id 20) at the far wall, facing -X, and a TV (21) high on the wall at z = 0.
+    Bedroom (x < 4): a bed (22) with its head at the wall x = 0. Start at (1, 1) facing +Z.
     """
     low, high = 4.5 - door / 2, 4.5 + door / 2
     pieces = {
@@ -74,11 +74,11 @@ UPSTAIRS = 2.72
 
 
 def two_storeys(*extra: tuple[Asset, SceneObject]) -> Scene:
-    """A room of 8 m x 3 m below another, and a flight of stairs along the wall z = 0, a metre wide.
+    """Two rooms of 8 m x 3 m, one above the other, and a flight of stairs along the wall z = 0, 1 m wide.
 
-    It rises in the direction +X, its first riser at x = 2 and its last, which leads onto the upper floor, at x = 5.75.
-    Rails stand along it on both floors. Below a plant (id 30) at (1, 2.5); above a bed (31) whose foot looks along -Z,
-    and a plant (32) at (7.4, 2.6). Start at (1, 0.5) facing +X.
+    The stairs rise towards +X. The first riser is at x = 2; the last, at x = 5.75, leads onto the upper floor. Rails
+    stand along the stairs on both floors. Lower floor: a plant (id 30) at (1, 2.5). Upper floor: a bed (31) with its
+    foot towards -Z, and a plant (32) at (7.4, 2.6). Start at (1, 0.5) facing +X.
     """
     ends = [("wall_w", -0.05), ("wall_e", 8.05)]
     parts = [(asset(name, "wall", block(0.1, 5.4, 3.2)), x, 1.5, 0.0) for name, x in ends]

@@ -1,11 +1,11 @@
-"""The code in the documentation: every fenced block of README and docs, and how it is to be run.
+"""The code in the documentation: every fenced block of README and docs, and where it runs.
 
-A comment right before a block says where it runs if not in every test session, and why:
+A comment right before a block names an exception to "in every test session", with the reason:
 
     <!-- snippet: slow. REASON -->        run with HUMANCLAW_SLOW=1
-    <!-- snippet: elsewhere. REASON -->   something else runs it; REASON names it
-    <!-- snippet: never. REASON -->       nobody here can; it is held to the commands and options that exist
-    <!-- snippet: text. REASON -->        no code
+    <!-- snippet: elsewhere. REASON -->   another program runs it; REASON names the program
+    <!-- snippet: never. REASON -->       not run; a test checks that its commands and options exist
+    <!-- snippet: text. REASON -->        not code
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SAVED = re.compile(r"[Ss]ave (?:it )?as `(\w+\.py)`")
 
 @dataclass(frozen=True)
 class Snippet:
-    """One block. reason: why it does not run always."""
+    """One block. reason: why it does not run in every session."""
 
     page: str
     line: int
@@ -37,21 +37,21 @@ class Snippet:
     way: str = "always"
     reason: str = ""
     file: str = ""
-    """What the page says to save it as."""
+    """The file name under which the page says to save it."""
 
     def __str__(self) -> str:
         return f"{self.page}:{self.line}"
 
 
 def pages() -> list[Path]:
-    """The pages that somebody reads who uses or extends the project; model cards hold none of our code."""
+    """Return the pages for users and authors of plugins; model cards hold no code."""
     parts = ("plugins", "skills", "harnesses", "examples")
     inside = [path for part in parts for depth in ("README.md", "*/README.md") for path in (ROOT / part).glob(depth)]
     return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(inside)]
 
 
 def snippets() -> Iterator[Snippet]:
-    """Find every fenced block of the pages but of those that another test runs whole, in their order."""
+    """Yield every fenced block of the pages in order, but for pages that another test runs whole."""
     for path in pages():
         if path.relative_to(ROOT).as_posix() in RUN_WHOLE:
             continue

@@ -1,4 +1,4 @@
-"""Checkpoints of small motion models, written without torch: for tests that run a model and train none."""
+"""Checkpoints of small motion models, written without torch, for tests that run a model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WALK = AdapterConfig("walk", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3
 
 
 class Drawn(Weights):
-    """Hands out random tensors of whatever shape is asked for, and keeps them. scale: their deviation."""
+    """Hands out random tensors of any shape and keeps them. scale: their standard deviation."""
 
     def __init__(self, scale: float, seed: int) -> None:
         self._scale, self._random = scale, np.random.default_rng(seed)
@@ -38,7 +38,7 @@ def write_base(
     digest: str = "tiny",
     card: Card = Card(),  # noqa: B008
 ) -> Base:
-    """A base with random weights; with scale 0 one that predicts `clean` holds the last pose."""
+    """Write a base with random weights. With scale 0 and prediction `clean` it holds the last pose."""
     drawn, standing = Drawn(scale, seed), rest_pose(5)
     DiT(config, drawn)
     tensors = {
@@ -60,7 +60,7 @@ def write_adapter(
     seed: int = 2,
     card: Card = Card(),  # noqa: B008
 ) -> Path:
-    """An adapter with random weights; with scale 0 one that changes nothing."""
+    """Write an adapter with random weights. With scale 0 it changes nothing."""
     drawn = Drawn(scale, seed)
     Adapter(base.model, config, drawn)
     header = {"kind": "adapter", "adapter": vars(config), "base": base.digest, "card": card.header()}

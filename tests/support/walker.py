@@ -1,12 +1,12 @@
-"""A body without dynamics for the tests of agents: it moves as it is told, give or take some noise, walls stop it, and
-only the skills for stairs take it from one step to the next."""
+"""A body without dynamics for the tests of agents. It moves as commanded, with some noise, and walls stop it. Only the
+skills for stairs take it from one stair to the next."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
+from declared import FOLDERS
 
 from humanclaw.body import STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.plugins import Agent, EpisodeContext, HistoryEntry, Observation
@@ -14,39 +14,31 @@ from humanclaw.records import Decision, EpisodeSpec, Feedback
 from humanclaw.skills import Call, Skill
 from humanclaw.world import STEP, MultiFloorMap, OccupancyGrid, Scene, WorldState
 
-ROOT = Path(__file__).parents[2]
-_FOLDERS = [path.parent for path in sorted(ROOT.glob("skills/*/*/*/schema.json"))]
 # A walker needs no adapters.
-SKILLS = {folder.name: replace(Skill.from_folder(folder), adapter=None) for folder in _FOLDERS}
+SKILLS = {folder.name: replace(Skill.from_folder(folder), adapter=None) for folder in FOLDERS}
 PICTURE = np.zeros((2, 2, 3), np.uint8)
 
 
 @dataclass
 class Walker:
-    """Displacements and turns come out at 0.9 to 1.1 of what was asked, plus a centimetre and a degree of noise."""
+    """Moves 0.9 to 1.1 times as far as commanded, plus noise with a standard deviation of 1 cm and 1 degree."""
 
     scene: Scene
     targets: tuple[int, ...] = ()
     seed: int = 0
-    noise: float = 1.0
-    x: float = 0.0
-    z: float = 0.0
-    yaw: float = 0.0
-    height: float = STANDING_HEIGHT
-    ground: float = 0.0
-    """Height of what it stands on."""
-    sat: bool = False
     solid: OccupancyGrid | None = None
-    """What really is in the way, where that differs from the scene."""
-    track: list[tuple[float, float]] = field(default_factory=list)
+    """Where the obstacles are, if they differ from the scene."""
 
     def __post_init__(self) -> None:
         start = self.scene.start
+        # `ground` is the height under the feet; `height` is that of the hips above it.
         self.x, self.z, self.yaw, self.ground = start.x, start.z, start.yaw, start.floor
+        self.height, self.sat = STANDING_HEIGHT, False
+        self.track: list[tuple[float, float]] = []
         self.rng = np.random.default_rng(self.seed)
         self.storeys = MultiFloorMap((self.solid,)) if self.solid else MultiFloorMap.of(self.scene)
         mine = [np.isin(plan.owners, self.targets) & (plan.slope is None) for plan in self.storeys.grids]
-        # Legs may touch the target itself; everything else keeps the shoulders off.
+        # Legs may touch the target; the shoulders must clear everything else.
         self._target = [replace(plan, blocked=own) for plan, own in zip(self.storeys.grids, mine, strict=True)]
         self._rest = [
             replace(plan, blocked=plan.blocked & ~own) for plan, own in zip(self.storeys.grids, mine, strict=True)
@@ -62,7 +54,7 @@ class Walker:
         if self.sat and call.skill != "stop":
             self.sat, self.height = False, STANDING_HEIGHT
             self._go(0.0, 0.36, 0.0, through=True)
-        params = {key: value * self._gain() for key, value in call.params.items()}
+        params = {key: value * (1 + float(self.rng.uniform(-0.1, 0.1))) for key, value in call.params.items()}
         left, forward = params.get("x_cm", 0.0) / 100, params.get("z_cm", 0.0) / 100
         if call.skill == "sit_in_place":
             self._go(0.0, -0.36, 0.0, through=True)
@@ -71,12 +63,9 @@ class Walker:
             self._go(0.0, params["d_cm"] / 100 - 0.02, 0.0, through=True)
             self._step(1.0 if call.skill == "climb_upstairs" else -1.0)
         elif call.skill != "stop":
-            jitter = self.rng.normal(0, 0.01 * self.noise, 2) if params else np.zeros(2)
-            turn = np.radians(params.get("yaw_deg", 0.0) + self.rng.normal(0, self.noise))
+            jitter = self.rng.normal(0, 0.01, 2) if params else np.zeros(2)
+            turn = np.radians(params.get("yaw_deg", 0.0) + self.rng.normal(0, 1.0))
             self._go(left + jitter[0], (-forward if call.skill == "step_back" else forward) + jitter[1], turn)
-
-    def _gain(self) -> float:
-        return 1 + self.noise * float(self.rng.uniform(-0.1, 0.1))
 
     def _go(self, left: float, forward: float, turn: float, through: bool = False) -> None:
         ahead, beside = (np.array([np.sin(self.yaw + a), np.cos(self.yaw + a)]) for a in (0.0, np.pi / 2))
@@ -90,7 +79,7 @@ class Walker:
             self.track.append((self.x, self.z))
 
     def _step(self, way: float) -> None:
-        """Onto the step that is there now, up or down; on the level where there is none."""
+        """Move onto the stair at this place, up or down; stay at the same height if there is none."""
         grounds = [float(plan.at(plan.ground, np.array([self.x, self.z]))) for plan in self.storeys.grids]
         near = [ground for ground in grounds if 0 <= way * (ground - self.ground) <= STEP]
         self.ground = max(near, key=lambda ground: way * ground, default=self.ground)
@@ -105,7 +94,7 @@ class Walker:
         )
 
     def _seat(self) -> float:
-        """Height of the seat below the hips, 0 over the floor."""
+        """Return the height of the seat below the hips, metres; 0 if there is none."""
         for key in self.targets:
             low, high = self.scene.aabb(key)
             if low[0] < self.x < high[0] and low[2] < self.z < high[2]:
@@ -116,7 +105,7 @@ class Walker:
 def play(
     agent: Agent, walker: Walker, spec: EpisodeSpec, skills: dict[str, Skill] = SKILLS
 ) -> list[tuple[Decision, Call]]:
-    """The loop, without pictures and records: decisions and the checked calls, up to the active stop."""
+    """Run the loop without pictures and records. Return decisions with their checked calls, up to the stop."""
     context = EpisodeContext(spec, skills, spec.seed)
     if agent.privileged:
         context = replace(context, scene=walker.scene, state=walker.state)

@@ -1,5 +1,4 @@
-"""Build a wheel of every distribution of this repository: `python wheels.py FOLDER`. Needs hatchling in the
-environment."""
+"""Build a wheel of every distribution of this repository: `python wheels.py FOLDER`. Needs hatchling."""
 
 from __future__ import annotations
 
@@ -11,28 +10,15 @@ ROOT = Path(__file__).parents[2]
 
 
 def distributions() -> list[Path]:
-    """The folders of all distributions, the core's first."""
-    return [
-        ROOT,
-        *sorted(
-            file.parent for kind in ("plugins", "skills", "harnesses") for file in ROOT.glob(f"{kind}/*/pyproject.toml")
-        ),
-    ]
+    """Return the folders of all distributions, the core's first."""
+    files = (file for kind in ("plugins", "skills", "harnesses") for file in ROOT.glob(f"{kind}/*/pyproject.toml"))
+    return [ROOT, *sorted(file.parent for file in files)]
 
 
 def build(folder: Path) -> list[Path]:
-    """Build every wheel into a folder; their paths."""
+    """Build every wheel into a folder; return their paths."""
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder.absolute())]
     for distribution in distributions():
-        command = [
-            sys.executable,
-            "-m",
-            "hatchling",
-            "build",
-            "--target",
-            "wheel",
-            "--directory",
-            str(folder.absolute()),
-        ]
         subprocess.run(command, cwd=distribution, check=True, capture_output=True)
     return sorted(folder.glob("*.whl"))
 

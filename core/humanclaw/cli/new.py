@@ -1,7 +1,7 @@
-"""`humanclaw new`: a complete distribution from the one template that ours are made of.
+"""`humanclaw new`: write a complete distribution from the templates that the first-party packages follow too.
 
-The templates are distributions called "example" that work as they stand (humanclaw/templates): what all have in common,
-and the package, the tests and the README of each kind. Their name is replaced by the one that is asked for.
+The templates (humanclaw/templates) make working distributions named "example": `common` holds the files that all kinds
+share, and each other folder the package, the tests and the README text of one kind. `humanclaw new` replaces the name.
 """
 
 from __future__ import annotations
@@ -18,41 +18,44 @@ from humanclaw.errors import HumanclawError
 TEMPLATES: Final = Path(__file__).parents[1] / "templates"
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*([_-][a-z0-9]+)*")
 _CORE: Final = "humanclaw>=0.1,<0.2"
+# Under their final names these files would act on this repository.
 _RENAMED: Final = {
     "project.toml": "pyproject.toml",
     "gitignore": ".gitignore",
     "test.yml": ".github/workflows/test.yml",
 }
-"""Files that would act on our own repository under the name that they get,"""
+# This suffix keeps tools from taking template modules for modules of the core.
 _KEPT: Final = ".txt"
-"""and modules that are none of ours."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What can be made anew. template: its folder. needs: what it requires beside the core. then: what to try."""
+    """A kind of distribution. template: its folder. run: a command that tries it. extra: of the core, for `run`."""
 
     template: str
     what: str
+    run: str
     needs: tuple[str, ...] = ()
-    then: str = ""
+    extra: str = "demo"
 
 
-TRAINED: Final = Kind("trained", "skill", ("numpy>=1.26",), "humanclaw data chunks --skill SKILL_FOLDER --clips DIR")
+_NUMPY: Final = ("numpy>=1.26",)
+TRAINED: Final = Kind("trained", "skill", "humanclaw skills", _NUMPY, extra="")
+TRAIN: Final = "humanclaw data chunks --skill humanclaw_example/example_call --clips DIR"
 KINDS: Final = {
-    "skill": Kind("skill", "skill", ("pydantic>=2.6",), "humanclaw skills"),
-    "agent": Kind("agent", "agent", (), "humanclaw run --agent NAME"),
-    "verifier": Kind("verifier", "verifier", (), "humanclaw run --verifier NAME"),
-    "observer": Kind("observer", "observer", (), "humanclaw run"),
-    "scene": Kind("scene", "scene source", ("numpy>=1.26",), "humanclaw run --scene NAME:0"),
-    "metric": Kind("metric", "metric", (), "humanclaw bench table RUN --only plugins"),
-    "simulator": Kind("simulator", "simulator", ("numpy>=1.26",), "humanclaw run --simulator NAME"),
+    "skill": Kind("skill", "skill", "humanclaw skills", ("pydantic>=2.6",), extra=""),
+    "agent": Kind("agent", "agent", "humanclaw run --agent example"),
+    "verifier": Kind("verifier", "verifier", "humanclaw run --verifier example"),
+    "observer": Kind("observer", "observer", "humanclaw run"),
+    "scene": Kind("scene", "scene source", 'humanclaw run --scene example:0 --instruction "find the chair"', _NUMPY),
+    "metric": Kind("metric", "metric", "humanclaw bench table RUN --only plugins", extra="bench"),
+    "simulator": Kind("simulator", "simulator", "humanclaw run --simulator example", _NUMPY),
 }
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """What a new distribution is to be called, and by whom it is. call: the name of a skill in calls."""
+    """A new distribution. call: the name under which models call a skill. needs: its requirements but for the core."""
 
     kind: Kind
     name: str
@@ -63,10 +66,11 @@ class Distribution:
 
     @classmethod
     def of(cls, kind: Kind, name: str, call: str = "", about: str = "", author: str = "") -> Distribution:
-        """Fill in what is not told. Raises HumanclawError for a name that none can have."""
+        """Fill in defaults for empty arguments. Raises HumanclawError for an invalid name."""
         name = name.replace("-", "_")
         if not _NAME.fullmatch(name) or not _NAME.fullmatch(call or name):
-            raise HumanclawError(f"{call or name!r} is no name of a {kind.what}.", "Use small letters, digits and _.")
+            message = f"{call or name!r} is not a valid name for a {kind.what}."
+            raise HumanclawError(message, "Use lower-case letters, digits and _, and begin with a letter.")
         description = f"HumanCLAW {kind.what}: {(about or name.replace('_', ' ')).rstrip('.')}."
         made = cls(kind, name, call or name, description, author, kind.needs)
         return made if author else cls(**vars(made) | {"author": f"The authors of {made.project}"})
@@ -82,19 +86,23 @@ class Distribution:
         return f"humanclaw-{self.entry}".replace("_", "-")
 
     def files(self) -> dict[str, bytes]:
-        """Return every file by its path in the distribution."""
+        """Return the content of every file by its path in the distribution."""
         found = {**_read(TEMPLATES / "common"), **_read(TEMPLATES / self.kind.template)}
-        made = {self._filled(_RENAMED.get(path, path)): text for path, text in found.items()}
+        about = found.pop("about.md").rstrip()
+        found["README.md"] = found["README.md"].replace("ABOUT", about).replace("RUN", self.kind.run, 1)
+        made = {self.filled(_RENAMED.get(path, path)): text for path, text in found.items()}
         made[f"humanclaw_{self.entry}/py.typed"] = ""
-        return {path: (text if path == "LICENSE" else self._filled(text)).encode() for path, text in made.items()}
+        return {path: (text if path == "LICENSE" else self.filled(text)).encode() for path, text in made.items()}
 
-    def _filled(self, text: str) -> str:
+    def filled(self, text: str) -> str:
+        """Return a text of the templates with the values of this distribution."""
         requirements = ", ".join(f'"{one}"' for one in (_CORE, *self.needs))
         camel = "".join(word.capitalize() for word in self.name.split("_"))
         pairs = {
             "DESCRIPTION": self.description,
             "AUTHOR": self.author,
             "DEPENDENCIES": f"[{requirements}]",
+            "INSTALL": f'"humanclaw[{self.kind.extra}]" {self.project}' if self.kind.extra else self.project,
             "example_call": self.call,
             "humanclaw-example": self.project,
             "humanclaw_example": f"humanclaw_{self.entry}",
@@ -103,7 +111,7 @@ class Distribution:
             "Example": camel,
             "example": self.name,
         }
-        # All at once: what was filled in is not looked at again.
+        # In one pass, so that no value is taken for a placeholder.
         return re.sub("|".join(map(re.escape, pairs)), lambda found: pairs[found[0]], text)
 
 
@@ -114,9 +122,9 @@ def _read(folder: Path) -> dict[str, str]:
 
 
 def write(distribution: Distribution, folder: Path) -> int:
-    """Write a distribution into a folder that is not there or empty; returns the number of its lines, licence apart."""
+    """Write a distribution into a new or empty folder; return the number of lines, without the licence."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise HumanclawError(f"{folder} is there already.", "Name another folder with --out.")
+        raise HumanclawError(f"{folder} already exists.", "Name another folder with --out.")
     files = distribution.files()
     for path, content in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -128,10 +136,10 @@ def write(distribution: Distribution, folder: Path) -> int:
 @click.argument("kind", type=click.Choice(list(KINDS)))
 @click.argument("name")
 @click.option("--trained", is_flag=True, help="A skill that is trained on motion, not played from keyframes.")
-@click.option("--call", default="", metavar="NAME", help="By which models call a skill; NAME where it is not given.")
-@click.option("--about", default="", metavar="TEXT", help="What it is, in a few words.")
-@click.option("--author", default="", metavar="TEXT", help="Who made it.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder to write to; the distribution's name by default.")
+@click.option("--call", default="", metavar="NAME", help="Name of the skill in calls; default: the package's name.")
+@click.option("--about", default="", metavar="TEXT", help="Description in a few words.")
+@click.option("--author", default="", metavar="TEXT", help="Name of the author.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder to write to; default: the distribution's name.")
 def new(kind: str, name: str, trained: bool, call: str, about: str, author: str, out: Path | None) -> None:
     """Begin a skill, agent, scene ... of your own: a distribution with tests, licence, README and CI."""
     if trained and kind != "skill":
@@ -140,8 +148,6 @@ def new(kind: str, name: str, trained: bool, call: str, about: str, author: str,
     made = Distribution.of(chosen, name, call, about, author)
     folder = out or Path(made.project)
     lines = write(made, folder)
-    package = f"humanclaw_{made.entry}"
-    then = chosen.then.replace("SKILL_FOLDER", f"{package}/{made.call}").replace("NAME", made.name)
     click.echo(f"wrote {folder}: {lines} lines. Next:")
-    for line in (f"cd {folder}", "pip install -e . pytest", "pytest", then):
+    for line in (f"cd {folder}", "pip install -e . pytest", "pytest", made.filled(TRAIN if trained else chosen.run)):
         click.echo(f"    {line}")
