@@ -22,7 +22,7 @@ _LINKS: Final = list(range(len(JOINTS) - 1))
 
 
 class BulletWorld:
-    """The World of humanclaw.half_physics on Bullet."""
+    """The World of humanclaw.world on Bullet."""
 
     def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
         """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat

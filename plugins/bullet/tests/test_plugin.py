@@ -40,7 +40,7 @@ def test_nothing_is_printed_so_that_protocols_may_use_stdout():
 def test_the_body_is_the_same_to_the_last_bit_in_every_process():
     """Python orders a set of names anew in each process, and a sum in another order is another number."""
     code = """
-from humanclaw.half_physics import find_profile
+from humanclaw.world import find_profile
 from humanclaw_bullet.body import urdf
 print(urdf(find_profile('default')))
 """
