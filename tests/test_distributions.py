@@ -194,7 +194,7 @@ def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again()
     with pytest.raises(PluginError, match="there is no simulator 'bullet'") as raised:
         plugins.make("simulators", "bullet")
     assert raised.value.remedy.startswith(
-        "humanclaw-bullet brings it where what it needs is installed; here it is not."
+        "humanclaw-bullet brings it, but a package that it needs is not installed."
     )
     assert "mujoco (of humanclaw-mujoco)" in raised.value.remedy
 

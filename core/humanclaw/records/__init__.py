@@ -73,6 +73,7 @@ if TYPE_CHECKING:
         write_episodes as write_episodes,
     )
     from humanclaw.skills.call import Call as Call
+    from humanclaw.text.json import first_fault as first_fault
     from humanclaw.world.scene import Vec3 as Vec3
     from humanclaw.world.simulator import Contact as Contact
 
