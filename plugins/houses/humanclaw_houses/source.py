@@ -12,10 +12,13 @@ from humanclaw import Scene, SceneError
 from humanclaw.body import Pose2D
 from humanclaw.world import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
-from humanclaw_houses.furnish import Kit, furnish, scatter
+from humanclaw_houses.drafting import draw_plans
+from humanclaw_houses.furnish import furnish
+from humanclaw_houses.kit import Kit
 from humanclaw_houses.library import Library
 from humanclaw_houses.names import GENERATOR, seed_of
-from humanclaw_houses.plan import Area, FloorPlan, Layout, draw_plans
+from humanclaw_houses.plan import Area, FloorPlan, Layout
+from humanclaw_houses.scatter import scatter
 from humanclaw_houses.space import Space
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock

@@ -16,7 +16,8 @@ import humanclaw_houses
 from humanclaw import Plugins, Scene, SceneError
 from humanclaw.records import SEATS
 from humanclaw.world import STRUCTURE, SceneObject, goals_at
-from humanclaw_houses.plan import Layout, draw_plans
+from humanclaw_houses.drafting import draw_plans
+from humanclaw_houses.plan import Layout
 from humanclaw_houses.source import house, layout_of, storeys_of
 from humanclaw_houses.starting import WalkableArea
 from humanclaw_houses.validity import FURNISHED, interpenetrating, problems, swung_through

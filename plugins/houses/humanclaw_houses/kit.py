@@ -1,0 +1,48 @@
+"""What furnishing a house draws on: its style, its random numbers, imported furniture, names of pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from humanclaw_houses.model import Piece
+from humanclaw_houses.stock import Stock
+from humanclaw_houses.style import Style
+
+Maker = Callable[[Style, str], Piece]
+_COUCHES: Final = (0.3, 0.3, 0.25, 0.15)
+"""Shares of the households with one to four couches, as far as there is room for them."""
+
+
+@dataclass(eq=False)
+class Kit:
+    """What the rules draw on: the taste of the house, its random numbers, and names for new pieces."""
+
+    style: Style
+    rng: np.random.Generator
+    rooms: tuple[str, ...]
+    """Kinds of room in this house."""
+    stock: Stock | None = None
+    """Imported furniture, taken where it has what a rule asks for."""
+    left: dict[str, int] = field(default_factory=dict)
+    """How many more chairs and couches this household has."""
+    _count: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        couches, chairs = self.rng.choice(4, p=_COUCHES) + 1, self.rng.integers(1, 15)
+        self.left.update(couch=int(couches), chair=int(chairs))
+
+    def name(self, word: str) -> str:
+        self._count[word] = self._count.get(word, 0) + 1
+        return f"{word}_{self._count[word]}"
+
+    def make(self, maker: Callable[..., Piece], *args: object, **options: object) -> Piece:
+        word = maker.__name__.rstrip("_")
+        piece = maker(self.style, self.name(word), *args, **options)
+        return self.stock.instead_of(word, piece) if self.stock else piece
+
+    def chance(self, share: float) -> bool:
+        return bool(self.rng.random() < share)

@@ -1,0 +1,71 @@
+"""Small objects on tables, shelves and floors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from humanclaw_houses.building import Placed
+from humanclaw_houses.furniture import seats, small
+from humanclaw_houses.kit import Kit, Maker
+from humanclaw_houses.placing import beside, from_household
+from humanclaw_houses.space import Space
+
+# -- small objects -----------------------------------------------------------------------------------------------------
+_ON_TOP: Final[dict[str, tuple[Maker, ...]]] = {
+    "kitchen": (small.cup, small.bottle, small.bowl, small.pot, small.cup),
+    "dining": (small.vase, small.bowl, small.bottle, small.cup),
+    "living": (small.book, small.vase, small.cup, small.bowl, small.book),
+    "bedroom": (small.book, small.clock, small.cup, small.vase),
+    "kids": (small.book, small.toy_block, small.toy_car, small.teddy),
+    "office": (small.book, small.cup, small.book, small.vase),
+    "bathroom": (small.soap, small.cup),
+    "laundry": (small.bottle, small.basket, small.soap),
+    "hall": (small.vase, small.book, small.bowl),
+    "landing": (small.vase, small.book, small.bowl),
+}
+_ON_FLOOR: Final[tuple[Maker, ...]] = (
+    small.carton, small.basket, small.toy_ball, small.backpack, small.shoe, small.book, seats.stool,
+)  # fmt: skip
+
+
+def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
+    """Put up to so many small objects on tops and floors, a room at a time."""
+    done = 0
+    for round_ in range(8 * count):
+        if done >= count:
+            return
+        space = spaces[round_ % len(spaces)]
+        on_top = kit.chance(0.75)
+        done += bool(_on_top(space, kit) if on_top else _on_floor(space, kit))
+
+
+def _on_top(space: Space, kit: Kit) -> bool:
+    hosts = [obj for obj in space.objects if obj.piece.tops]
+    if not hosts:
+        return False
+    host = hosts[int(kit.rng.integers(len(hosts)))]
+    top = host.piece.tops[int(kit.rng.integers(len(host.piece.tops)))]
+    makers = _ON_TOP[space.area.kind]
+    piece = kit.make(makers[int(kit.rng.integers(len(makers)))])
+    reach = (max(piece.size[0], piece.size[2]) / 2 + 0.02) * 1.1
+    if piece.size[1] > top.room or top.x1 - top.x0 < 2 * reach or top.z1 - top.z0 < 2 * reach:
+        return False
+    for _ in range(6):
+        x, z = kit.rng.uniform((top.x0 + reach, top.z0 + reach), (top.x1 - reach, top.z1 - reach))
+        spot = replace(
+            beside(host, piece, float(x), float(z), float(kit.rng.uniform(-0.5, 0.5))), y=top.y + host.y + 0.001
+        )
+        if space.rests(spot, host):
+            return space.put(spot)
+    return False
+
+
+def _on_floor(space: Space, kit: Kit) -> bool:
+    maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
+
+    def put() -> Placed | None:
+        return space.try_put(space.spots(kit.make(maker), kit.rng)[:40])
+
+    return (from_household(kit, "chair", put) if maker is seats.stool else put()) is not None
