@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Scene
-from humanclaw_raster import kernels
-from humanclaw_raster.kernels import TALLEST, GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.buffers import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.drawing import draw
 from humanclaw_raster.packing import Floats, Model
+from humanclaw_raster.shading import TALLEST
 
 CELL: Final = 0.04
 """Side of a cell of the map, metres; more in scenes that would need more than MOST cells a side."""
@@ -58,7 +59,7 @@ class OverheadMapper:
         eye = np.array([self._middle[0], floor + _HIGH, self._middle[2]])
         # Columns go along +X and rows along +Z.
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        kernels.draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, gbuffer)
+        draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, gbuffer)
         return inverse_depth
 
 

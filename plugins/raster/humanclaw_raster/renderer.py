@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from humanclaw import HumanclawError, Motion, Scene
 from humanclaw.body import JOINT_INDEX, Array, forward_kinematics, matrix_from_quaternion
 from humanclaw.world import BODY_ID, Camera, View, WorldState
-from humanclaw_raster import kernels
-from humanclaw_raster.kernels import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.buffers import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
+from humanclaw_raster.painting import paint, smooth_edges
 from humanclaw_raster.robot import robot
+from humanclaw_raster.shading import ambient_occlusion
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
 """Colours where nothing was drawn, at the top and at the bottom of the picture."""
@@ -93,14 +95,14 @@ class RasterRenderer:
         """(H, W, 3). gbuffer: of the camera."""
         assert self._loaded is not None
         model, instances, _ = self._loaded
-        light = kernels.ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
+        light = ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
         sky = _sky(camera)
         rgb = np.repeat(sky[:, None], camera.width, axis=1)
-        kernels.paint(model, instances, _pinhole(camera), gbuffer, light, rgb)
+        paint(model, instances, _pinhole(camera), gbuffer, light, rgb)
         if self._smooth:
             fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
             samples = _gbuffer(model, instances, _pinhole(fine), fine)
-            kernels.smooth_edges(model, instances, _pinhole(fine), samples, gbuffer, light, sky, rgb)
+            smooth_edges(model, instances, _pinhole(fine), samples, gbuffer, light, sky, rgb)
         return rgb
 
     def close(self) -> None:
@@ -121,10 +123,10 @@ class RasterRenderer:
 
 
 def _gbuffer(model: Model, instances: Instances, pinhole: Pinhole, camera: Camera) -> GBuffer:
-    found, depth = kernels.in_view(model, instances, pinhole, camera.width, camera.height)
+    found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     shape = (camera.height, camera.width)
     gbuffer = GBuffer(np.zeros(shape, np.float32), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
-    kernels.draw(model, instances, pinhole, found[np.argsort(depth, kind="stable")], gbuffer)
+    draw(model, instances, pinhole, found[np.argsort(depth, kind="stable")], gbuffer)
     return gbuffer
 
 
