@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from humanclaw import Plugins, RecordedEpisode, Renderer
+from humanclaw import RecordedEpisode, Renderer
+from humanclaw.plugins import Installed
 from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film, poster
 from humanclaw_report.report import write_report
 
 
-def report_of(run: Path, plugins: Plugins) -> Path:
+def report_of(run: Path, plugins: Installed) -> Path:
     """Write the page of a run with what plugins add to it."""
     return write_report(
         run,
@@ -27,12 +28,12 @@ class PageReporter:
         """film: mp4, gif or none."""
         self._film, self._renderer = film, renderer
 
-    def write(self, run: Path, episode: RecordedEpisode, plugins: Plugins) -> dict[str, Path]:
+    def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
         """Film and poster first: the page embeds them. Returns what was written, by what a person calls it."""
         written = self._pictures(episode, plugins) if self._film != "none" else {}
         return written | {"report": report_of(run, plugins)}
 
-    def _pictures(self, episode: RecordedEpisode, plugins: Plugins) -> dict[str, Path]:
+    def _pictures(self, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
         scene = plugins.scene(episode.record.spec.scene)
         renderer: Renderer = plugins.make("renderers", self._renderer)
         try:

@@ -14,7 +14,9 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import RecordedEpisode, RecordError, Scene
 from humanclaw.world import Camera, View, WorldState
-from humanclaw_report.film import AHEAD, DISTANCE, GIF_SIZE, Replay, film, follow, hung_on, opened, poster, sight
+from humanclaw_report.camera import DISTANCE, follow, sight
+from humanclaw_report.film import GIF_SIZE, film, poster
+from humanclaw_report.playback import AHEAD, Replay, hung_on, opened
 
 
 class Painter:

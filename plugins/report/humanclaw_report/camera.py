@@ -1,0 +1,102 @@
+"""A camera that follows a body: near, unobstructed, and without jerks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from humanclaw import Motion, Scene
+from humanclaw.body import JOINT_INDEX, Array
+from humanclaw.world import Camera, OccupancyGrid
+
+DISTANCE: Final = 3.0
+"""From the camera to the body, metres."""
+AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
+ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
+PREFERRED_ELEVATION: Final = float(np.radians(32))
+_PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
+WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
+KEY: Final = 8
+"""Frames between two moments at which the camera decides where to be."""
+
+
+def sight(scene: Scene, floor: float) -> OccupancyGrid:
+    """Return the plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is
+    below."""
+    plan = OccupancyGrid.of(scene, floor)
+    well = np.isnan(plan.ground) & (plan.tops == 0)
+    return replace(plan, tops=np.where(well, -np.inf, plan.tops))
+
+
+def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
+    """Return a level camera at eye that looks at centre. size: width and height in pixels."""
+    forward = (centre - eye) / np.linalg.norm(centre - eye)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    up = np.cross(right / np.linalg.norm(right), forward)
+    return Camera(eye, forward, up, fov, *size)
+
+
+def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion) -> Array:
+    """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
+
+    plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of
+    directions (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
+    """
+    keys = np.arange(0, len(motion), KEY)
+    azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
+    ways = np.stack([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)], -1)
+    swing = np.arccos(np.clip(ways @ ways.T, -1, 1))
+    cost = np.empty((len(keys), len(ways)))
+    for k, plan in enumerate(plans):
+        here = storeys[keys] == k
+        cost[here] = _discomfort(plan, motion, keys[here], azimuth, elevation, ways)
+    chosen = _cheapest(cost, 2.5 * swing)
+    offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
+    offsets = smoothed(offsets, 9.0)
+    offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
+    return smoothed(motion.root, 6.0) + offsets
+
+
+def smoothed(values: Array, frames: float) -> Array:
+    """(T, ...) values, smoothed over time."""
+    return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
+
+
+def _discomfort(
+    plan: OccupancyGrid, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
+) -> Array:
+    """(K, W) cost of each direction at each key frame."""
+    joints, yaw = motion.joints()[keys], motion.yaw()[keys]
+    behind = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None] - np.pi))
+    steep = np.abs(elevation - PREFERRED_ELEVATION)
+    eyes = joints[:, None, 0] + DISTANCE * ways
+    # The floor around the feet counts a little: a picture of the body behind the top of a wall tells little.
+    soles = joints[:, :, 1].min(1)[:, None, None] * [0, 1, 0]
+    ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
+    hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
+    veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
+    return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
+
+
+def _ring(radius: float) -> Array:
+    """(6, 3) points on a circle on the floor."""
+    angle = np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    return radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1)
+
+
+def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
+    """(K,) states of least total cost; cost: (K, W) per key frame, change: (W, W) between neighbours."""
+    total, back = cost[0], []
+    for row in cost[1:]:
+        options = total[:, None] + change
+        back.append(options.argmin(0))
+        total = options.min(0) + row
+    states = [int(total.argmin())]
+    for came in reversed(back):
+        states.append(int(came[states[-1]]))
+    return np.array(states[::-1])

@@ -1,0 +1,139 @@
+"""A recorded episode played back: the scene as it was in each frame, without the walls in the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw.body import HISTORY, JOINT_INDEX, Array
+from humanclaw.world import GROUND, Camera, WorldState, floors_of
+from humanclaw_report.camera import follow, look_at, sight, smoothed
+from humanclaw_report.maps import storeys_at
+
+SHOWN: Final = [
+    JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")
+]
+"""Joints that nothing may hide."""
+FADE: Final = 12
+"""Frames of motion in which what gets in the way fades out, or comes back."""
+AHEAD: Final = 12
+"""Frames of motion before and after it is in the way that an object is left out."""
+AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+"""Where an object is put that is left out."""
+SLAB: Final = 0.4
+"""The thickest floor that hides those below it, metres."""
+
+
+# -- playing it back ---------------------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """An episode's motion in its scene, with a camera for every frame."""
+
+    episode: RecordedEpisode
+    scenes: tuple[Scene, ...]
+    """The scene as it is shown while the body is on each storey, lowest first."""
+    storeys: NDArray[np.int64]
+    """(T,) on which storey the body is."""
+    motion: Motion
+    objects: dict[int, Array]
+    eyes: Array
+    """(T, 3) camera positions, metres."""
+    hidden: tuple[frozenset[int], ...]
+    """For each frame the ids of the objects that are left out, since they are between the camera and the body."""
+
+    @classmethod
+    def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
+        if not episode.has_motion:
+            raise RecordError(f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed.")
+        motion, objects = episode.motion(), episode.objects()
+        floors = floors_of(scene)
+        scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
+        storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
+        plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
+        eyes = follow(plans, storeys, motion)
+        hidden = in_the_way(scene, motion, eyes)
+        loose = frozenset().union(*hidden)
+        scenes = tuple(loosened(shown, loose) for shown in scenes)
+        return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
+
+    def state(self, frame: int, without: frozenset[int] = frozenset()) -> WorldState:
+        """Return the world at a frame. without: ids of objects that are left out."""
+        places = {key: path[frame] for key, path in self.objects.items()}
+        return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
+
+    def fading(self, frame: int) -> tuple[frozenset[int], float]:
+        """Return what was left out before, and the share of the picture without it that is still seen."""
+        for past in range(1, min(FADE, frame) + 1):
+            if self.hidden[frame - past] != self.hidden[frame]:
+                return self.hidden[frame - past], 1 - past / (FADE + 1)
+        return self.hidden[frame], 0.0
+
+    def camera(self, frame: int, size: tuple[int, int]) -> Camera:
+        centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
+        return look_at(self.eyes[frame], centre, size)
+
+    def step(self, frame: int) -> StepRecord | None:
+        """Return the step that a frame belongs to; None before the first."""
+        first = HISTORY
+        for step in self.episode.steps:
+            if first <= frame < first + step.motion_frames:
+                return step
+            first += step.motion_frames
+        return None
+
+
+def opened(scene: Scene, above: float = np.inf) -> Scene:
+    """Return the same scene, open from above: without its ceilings and without what begins above a height, metres."""
+    kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
+    return replace(scene, objects=tuple(kept))
+
+
+def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
+    """Return the same scene with these objects movable, so that a renderer takes from each state where they are."""
+    return replace(scene, objects=tuple(replace(o, movable=True) if o.id in ids else o for o in scene.objects))
+
+
+def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
+    """For each frame the ids of what is between the eye and the body, in time for it to fade.
+
+    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for a seat that the hips are on.
+    """
+    objects = [obj for obj in scene.objects if obj.category not in (*GROUND, "rug")]
+    joints = motion.joints()
+    hips = joints[:, 0]
+    points = joints[:, SHOWN] + [0, 0.1, 0]
+    sets: list[set[int]] = [set() for _ in eyes]
+    for obj in objects:
+        low, high = scene.aabb(obj.id)
+        seat = scene.assets[obj.asset].seat_height is not None
+        around = seat & ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
+        hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
+        for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
+            sets[frame] |= ids
+    return tuple(map(frozenset, sets))
+
+
+def hung_on(scene: Scene, wall: int) -> set[int]:
+    """Return the ids of what hangs on a wall, which would hang in the air without it: it touches no floor."""
+    low, high = scene.aabb(wall)
+    boxes = {obj.id: scene.aabb(obj.id) for obj in scene.objects if obj.category not in (*GROUND, "wall")}
+    floors = floors_of(scene)
+    return {
+        key for key, (a, b) in boxes.items()
+        if (a < high + 0.05).all() and (b > low - 0.05).all() and not any(-0.05 <= a[1] - f <= 0.3 for f in floors)
+    }  # fmt: skip
+
+
+def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Whether the segments from start to end, each (..., 3), meet the box; one that begins in it does."""
+    way = end - start
+    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+    near, far = (low - start) / way, (high - start) / way
+    enters, leaves = np.minimum(near, far).max(-1), np.maximum(near, far).min(-1)
+    return np.asarray((enters <= leaves) & (leaves > 0) & (enters < 0.98))
