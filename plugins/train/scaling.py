@@ -22,7 +22,8 @@ from humanclaw.pose import FUTURE, HISTORY
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Normaliser, load_base
 from humanclaw_train.dit import DiT
-from humanclaw_train.train import Loss, Recipe, Trainer, Weights, objective
+from humanclaw_train.flow import Loss, Weights, objective
+from humanclaw_train.trainer import Recipe, Trainer
 
 WIDTHS: Final = (96, 192, 288)
 SHARES: Final = (0.25, 0.5)

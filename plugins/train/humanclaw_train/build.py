@@ -21,7 +21,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError
 from humanclaw.cli import show_markdown
 from humanclaw.pose import FPS, FUTURE
-from humanclaw_train.chunks import Chunks, Clip, load_pack
+from humanclaw_train.chunks import CHUNKS, Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.synthetic import synthetic_chunks
@@ -118,7 +118,7 @@ def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[T
     """Run the command line. skills: finds those that are trained; this module itself knows of none."""
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
-    parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
+    parser.add_argument("--out", type=Path, default=CHUNKS)
     parser.add_argument("--seconds", type=float, default=4000.0, help="synthetic motion a skill")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--seed", type=int, default=0)

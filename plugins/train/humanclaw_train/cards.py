@@ -26,7 +26,7 @@ from humanclaw_train.naturalness import REPORT as NATURALNESS
 from humanclaw_train.naturalness import NaturalnessReport
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
-from humanclaw_train.travel import uncommanded_table
+from humanclaw_train.uncommanded import uncommanded_table
 
 CARD: Final = "README.md"
 """Of this name, so that whoever opens the folder reads it."""

@@ -36,9 +36,11 @@ from humanclaw.pose import (
     yaw_matrix,
 )
 from humanclaw_train import mocap
-from humanclaw_train.mocap import MocapError, SourceMotion
 from humanclaw_train.retarget import retarget
+from humanclaw_train.source_motion import MocapError, SourceMotion
 
+CHUNKS: Final = Path(".data/chunks")
+"""Default folder of chunks."""
 Spans = Mapping[str, tuple[tuple[int, int], ...]]
 
 
@@ -275,3 +277,12 @@ class Chunks:
 
 _EACH: Final = ("root", "rotations", "params", "real", "source")
 """The fields of Chunks that hold something for each chunk."""
+
+
+def of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
+    """Return the real chunks of a skill, and synthetic ones where there is none."""
+    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
+    if not files:
+        return None
+    chunks = Chunks.join(Chunks.load(file) for file in files)
+    return chunks[chunks.real] if chunks.real.any() else chunks

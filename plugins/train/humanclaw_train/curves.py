@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final
 
-Array = NDArray[np.float64]
+import numpy as np
+
+from humanclaw.pose import FUTURE, Array
+
+GRID: Final = np.arange(FUTURE + 1) / FUTURE
+"""The 16 instants of a chunk, the first of which belongs to the chunk before."""
 
 
 def smoother(u: Array) -> Array:

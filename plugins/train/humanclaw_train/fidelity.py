@@ -30,7 +30,7 @@ from humanclaw.cli import show_markdown
 from humanclaw.measures import MEASURES, Declaration, Measure, find, outcomes
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.pose import Array, wrap_angle
-from humanclaw_train.chunks import Chunks
+from humanclaw_train.chunks import Chunks, of_skill
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import (
     Command,
@@ -45,7 +45,8 @@ from humanclaw_train.rollouts import (
 )
 from humanclaw_train.simulated import Actor, roll_simulated
 from humanclaw_train.tables import as_json, cell, numbers, save, table
-from humanclaw_train.travel import Uncommanded, uncommanded, uncommanded_table, walker
+from humanclaw_train.uncommanded import Uncommanded, uncommanded, uncommanded_table
+from humanclaw_train.walks import walker
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
@@ -181,7 +182,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
     there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
     """
-    chunks = _of_skill(folders, command.skill)
+    chunks = of_skill(folders, command.skill)
     if chunks is None or not chunks.params.shape[1]:
         return None
     magnitudes = np.abs(chunks.params.astype(float))
@@ -193,14 +194,6 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
     return achieved(command, rollouts)
-
-
-def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
-    if not files:
-        return None
-    chunks = Chunks.join(Chunks.load(file) for file in files)
-    return chunks[chunks.real] if chunks.real.any() else chunks
 
 
 def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float], times: int = 10) -> float:

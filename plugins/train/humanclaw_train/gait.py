@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from humanclaw.pose import FPS, FUTURE, smoothstep
-from humanclaw_train.curves import Array, bump, cubic, smoother
+from humanclaw.pose import FPS, FUTURE, Array, smoothstep
+from humanclaw_train.commands import Ints
+from humanclaw_train.curves import GRID, bump, cubic, smoother
 
-Ints = NDArray[np.int_]
-GRID: Final = np.arange(FUTURE + 1) / FUTURE
 LIFT: Final = 0.42
 """Steps before the feet pass at which the toes leave the ground,"""
 LAND: Final = 0.39

@@ -14,7 +14,7 @@ from humanclaw.measures import Declaration
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, Array, forward_kinematics
 from humanclaw_train import measures
-from humanclaw_train.chunks import Chunks, canonical
+from humanclaw_train.chunks import Chunks, canonical, of_skill
 from humanclaw_train.measures import Features
 from humanclaw_train.rollouts import Command, extend, others, roll
 from humanclaw_train.tables import cell, table
@@ -188,15 +188,6 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
             first.append(str(names[index]))
     mask = np.isin(chunks.source, first)
     return chunks[mask], chunks[~mask]
-
-
-def of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """Return the real chunks of a skill, and synthetic ones where there is none."""
-    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
-    if not files:
-        return None
-    chunks = Chunks.join(Chunks.load(file) for file in files)
-    return chunks[chunks.real] if chunks.real.any() else chunks
 
 
 def _features(folders: Sequence[Path]) -> Features | None:

@@ -28,17 +28,15 @@ from humanclaw.pose import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.recipes import Recipe
 from humanclaw_train import mocap
 from humanclaw_train.build import histograms, table
-from humanclaw_train.chunks import Chunks, Clip, cut, load_pack
+from humanclaw_train.chunks import CHUNKS, Chunks, Clip, cut, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import WINDOW_STRIDE, sane, statistics, travel
-from humanclaw_train.mocap import MocapError
 from humanclaw_train.retarget import retarget
 from humanclaw_train.retimed import retimed
 from humanclaw_train.rollouts import Measures
+from humanclaw_train.source_motion import MocapError
 from humanclaw_train.tables import as_json
 
-CHUNKS: Final = Path(".data/chunks")
-"""Where chunks are kept, and looked for."""
 RETIMED: Final = "retimed"
 """The source of chunks that are a clip's poses at another pace."""
 _ROW: Final = 16

@@ -16,7 +16,8 @@ from humanclaw.recipes import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
-from humanclaw_train.synthesis import SECONDS, play
+from humanclaw_train.state import SECONDS
+from humanclaw_train.synthesis import play
 
 LENGTHS: Final = (16, 4, 1)
 """Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are

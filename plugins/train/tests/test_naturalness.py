@@ -12,6 +12,7 @@ from humanclaw import pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
+from humanclaw_train.life import life
 from humanclaw_train.likeness import (
     PRIOR,
     free_running,
@@ -24,18 +25,12 @@ from humanclaw_train.likeness import (
     skills_table,
 )
 from humanclaw_train.measures import Features
-from humanclaw_train.naturalness import (
-    SEQUENCES,
-    NaturalnessReport,
-    agreement,
-    life,
-    main,
-    real_peak,
-    sequence_jerks,
-    transitions,
-)
+from humanclaw_train.naturalness import NaturalnessReport, main
 from humanclaw_train.rollouts import Command, adapters, file_digest
-from humanclaw_train.travel import drift, uncommanded, walker
+from humanclaw_train.sequences import SEQUENCES, agreement, sequence_jerks
+from humanclaw_train.transitions import real_peak, transitions
+from humanclaw_train.uncommanded import uncommanded
+from humanclaw_train.walks import drift, walker
 
 SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 

@@ -12,7 +12,7 @@ from humanclaw.motion import load_base, read_header, shipped_base
 from humanclaw.pose import HISTORY, forward_kinematics, rest_pose, support_height
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
-from humanclaw_train.mocap import MocapError
+from humanclaw_train.source_motion import MocapError
 
 SCHEMA = {
     "description": "Crouch.",

@@ -14,8 +14,9 @@ from humanclaw.pose import FPS, Pose2D, matrix_from_vector, rest_pose, vector_fr
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
 from humanclaw_train.commands import trained
 from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
-from humanclaw_train.mocap import MocapError, SourceMotion, load
+from humanclaw_train.mocap import load
 from humanclaw_train.retarget import leg_length, resample, retarget
+from humanclaw_train.source_motion import MocapError, SourceMotion
 
 LEG = 0.405 + 0.415
 SKILLS = trained(Plugins.discover())

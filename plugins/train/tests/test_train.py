@@ -10,9 +10,10 @@ torch = pytest.importorskip("torch")
 
 from humanclaw import HumanclawError, pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
-from humanclaw_train import data, kinematics, train
+from humanclaw_train import data, kinematics, train, trainer
 from humanclaw_train.data import commanded, noisy_history
-from humanclaw_train.train import Loss, Weights, main
+from humanclaw_train.flow import Loss, Weights
+from humanclaw_train.train import main
 
 COUNT = 64
 
@@ -143,7 +144,7 @@ def test_training_an_adapter_changes_no_file_but_those_of_its_own_run(backwards,
 
 def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, base_file, tmp_path, monkeypatch):
     whole = _adapter(backwards, base_file, tmp_path / "whole", "--steps", "12")
-    advance, calls = train.Trainer.advance, []
+    advance, calls = trainer.Trainer.advance, []
 
     def cut_short(self, *arguments):
         calls.append(1)
@@ -151,8 +152,8 @@ def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, 
             raise KeyboardInterrupt
         return advance(self, *arguments)
 
-    monkeypatch.setattr(train, "_SAVE_SECONDS", 0)
-    monkeypatch.setattr(train.Trainer, "advance", cut_short)
+    monkeypatch.setattr(trainer, "_SAVE_SECONDS", 0)
+    monkeypatch.setattr(trainer.Trainer, "advance", cut_short)
     with pytest.raises(KeyboardInterrupt):
         _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
     resumed = _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")

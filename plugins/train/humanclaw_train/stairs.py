@@ -1,0 +1,91 @@
+"""STAIRS_DOC"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from humanclaw.pose import smoothstep
+from humanclaw_train import ik
+from humanclaw_train.commands import Commands
+from humanclaw_train.curves import (
+    GRID,
+    Array,
+    floor,
+    smoother,
+)
+from humanclaw_train.state import State, Style
+from humanclaw_train.step_plan import StepPlan
+
+Track = tuple[Array, Array, Array, Array]
+NOSE: Final = 0.025
+"""By how much every point of a swinging foot clears the edge of a tread, metres."""
+
+
+def ground_line(u: Array, level0: Array, level1: Array) -> Array:
+    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose
+    is."""
+    u = np.clip(u, 0, 1)
+    ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
+    return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
+
+
+def nosing(p: StepPlan, c: Commands, style: Style) -> Array:
+    """(N,) where the edge between the two treads of this chunk lies, metres along the facing from the base of the feet.
+
+    Upstairs the toes of who stands keep 5 to 15 cm from the next riser; on shallow treads the heels hang over the edge.
+    Downstairs the heel of who lands keeps 4 cm and more from the riser behind it.
+    """
+    ankle = -0.02 - 0.1 * np.abs(p.ahead) * p.flow
+    up = np.maximum(p.ahead - 0.25 - 0.1 * style.riser, -0.06)
+    down = 0.1 + style.riser * np.maximum(p.ahead - 0.24, 0.02)
+    return np.asarray(ankle - np.where(c.rise > 0, up, down))
+
+
+def before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> StepPlan:
+    """Return the plan with the feet going further where one of them is past the riser that the step would have."""
+    toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
+    past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
+    further = np.where((c.rise > 0) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
+    return replace(p, base=p.base + further[:, None] * p.facing)
+
+
+def cleared(
+    state: State, p: StepPlan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
+) -> tuple[Array, Array, Array, Array]:
+    """Return the track of a foot, lifted where it would cut the edge of a tread."""
+    sole, yaw, pitch, bend = track
+    lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
+    moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
+    moving[:, -1] = moving[:, -2]
+    kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
+    wide = np.lib.stride_tricks.sliding_window_view(
+        np.pad(lack * moving, ((0, 0), (4, 4)), mode="edge"), 5, axis=1
+    ).max(-1)
+    raised_by = np.lib.stride_tricks.sliding_window_view(wide, 5, axis=1) @ kernel
+    sole = sole.copy()
+    sole[..., 1] += raised_by * smoothstep(GRID / 0.15)
+    return sole, yaw, pitch, bend
+
+
+def clearance_lack(
+    state: State, p: StepPlan, edge: Array, track: tuple[Array, Array, Array, Array], margin: float
+) -> Array:
+    """(N, 16) metres by which heel or toes are lower than `margin` above the upper tread where they are over it."""
+    sole, yaw, pitch, _ = track
+    ankle = ik.ankle_over(sole, yaw, pitch)
+    orientation = ik.foot_orientation(yaw, pitch)
+    up = (p.level > state.level)[:, None]
+    top = np.maximum(p.level, state.level)[:, None]
+    nose = (np.sum(p.base * p.facing, -1) + edge)[:, None]
+    # Next to where it stands before or after, a foot is on its way to or from the tread itself.
+    away = np.minimum(*(np.linalg.norm(floor(sole - sole[:, at, None]), axis=-1) for at in (0, -1)))
+    tread = top + margin * np.clip(away / 0.08, 0.0, 1.0)
+    lacks = []
+    for point in ik.SOLE_POINTS:
+        place = ankle + orientation @ point
+        ahead = np.sum(floor(place) * p.facing[:, None], -1) - nose
+        lacks.append(np.where(np.where(up, ahead > 0.0, ahead < 0.0), tread - place[..., 1], 0.0))
+    return np.asarray(np.maximum(np.max(lacks, axis=0), 0.0))
