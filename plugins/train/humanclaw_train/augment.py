@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, JOINTS
-from humanclaw.pose import matrix_from_vector
-
-Array = NDArray[np.float64]
+from humanclaw.pose import Array, matrix_from_vector
 
 UPPER: Final = tuple(
     JOINT_INDEX[name] for name in JOINTS if not any(part in name for part in ("pelvis", "hip", "knee", "ankle", "foot"))

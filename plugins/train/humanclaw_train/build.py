@@ -26,6 +26,7 @@ from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.synthetic import synthetic_chunks
 from humanclaw_train.tables import as_json
+from humanclaw_train.tables import table as markdown
 
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
 """Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg
@@ -76,15 +77,15 @@ def table(chunks: Mapping[str, Chunks]) -> str:
     Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
     """
     heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    rows = []
     for name, found in statistics(chunks).items():
         spread = "; ".join(
             f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
         )
         synthetic = found.chunks - found.real
         cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-    return "\n".join(lines)
+        rows.append([*map(str, cells)])
+    return markdown(heads, rows)
 
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"
@@ -97,7 +98,7 @@ def histograms(chunks: Mapping[str, Chunks]) -> str:
 
     Bars are relative to the fullest bin of their own row; a bin that holds anything shows at least the lowest bar.
     """
-    lines = ["| parameter | least | real | synthetic | most |", "| --- | --- | --- | --- | --- |"]
+    rows = []
     for skill, found in chunks.items():
         for column, name in enumerate(found.names.tolist()):
             values = found.params[:, column].astype(float)
@@ -105,8 +106,8 @@ def histograms(chunks: Mapping[str, Chunks]) -> str:
             real, synthetic = (
                 _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
             )
-            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{synthetic}` | {high:.2f} |")
-    return "\n".join(lines)
+            rows.append((f"{skill} {name}", f"{low:.2f}", f"`{real}`", f"`{synthetic}`", f"{high:.2f}"))
+    return markdown(("parameter", "least", "real", "synthetic", "most"), rows)
 
 
 def _bars(counts: NDArray[np.int_]) -> str:

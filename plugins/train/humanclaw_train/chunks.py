@@ -149,6 +149,12 @@ def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
     return np.asarray(outcomes(parameters, *canonical(root, rotations))[0])
 
 
+def stacked(motions: Sequence[Motion]) -> tuple[Array, Array]:
+    """Return the root (N, T, 3) and rotations (N, T, 24, 3) of motions of one length."""
+    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
+    return root, rotations
+
+
 def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
     """Chunks in any frame, root (N, 20, 3) and rotations (N, 20, 24, 3), each in the canonical frame of its own
     history."""
@@ -230,7 +236,7 @@ class Chunks:
     def join(cls, parts: Iterable[Chunks]) -> Chunks:
         """All chunks of the parts, in order; there must be at least one part, and all of one skill."""
         every = list(parts)
-        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in _EACH}
+        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in EACH}
         return replace(every[0], **whole)
 
     @classmethod
@@ -246,7 +252,7 @@ class Chunks:
         return len(self.root)
 
     def __getitem__(self, which: slice | NDArray[np.int_] | NDArray[np.bool_]) -> Chunks:
-        return replace(self, **{name: getattr(self, name)[which] for name in _EACH})
+        return replace(self, **{name: getattr(self, name)[which] for name in EACH})
 
     def motion(self, index: int) -> Motion:
         """One chunk as a motion in its canonical frame."""
@@ -275,7 +281,7 @@ class Chunks:
         os.replace(part, path)
 
 
-_EACH: Final = ("root", "rotations", "params", "real", "source")
+EACH: Final = ("root", "rotations", "params", "real", "source")
 """The fields of Chunks that hold something for each chunk."""
 
 

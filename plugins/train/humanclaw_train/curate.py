@@ -14,13 +14,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE
-from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, forward_kinematics, heading
+from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, TOE_SOLE
+from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, forward_kinematics, heading, support_height
 from humanclaw.recipes import WindowTravel
 from humanclaw_train.chunks import Chunks, Clip, cut
-from humanclaw_train.commands import Trained
+from humanclaw_train.commands import Mask, Trained
 
-Mask = NDArray[np.bool_]
 WINDOW_STRIDE: Final = 3
 """Frames between windows."""
 IDLE_SHARE: Final = 0.25
@@ -73,18 +72,8 @@ def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None
     flips = np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn
     jerky = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2 > limits.acceleration
     low = root[..., 1].min(axis=1) < (limits.lowest_pelvis if flat else 0.0)
-    sunk = _depth(joints) > limits.sunk
+    sunk = -support_height(joints).min(axis=1) > limits.sunk
     return np.asarray(~(fast | flips | jerky | low | (flat & sunk)))
-
-
-def _depth(joints: Array) -> Array:
-    soles = [
-        joints[..., JOINT_INDEX[f"{side}_{joint}"], 1] - drop for side in ("left", "right") for joint, drop in _DROPS
-    ]
-    return np.asarray(-np.min(soles, axis=0).min(axis=1))
-
-
-_DROPS: Final = (("ankle", SOLE), ("foot", TOE_SOLE))
 
 
 # -- building ----------------------------------------------------------------------------------------------------------

@@ -21,11 +21,10 @@ from humanclaw.body import JOINT_INDEX
 from humanclaw.pose import CHUNK, FPS, HISTORY, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
+from humanclaw_train.chunks import EACH
 
 # The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
-_EACH: Final = ("root", "rotations", "params", "real", "source")
-"""What a file holds of every chunk."""
 _SETTLED: Final = 10
 """Frames after which a noisy history is forgotten."""
 
@@ -65,8 +64,8 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
         raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data build DIR")
     parts = [_read(file) for file in files]
     kept = np.concatenate(list(_new(parts)))
-    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in _EACH}
-    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in _EACH[:3])
+    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in EACH}
+    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
     names, measures = (tuple(parts[0][key].tolist()) for key in ("names", "measures"))
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures)
 
@@ -82,7 +81,7 @@ def _new(parts: Sequence[Mapping[str, np.ndarray[Any, Any]]]) -> Iterator[np.nda
 
 def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
     with np.load(file, allow_pickle=False) as content:
-        found = {key: content[key] for key in (*_EACH, "names", "measures")}
+        found = {key: content[key] for key in (*EACH, "names", "measures")}
     if found["root"].shape[1:] != (CHUNK, 3):
         raise HumanclawError(f"{file} holds root {found['root'].shape}, not (N, {CHUNK}, 3).", "Make the chunks again.")
     return found

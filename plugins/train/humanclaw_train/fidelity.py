@@ -51,7 +51,6 @@ from humanclaw_train.walks import walker
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
-NAN: Final = float("nan")
 REPORT: Final = "fidelity.json"
 """Where the report lies: beside the base, or beside the adapter of a skill of your own."""
 
@@ -93,7 +92,7 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     """Outcomes of rollouts against their commands, each parameter by the measure that it commands."""
     found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
     if not found.shape[1]:
-        return Ratio(NAN, NAN, NAN, NAN, len(found))
+        return Ratio(np.nan, np.nan, np.nan, np.nan, len(found))
     primary = command.primary
     difference = found - rollouts.commands
     angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
@@ -107,7 +106,7 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
 
 
 def _mean(values: Array) -> float:
-    return float(np.nanmean(values)) if np.isfinite(values).any() else NAN
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
 
 
 def fidelity(
@@ -253,7 +252,7 @@ def markdown(rows: Sequence[Row]) -> str:
     )  # fmt: skip
     return table(heads, [
         (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.error),
-         _spread(row.simulated), cell(row.simulated.error if row.simulated else NAN), _spread(row.baseline),
+         _spread(row.simulated), cell(row.simulated.error if row.simulated else np.nan), _spread(row.baseline),
          _pair(row.paper), _pair(row.paper_baseline))
         for row in rows
     ])  # fmt: skip

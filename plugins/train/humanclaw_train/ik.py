@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE
 from humanclaw.motion import REACH, SIDES, TOE_BASE, Limb, solve
-from humanclaw.pose import matrix_from_vector, smoothstep, wrap_angle
-
-Array = NDArray[np.float64]
+from humanclaw.pose import Array, matrix_from_vector, smoothstep, wrap_angle
 
 HEEL: Final = np.array([0.0, -SOLE, -0.06])
 """From ankle to the rear edge of the sole in the frame of the foot."""
@@ -46,6 +44,10 @@ def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Ar
     toe = sole + up + flat @ TOE_BASE - tilted @ TOE_BASE
     heel = sole + up + flat @ HEEL - tilted @ HEEL
     return np.asarray(weight * toe + (1 - weight) * heel)
+
+
+Track = tuple[Array, Array, Array, Array]
+"""One foot of `Feet` over a chunk: sole (N, 16, 3), yaw, pitch and bend (N, 16)."""
 
 
 # -- both legs of a body -----------------------------------------------------------------------------------------------

@@ -14,12 +14,11 @@ from humanclaw.measures import Declaration
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY, Array, forward_kinematics
 from humanclaw_train import measures
-from humanclaw_train.chunks import Chunks, canonical, of_skill
+from humanclaw_train.chunks import Chunks, canonical, of_skill, stacked
 from humanclaw_train.measures import Features
 from humanclaw_train.rollouts import Command, extend, others, roll
 from humanclaw_train.tables import cell, table
 
-_NAN: Final = float("nan")
 PRIOR: Final = "(the prior alone)"
 _MOST: Final = 600
 """Chunks of one kind that a measure looks at."""
@@ -43,9 +42,9 @@ class NaturalnessRow:
     """Of all joints, m/s^3."""
     beyond: float
     """Share of frames with a leg joint beyond its limits."""
-    frechet: float = _NAN
+    frechet: float = np.nan
     """To held-out chunks of the skill, whose histories and parameters the model is given."""
-    free: float = _NAN
+    free: float = np.nan
     """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
     unseen: tuple[str, ...] = ()
     """The held-out clips, which nothing was trained on. None: `frechet` is the distance to half of what was."""
@@ -61,8 +60,8 @@ def _row(name: str, source: str, root: Array, rotations: Array, stairs: bool) ->
     future = joints[:, HISTORY - 1 :]
     return NaturalnessRow(
         name, source, len(root),
-        _NAN if stairs else measures.skate(future), measures.slower_toe(future),
-        _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
+        np.nan if stairs else measures.skate(future), measures.slower_toe(future),
+        np.nan if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
         float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
     )  # fmt: skip
 
@@ -120,8 +119,7 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
 def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
     if isinstance(motions, Chunks):
         return motions.root.astype(float), motions.rotations.astype(float)
-    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
-    return root, rotations
+    return stacked(motions)
 
 
 def likeness(

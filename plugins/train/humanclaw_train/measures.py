@@ -64,14 +64,6 @@ def acceleration(joints: Array) -> Array:
 
 SEAM: Final = slice(HISTORY - 2, HISTORY)
 """Of a chunk's 18 accelerations, those that reach over the seam of history and future."""
-INSIDE: Final = slice(HISTORY, None)
-
-
-def seam_and_inside(joints: Array) -> tuple[float, float]:
-    """(N, 20, 24, 3) chunks: medians of the peak acceleration where history and future meet and within the future,
-    m/s^2."""
-    size = acceleration(joints)
-    return float(np.median(size[:, SEAM].max(1))), float(np.median(size[:, INSIDE].max(1)))
 
 
 def joint_jerk(joints: Array) -> float:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from humanclaw import CheckpointError, Motion
 from humanclaw.measures import MEASURES, Declaration, Measure, Parameter
 from humanclaw.motion import DiTGenerator, read_header
-from humanclaw.pose import FUTURE, HISTORY, Array
-from humanclaw_train.chunks import canonical
+from humanclaw.pose import CHUNK, HISTORY, Array
+from humanclaw_train.chunks import canonical, stacked
 
 Installed = Callable[[], Mapping[str, Path]]
 """Gives the adapters of the skills that are installed, by skill."""
@@ -162,14 +162,14 @@ def roll(generator: DiTGenerator, command: Command, before: Sequence[Command], r
         for index, other in enumerate(before):
             chosen = np.flatnonzero(strange)[index :: len(before)]
             extend(generator, other, motions, chosen, other.draw(len(chosen), random), (seed, 0))
-    roots, rotations, commands = [], [], []
+    chunks: list[Motion] = []
+    commands = []
     for turn in range(CHUNKS_IN_A_ROW):
         values = command.draw(rollouts, random)
         extend(generator, command, motions, np.arange(rollouts), values, (seed, turn + 1))
-        roots.append(np.stack([motion.root[-HISTORY - FUTURE :] for motion in motions]))
-        rotations.append(np.stack([motion.rotations[-HISTORY - FUTURE :] for motion in motions]))
+        chunks += [motion[-CHUNK:] for motion in motions]
         commands.append(values)
-    local = canonical(np.concatenate(roots), np.concatenate(rotations))
+    local = canonical(*stacked(chunks))
     after = np.concatenate([strange, *[np.zeros(rollouts, bool)] * (CHUNKS_IN_A_ROW - 1)])
     return Rollouts(*local, np.concatenate(commands), after, tuple(motions))
 

@@ -22,7 +22,7 @@ from humanclaw.interfaces import Camera, WorldState
 from humanclaw.measures import MEASURES, Declaration, Measure, outcomes, to_si
 from humanclaw.pose import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
 from humanclaw.storage import gif
-from humanclaw_train.chunks import Clip, canonical, load_pack
+from humanclaw_train.chunks import Clip, canonical, load_pack, stacked
 from humanclaw_train.simulated import flat, stage
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def _difference(
     motion: Motion, skill: Declaration, values: Mapping[str, float], measures: Mapping[str, Measure]
 ) -> float:
     starts = range(0, len(motion) - CHUNK + 1, FUTURE)
-    windows = canonical(*(np.stack([part[i : i + CHUNK] for i in starts]) for part in (motion.root, motion.rotations)))
+    windows = canonical(*stacked([motion[i : i + CHUNK] for i in starts]))
     found = outcomes(skill.parameters, *windows, measures)
     asked = np.array([values[one.name] for one in skill.parameters])
     spread = np.array([one.high - one.low for one in skill.parameters])

@@ -20,7 +20,7 @@ from humanclaw.measures import Declaration
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import CHUNK, HISTORY, Array, Pose2D, re_rooted
 from humanclaw.scene import Asset, Mesh, SceneObject
-from humanclaw_train.chunks import canonical
+from humanclaw_train.chunks import canonical, stacked
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
 if TYPE_CHECKING:
@@ -186,8 +186,7 @@ def roll_simulated(
             commands.append(values)
             strange.append(other is not None and turn == 0)
         tick()
-    root, rotations = (np.stack([getattr(chunk, part) for chunk in chunks]) for part in ("root", "rotations"))
-    return Rollouts(*canonical(root, rotations), np.stack(commands), np.array(strange))
+    return Rollouts(*canonical(*stacked(chunks)), np.stack(commands), np.array(strange))
 
 
 def _commands(command: Command, random: np.random.Generator) -> Array:

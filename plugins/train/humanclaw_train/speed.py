@@ -38,7 +38,7 @@ from humanclaw_train.dit import DiT, Modulations
 from humanclaw_train.fidelity import milliseconds
 from humanclaw_train.flow import velocity
 from humanclaw_train.rollouts import Command, Installed, adapters
-from humanclaw_train.tables import as_json
+from humanclaw_train.tables import as_json, table
 
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
@@ -228,13 +228,10 @@ def _least(call: Callable[[], Any]) -> tuple[float, float]:
 def markdown(timings: Sequence[Timing]) -> str:
     """Milliseconds a chunk and body, wall time and (processor time): a row a size, runtime, threads and batch."""
     solvers = list(dict.fromkeys(timing.solver for timing in timings))
-    rows = {(t.size, t.runtime, t.threads, t.bodies): "" for t in timings}
+    rows = dict.fromkeys((t.size, t.runtime, t.threads, t.bodies) for t in timings)
     found = {(t.size, t.runtime, t.threads, t.bodies, t.solver): f"{t.milliseconds:.1f} ({t.cpu:.1f})" for t in timings}
     heads = ["size", "runtime", "threads", "bodies", *(f"{solver.method} {solver.steps}, ms" for solver in solvers)]
-    lines = [heads, ["---"] * len(heads)]
-    for row in rows:
-        lines.append([*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return table(heads, [[*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)] for row in rows])
 
 
 def verdict(timings: Sequence[Timing]) -> str:

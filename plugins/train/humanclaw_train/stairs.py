@@ -7,19 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.pose import smoothstep
+from humanclaw.pose import Array, smoothstep
 from humanclaw_train import ik
 from humanclaw_train.commands import Commands
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    floor,
-    smoother,
-)
+from humanclaw_train.curves import GRID, floor, smoother
+from humanclaw_train.ik import Track
 from humanclaw_train.state import State, Style
 from humanclaw_train.step_plan import StepPlan
 
-Track = tuple[Array, Array, Array, Array]
 NOSE: Final = 0.025
 """By how much every point of a swinging foot clears the edge of a tread, metres."""
 
@@ -52,9 +47,7 @@ def before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> St
     return replace(p, base=p.base + further[:, None] * p.facing)
 
 
-def cleared(
-    state: State, p: StepPlan, c: Commands, edge: Array, track: tuple[Array, Array, Array, Array]
-) -> tuple[Array, Array, Array, Array]:
+def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -> Track:
     """Return the track of a foot, lifted where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
     lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
@@ -70,9 +63,7 @@ def cleared(
     return sole, yaw, pitch, bend
 
 
-def clearance_lack(
-    state: State, p: StepPlan, edge: Array, track: tuple[Array, Array, Array, Array], margin: float
-) -> Array:
+def clearance_lack(state: State, p: StepPlan, edge: Array, track: Track, margin: float) -> Array:
     """(N, 16) metres by which heel or toes are lower than `margin` above the upper tread where they are over it."""
     sole, yaw, pitch, _ = track
     ankle = ik.ankle_over(sole, yaw, pitch)

@@ -8,12 +8,9 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body import STANDING_HEIGHT
-from humanclaw.pose import FPS, FUTURE, rest_pose
+from humanclaw.pose import FPS, FUTURE, Array, rest_pose
 from humanclaw_train import augment
 from humanclaw_train.commands import Ints, Mask
-from humanclaw_train.curves import (
-    Array,
-)
 
 SECONDS: Final = FUTURE / FPS
 STAND: Final = 0.956

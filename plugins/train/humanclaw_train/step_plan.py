@@ -7,17 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.pose import smoothstep
+from humanclaw.pose import Array, smoothstep
 from humanclaw_train import gait
 from humanclaw_train.commands import Commands, Ints, Mask
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    floor,
-    quintic,
-    raised,
-    turned,
-)
+from humanclaw_train.curves import GRID, floor, quintic, raised, turned
 from humanclaw_train.state import SEATED, SECONDS, STAND, State
 
 COAST: Final = 0.2

@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanclaw.pose import smoothstep
+from humanclaw.pose import Array, smoothstep
 from humanclaw_train import gait
 from humanclaw_train.commands import Ints
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    floor,
-    raised,
-    smoother,
-    turned,
-)
-from humanclaw_train.ik import Feet
+from humanclaw_train.curves import GRID, floor, raised, smoother, turned
+from humanclaw_train.ik import Feet, Track
 from humanclaw_train.state import TOE_OUT, State, Style
 from humanclaw_train.step_plan import StepPlan
 
@@ -36,7 +29,7 @@ def striding_feet(state: State, p: StepPlan, style: Style, steps: gait.Cycle, ro
 
 def _striding_foot(
     foot: int, state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
-) -> tuple[Array, Array, Array, Array]:
+) -> Track:
     passing = steps.first + (whose[:, 1] == foot)
     path = np.concatenate([floor(root), yaw[..., None]], -1)
     velocity = np.concatenate([p.velocity, p.yaw_rate[:, None]], -1)

@@ -7,19 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from humanclaw.pose import FUTURE, smoothstep
+from humanclaw.pose import FUTURE, Array, smoothstep
 from humanclaw_train.commands import Commands, Ints, Mask
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    bump,
-    cubic,
-    floor,
-    raised,
-    smoother,
-    turned,
-)
-from humanclaw_train.ik import Feet
+from humanclaw_train.curves import GRID, bump, cubic, floor, raised, smoother, turned
+from humanclaw_train.ik import Feet, Track
 from humanclaw_train.stairs import before_the_riser, clearance_lack, cleared, ground_line, nosing
 from humanclaw_train.state import AIRBORNE, TOE_OUT, State, Style
 from humanclaw_train.step_plan import StepPlan
@@ -125,9 +116,7 @@ def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
     return m._replace(land=land, lift=lift, width=m.width - c.gait["narrowing"] * p.flow)
 
 
-def _first_swing(
-    state: State, p: StepPlan, c: Commands, m: Steps, root: Array, tolerance: Array
-) -> tuple[Array, Array, Array, Array]:
+def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, tolerance: Array) -> Track:
     in_stance = ~state.hanging | p.wrong
     swing = Swing.of(state, p, m, p.first, 0.0)
     stays = swing.settled(tolerance, in_stance)
@@ -177,9 +166,7 @@ def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mas
     return np.where(touch < GRID, land * (1 - smoothstep((GRID - touch) / 0.2)), swung)
 
 
-def _second_swing(
-    state: State, p: StepPlan, c: Commands, m: Steps, tolerance: Array
-) -> tuple[Array, Array, Array, Array]:
+def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: Array) -> Track:
     lag = 0.03 * (1 - p.flow) * ~p.sits
     swing = Swing.of(state, p, m, 1 - p.first, lag)
     came = swing

@@ -19,18 +19,12 @@ import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, N_JOINTS
-from humanclaw.pose import FUTURE, HISTORY, matrix_from_vector, rest_pose
+from humanclaw.pose import FUTURE, HISTORY, Array, matrix_from_vector, rest_pose
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
 from humanclaw_train.commands import Commands, Mask, Trained
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    bump,
-    raised,
-    soft_minimum,
-)
+from humanclaw_train.curves import GRID, bump, raised, soft_minimum
 from humanclaw_train.ik import Feet
 from humanclaw_train.state import State, Style
 from humanclaw_train.step_plan import StepPlan, hip_path, plan

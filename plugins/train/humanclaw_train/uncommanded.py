@@ -10,7 +10,7 @@ import numpy as np
 from humanclaw.measures import MEASURES
 from humanclaw.motion import DiTGenerator
 from humanclaw.pose import FUTURE, HISTORY
-from humanclaw_train.chunks import canonical
+from humanclaw_train.chunks import canonical, stacked
 from humanclaw_train.rollouts import Command, extend
 from humanclaw_train.tables import table
 from humanclaw_train.walks import straight_walks
@@ -38,7 +38,7 @@ def uncommanded(
         for motions in map(list, before):
             extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
             last = [motion[-HISTORY - FUTURE :] for motion in motions]
-            local = canonical(*(np.stack([getattr(one, part) for one in last]) for part in ("root", "rotations")))
+            local = canonical(*stacked(last))
             rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in told})
         found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
     return found

@@ -9,17 +9,12 @@ import numpy as np
 
 from humanclaw.body import JOINT_INDEX, N_JOINTS, SOLE
 from humanclaw.motion import Limb, solve
-from humanclaw.pose import FUTURE, forward_kinematics
+from humanclaw.pose import FUTURE, Array, forward_kinematics
 from humanclaw.pose import vector_from_matrix as to_vector
 from humanclaw_train import augment, gait
 from humanclaw_train.augment import UPPER, channel
 from humanclaw_train.commands import Commands, Ints
-from humanclaw_train.curves import (
-    GRID,
-    Array,
-    bump,
-    quintic,
-)
+from humanclaw_train.curves import GRID, bump, quintic
 from humanclaw_train.state import SECONDS, State, Style
 from humanclaw_train.step_plan import StepPlan, seat_depth
 

@@ -13,7 +13,6 @@ from humanclaw_train.measures import (
     frechet,
     joint_jerk,
     penetration,
-    seam_and_inside,
     skate,
     slide,
     slower_toe,
@@ -40,14 +39,6 @@ def test_penetration_is_the_depth_of_the_lowest_sole():
     joints = _sliding(0.0).joints()
     assert penetration(joints - [0.0, 0.03, 0.0]) == pytest.approx(3)
     assert penetration(joints + [0.0, 0.03, 0.0]) == 0
-
-
-def test_a_jump_where_history_and_future_meet_is_seen_there_and_nowhere_else():
-    joints = np.repeat(pose.rest_pose().joints(), 20, 0)
-    joints[5:] += [0.0, 0.0, 0.01]
-    seam, inside = seam_and_inside(joints[None])
-    assert seam == pytest.approx(0.01 * 30**2)
-    assert inside == 0
 
 
 def test_who_slides_on_one_foot_and_stands_on_the_other_skates_with_neither():
