@@ -1,4 +1,4 @@
-"""ASF_DOC"""
+"""Reader of AMC motion on its ASF skeleton. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from humanclaw.pose import Array
 from humanclaw_train.source_motion import MocapError, SourceMotion, Tree, euler, read_text
 
 ASF_INCH: Final = 0.0254
-"""ASF lengths are inches divided by the file's own `length`."""
+"""Metres in an inch. ASF lengths are inches divided by the file's own `length`."""
 
 
 @dataclass(frozen=True)
@@ -25,29 +25,27 @@ class _Bone:
 
 
 def skeleton_of(amc: Path) -> Path:
-    """Return the ASF file beside an AMC: the one whose name is the longest prefix of it."""
+    """Return the ASF file beside an AMC file whose name is the longest prefix of the AMC's. Raises MocapError."""
     matches = [asf for asf in amc.parent.glob("*.asf") if amc.stem.startswith(asf.stem)]
     if not matches:
         raise MocapError(
-            f"No .asf beside {amc} has a name that {amc.stem} begins with.", "Put the subject's .asf there."
+            f"No .asf file beside {amc} has a name that {amc.stem} begins with.", "Put the subject's .asf file there."
         )
     return max(matches, key=lambda asf: len(asf.stem))
 
 
 def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float = 120.0) -> SourceMotion:
-    """Read an AMC motion on its ASF skeleton, in metres. AMC files do not tell their rate; 120 is that of CMU and
-    HDM05.
+    """Read an AMC motion on its ASF skeleton, in metres.
 
-    Joint `x` is where bone x begins; `x_end` is the tip of a last bone.
+    Joint `x` is where bone x begins; `x_end` is the tip of a last bone. fps: AMC files do not contain their rate; CMU
+    and HDM05 use 120. Raises MocapError for broken files.
     """
     path, skeleton = Path(path), Path(skeleton)
     tree, bones, unit = _asf(skeleton)
     rows = _amc_rows(path)
     root = np.array([row["root"] for row in rows]) if all(len(row.get("root", ())) == 6 for row in rows) else None
     if root is None or not rows:
-        raise MocapError(
-            f"{path}: expected frames that each have a root of six numbers.", "Is this a complete AMC file?"
-        )
+        raise MocapError(f"{path}: expected a root of six numbers in every frame.", "Check that the file is complete.")
     local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
     local[:, 0] = euler("zyx", root[:, [5, 4, 3]])
     for joint, name in enumerate(tree.joints):
@@ -62,7 +60,7 @@ def _bone_rotation(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) 
     if any(len(value) != len(bone.dof) for value in values):
         raise MocapError(
             f"{path}: bone {bone.name} needs {len(bone.dof)} numbers in every frame.",
-            "Does the .asf belong to this .amc?",
+            "Check that the .asf belongs to this .amc.",
         )
     angles = np.zeros((len(rows), 3))
     angles[:, ["xyz".index(name[1]) for name in bone.dof]] = values
@@ -80,7 +78,7 @@ def _amc_rows(path: Path) -> list[dict[str, list[float]]]:
             elif rows and values:
                 rows[-1][name] = [float(value) for value in values]
     except ValueError as error:
-        raise MocapError(f"{path}: a line of frame {len(rows)} holds something that is no number.") from error
+        raise MocapError(f"{path}: expected numbers in frame {len(rows)}.") from error
     return rows
 
 
@@ -101,7 +99,7 @@ def _asf(path: Path) -> tuple[Tree, dict[str, _Bone], float]:
         return _asf_tree(bones, sections["hierarchy"]), bones, unit
     except (KeyError, IndexError, ValueError) as error:
         raise MocapError(
-            f"{path}: this ASF skeleton lacks or breaks {error}.", "Fetch the subject's .asf again."
+            f"{path}: missing or broken part of this ASF skeleton: {error}.", "Download the subject's .asf again."
         ) from error
 
 
@@ -123,8 +121,7 @@ def _asf_tree(bones: dict[str, _Bone], hierarchy: list[list[str]]) -> Tree:
     children = {words[0]: words[1:] for words in hierarchy if words[0] not in ("begin", "end")}
 
     def grow(name: str) -> None:
-        # A bone begins where its parent ends; ASF directions are in the world frame, and so is every zero-angle
-        # rotation.
+        # A bone begins where its parent ends. ASF directions and rotations at zero angles are in the world frame.
         index, start = joints.index(name), bones[name].end if name in bones else np.zeros(3)
         for child in children.get(name) or [f"{name}_end"]:
             joints.append(child)

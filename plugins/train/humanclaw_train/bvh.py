@@ -1,4 +1,4 @@
-"""BVH_DOC"""
+"""Reader of BVH files. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from humanclaw_train.source_motion import MocapError, SourceMotion, Tree, euler,
 
 
 def load_bvh(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
-    """Read a BVH file. A position channel replaces its joint's offset; an end site becomes the joint `<parent>_end`."""
+    """Read a BVH file. A position channel replaces its joint's offset; an end site becomes the joint `<parent>_end`.
+
+    unit: metres per unit of the file. Raises MocapError for a broken file.
+    """
     path = Path(path)
     head, _, tail = read_text(path).partition("MOTION")
     tree, channels = _bvh_tree(path, head.split())
@@ -58,9 +61,11 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
             elif token == "CHANNELS":
                 channels[-1] = tuple(next(tokens) for _ in range(int(next(tokens))))
     except (StopIteration, IndexError, ValueError) as error:
-        raise MocapError(f"{path}: the HIERARCHY of this BVH file is broken.", "Export it again.") from error
+        raise MocapError(f"{path}: the HIERARCHY of this BVH file is broken.", "Export the file again.") from error
     if not joints or len(offsets) != len(joints) or stack:
-        raise MocapError(f"{path}: expected a BVH HIERARCHY with one OFFSET a joint.", "Is this a complete BVH file?")
+        raise MocapError(
+            f"{path}: expected a BVH HIERARCHY with one OFFSET a joint.", "Check that the file is complete."
+        )
     return Tree(tuple(joints), tuple(parents), np.array(offsets)), channels
 
 
@@ -72,8 +77,8 @@ def _bvh_frames(path: Path, words: list[str], width: int) -> tuple[float, Array]
         raise MocapError(f"{path}: expected `Frames: N`, `Frame Time: seconds` and numbers after MOTION.") from error
     if len(values) != frames * width:
         raise MocapError(
-            f"{path}: {frames} frames of {width} channels need {frames * width} numbers; the file holds {len(values)}.",
-            "The file is cut short or padded; fetch it again.",
+            f"{path}: {frames} frames of {width} channels need {frames * width} numbers; the file has {len(values)}.",
+            "Download the file again.",
         )
-    # Frame times are written with six or seven digits, so the rate is only meant to be whole.
+    # Frame times have six or seven digits, so a whole rate comes out slightly off: round it.
     return float(round(1.0 / seconds, 1)), values.reshape(frames, width)

@@ -1,4 +1,9 @@
-"""FLOW_DOC"""
+"""Flow matching on tensors (paper, section 3.3): the path, its velocity, and the loss of a batch.
+
+    x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
+
+A model may predict v or the clean future. `velocity` and `clean` convert each into the other.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +25,7 @@ from humanclaw_train.checkpoint import Normaliser
 
 
 def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
-    """x(tau); tau (B,) against (B, 15, 219)."""
+    """Return x(tau) for futures (B, 15, 219) and flow times tau (B,)."""
     tau = tau[:, None, None]
     return (1 - (1 - SIGMA_MIN) * tau) * noise + tau * clean
 
@@ -31,14 +36,14 @@ def target(clean: Tensor, noise: Tensor) -> Tensor:
 
 
 def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """Return the velocity that a model's output means. tau (B,) below 1."""
+    """Return the velocity that a model's output stands for. tau (B,) is below 1."""
     if prediction == "velocity":
         return output
     return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
 
 
 def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """Return the clean future that a model's output means."""
+    """Return the clean future that a model's output stands for."""
     if prediction == "clean":
         return output
     return (1 - (1 - SIGMA_MIN) * tau[:, None, None]) * output + (1 - SIGMA_MIN) * noisy
@@ -47,27 +52,27 @@ def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) ->
 # -- the loss ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Weights:
-    """How the terms of the loss are weighed against one another. The unit of the metric terms is named with each."""
+    """Weights of the loss terms. Metric terms name their unit."""
 
     root: float = 4.0
     rotations: float = 1.0
     positions: float = 0.5
     velocities: float = 0.5
     joints: float = 0.3
-    """Forward kinematics of the predicted rotations, per (3 cm) squared."""
+    """Joint positions from the predicted rotations, per (3 cm) squared."""
     motion: float = 0.15
-    """Their one-frame differences, per (5 mm) squared."""
+    """One-frame differences of those joint positions, per (5 mm) squared."""
     feet: float = 2.0
-    """Of those, how much more the feet count than another joint,"""
+    """Extra weight of the feet in `motion`, relative to another joint."""
     stance: float = 12.0
-    """and how much more a foot that is at rest: this is what keeps feet from skating."""
+    """Further extra weight of a foot at rest, which keeps feet from skating."""
     outcome: float = 0.2
     """Root at the last frame, per (1 cm) and (0.4 degrees) squared, linear beyond: what the skills' parameters command.
-    Of the heading little is enough to lead a long walk astray."""
+    Small errors of heading add up over a long walk."""
 
 
 class Loss:
-    """Flow matching, weighed by block of the state, with what the state implies for the joints and for the outcome."""
+    """The flow matching loss, weighted by block of the state, plus terms for joints, their motion and the outcome."""
 
     def __init__(self, normaliser: Normaliser, weights: Weights) -> None:
         self.normaliser = normaliser
@@ -83,8 +88,11 @@ class Loss:
         self.feet[list(kinematics.FEET)] = 1.0
 
     def __call__(self, predicted: Tensor, wanted: Tensor, clean: Tensor, states: Tensor) -> Tensor:
-        """predicted, wanted: outputs (B, 15, 219). clean: the future that predicted means. states: (B, 20, 219) in
-        metres."""
+        """Return the loss of a batch.
+
+        predicted, wanted: model outputs (B, 15, 219). clean: the future that `predicted` stands for, normalised.
+        states: (B, 20, 219) in metres and radians.
+        """
         matching = (self.by_block * (predicted - wanted).square()).mean()
         implied = self.normaliser.inverse(clean)
         root = implied[..., kinematics.ROOT]
@@ -100,28 +108,27 @@ class Loss:
         )
 
     def _care(self, true_steps: Tensor) -> Tensor:
-        """(B, 15, 24, 1) how much each joint's motion matters."""
+        """Return the weight of each joint's motion (B, 15, 24, 1)."""
         stance = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
         care: Tensor = 1 + self.weights.feet * self.feet + self.weights.stance * stance
         return care
 
 
 def _outcome(error: Tensor) -> Tensor:
-    """(B, 6) root translation and rotation errors, metres and radians."""
+    """Return the loss of root translation and rotation errors (B, 6), metres and radians."""
     units = torch.tensor([0.01] * 3 + [math.radians(0.4)] * 3, device=error.device)
     return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
 
 
 # -- the problem of a batch --------------------------------------------------------------------------------------------
 Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""(history, noisy future, tau, encoded condition) to the model's output."""
+"""Maps (history, noisy future, tau, encoded condition) to the model's output."""
 Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""(states, encoded condition, noise, tau) to the loss."""
+"""Maps (states, encoded condition, noise, tau) to the loss."""
 
 
 def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
-    """Return the flow matching problem of a batch, answered by `forward`, judged by `loss`. fast: compiled as a
-    whole."""
+    """Return the loss of `forward` as a function of a batch. fast: compile it as a whole."""
 
     def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
@@ -137,6 +144,5 @@ def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool =
 
 
 def _has_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 pays: a processor without AVX-512 emulates it, thirteen times slower than float32 (measured on
-    AVX2)."""
+    """Return whether bfloat16 is fast: processors without AVX-512 emulate it 13 times slower than float32 (on AVX2)."""
     return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"

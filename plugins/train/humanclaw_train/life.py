@@ -1,4 +1,4 @@
-"""LIFE_DOC"""
+"""A long life: what many random calls in a row do to a body that continues its own motion."""
 
 from __future__ import annotations
 
@@ -16,25 +16,24 @@ from humanclaw_train.rollouts import Command, extend
 
 @dataclass(frozen=True)
 class Life:
-    """What many random calls in a row do to a body. Degrees."""
+    """Joints of bodies after many random calls in a row. Angles in degrees."""
 
     calls: int
     bodies: int
     toes_up: float
-    """Mean of the ankles' toes-up angle over the last 20 calls of all bodies, less that over the first 20: a drift."""
+    """Drift of the ankles: mean toes-up angle over the last 20 calls minus that over the first 20, all bodies."""
     worst_toes_up: float
-    """The largest mean over the last 20 calls of one body's ankle, less that over its first 20."""
+    """The largest such drift of a single ankle."""
     beyond: float
-    """Share of frames of the last 20 calls with a leg joint beyond its limits."""
+    """Share of frames in the last 20 calls with a leg joint beyond its limits."""
     most: float
-    """The furthest that any is beyond, in all the calls."""
+    """Largest excess over a limit in all calls."""
 
 
 def life(
     generator: DiTGenerator, commands: Sequence[Command], calls: int = 120, bodies: int = 4, seed: int = 0
 ) -> Life:
-    """Chain random calls of all the skills. Bodies that end up higher or lower do so because each chunk has its own
-    floor."""
+    """Chain random calls of all skills. Bodies may rise or sink, because each chunk has its own floor."""
     random = np.random.default_rng((seed, 1))
     motions = [generator.start() for _ in range(bodies)]
     for call in range(calls):

@@ -1,8 +1,7 @@
 """Readers of motion capture: ASF/AMC, BVH, AMASS npz and the humanoid3d text format of DeepMimic.
 
-Each gives a SourceMotion: world positions and orientations of the source's own joints, Y up, with the reference pose
-that says what the orientations are measured from. What the joints mean to our body is the business of retarget.py.
-Needs numpy alone.
+Each returns a SourceMotion: world positions and orientations of the source's own joints, Y up, and a reference pose.
+retarget.py maps them to our body. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -21,7 +20,10 @@ from humanclaw_train.source_motion import AXES, MocapError, Rest, SourceMotion, 
 
 
 def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
-    """Read one mocap file by its suffix: .bvh, .amc (with its .asf beside it), .npz (AMASS) or .txt (humanoid3d)."""
+    """Read one motion capture file by its suffix: .bvh, .amc (its .asf beside it), .npz (AMASS) or .txt (humanoid3d).
+
+    unit: metres per unit of a BVH file. Raises MocapError.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".bvh":
@@ -32,16 +34,14 @@ def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion
         return load_amass(path, licence)
     if suffix == ".txt":
         return load_humanoid3d(path, licence)
-    raise MocapError(
-        f"{path} has no suffix that a mocap reader knows.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file."
-    )
+    raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
 def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
     """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`), which is Z up.
 
-    Bones take our own lengths, because those of a subject come from SMPL files that this package does not have.
+    Bones get our own lengths, because a subject's lengths need SMPL files, which this package does not have.
     """
     path = Path(path)
     try:
@@ -51,7 +51,7 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
             fps = float(rate)
     except (OSError, KeyError, ValueError) as error:
         raise MocapError(
-            f"{path} is no AMASS motion: {error}.", "It needs poses, trans and mocap_framerate."
+            f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
         ) from error
     if poses.ndim != 2 or poses.shape[1] < 66 or trans.shape != (len(poses), 3):
         raise MocapError(
@@ -82,14 +82,16 @@ _HUMANOID3D_HINGES: Final = ("right_knee", "right_elbow", "left_knee", "left_elb
 
 
 def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
-    """Read a DeepMimic humanoid3d text file: JSON rows of 44 numbers (seconds, root, then quaternions w, x, y, z and
-    hinges)."""
+    """Read a DeepMimic humanoid3d text file.
+
+    It is JSON with rows of 44 numbers: seconds, root, then quaternions (w, x, y, z) and hinge angles.
+    """
     path = Path(path)
     try:
         rows = np.array(json.loads(read_text(path))["Frames"], float)
     except (ValueError, KeyError, TypeError) as error:
         raise MocapError(
-            f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Is this a humanoid3d file?"
+            f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Give a humanoid3d file."
         ) from error
     if rows.ndim != 2 or rows.shape[1] != 44:
         raise MocapError(f"{path}: expected `Frames` as rows of 44 numbers; got shape {rows.shape}.")
@@ -107,7 +109,7 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
         else:
             local[:, joint] = matrix_from_quaternion(rows[:, [column + 1, column + 2, column + 3, column]])
             column += 4
-    # The format faces +X with its right at +Z; a turn about the vertical gives +Z forward and +X left.
+    # The format faces +X with its right at +Z. Turn it about the vertical: +Z forward, +X left.
     turn = matrix_from_vector(np.array([0.0, -np.pi / 2, 0.0]))
     positions, rotations = tree.motion(rows[:, 1:4], local)
     rest = tree.rest()

@@ -1,4 +1,4 @@
-"""NAMING_DOC"""
+"""Joint names of captured skeletons: which source joint plays which of our 24 joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LIMBS: Final = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", 
 
 
 def _naming(centre: str, left: str, right: str) -> Mapping[str, str]:
-    """Our joint names to the source's; "-" where it has none."""
+    """Map our joint names to the source's. "-" in the arguments stands for a joint that the source lacks."""
     names = dict(zip(_CENTRE, centre.split(), strict=True))
     for side, words in (("left", left), ("right", right)):
         names |= {f"{side}_{limb}": word for limb, word in zip(_LIMBS, words.split(), strict=True)}
@@ -42,22 +42,20 @@ NAMINGS: Final = (
     _sided("root - - chest neck -", "*_hip *_knee *_ankle *_toe - *_shoulder *_elbow *_wrist -", "left", "right"),
     MappingProxyType({name: name for name in JOINTS}),
 )  # fmt: skip
-"""The naming conventions that are recognised: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d,
-SMPL."""
+"""Known naming conventions: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d and SMPL."""
 _NEEDED: Final = (
     "pelvis", *(f"{side}_{limb}" for side in SIDES for limb in ("hip", "knee", "ankle", "shoulder", "elbow")),
 )  # fmt: skip
 
 
 def naming_of(source: SourceMotion) -> Mapping[str, str]:
-    """Return the convention that names the most of this source's joints; MocapError if limbs that the body needs have
-    no name in it."""
+    """Return the convention that names most of this source's joints. Raises MocapError if the source lacks a limb."""
     best = max(NAMINGS, key=lambda naming: sum(name in source.joints for name in naming.values()))
     missing = [f"{name} ({best.get(name, '-')})" for name in _NEEDED if best.get(name) not in source.joints]
     if missing:
         raise MocapError(
-            f"{source.source or 'This skeleton'} has no joints for {', '.join(missing)}; "
-            f"it has {', '.join(source.joints[:12])} ...",
+            f"{source.source or 'This skeleton'} has no joints for {', '.join(missing)}. "
+            f"It has {', '.join(source.joints[:12])} ...",
             "Rename its joints to the SMPL names of humanclaw.body.JOINTS.",
         )
     return MappingProxyType({ours: theirs for ours, theirs in best.items() if theirs in source.joints})

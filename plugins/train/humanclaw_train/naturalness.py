@@ -1,22 +1,20 @@
-"""How human the motion is, beside real motion: feet, joints, likeness, transitions, and the jerk of whole sequences.
+"""Naturalness: generated motion beside real motion, by feet, joints, likeness, transitions, gait and jerk.
 
     humanclaw naturalness --chunks REAL EDITED
 
-* The prior alone: it continues the histories of held-out real chunks, whatever they show.
-* Skills: the generated rollouts of the fidelity table, and the data's own chunks, through the same measures. For the
-  Frechet distance the model continues the histories of held-out real chunks (CHUNKS/held_out, of clips that nothing
-  learnt from; where they show too little of a skill a half of what was learnt from, split by clip and marked with a
-  star) with the parameters that those realise, so that only the style differs; its floor is the distance of the other
-  chunks. Free-running, it begins from standing and feeds on its own motion.
-* Transitions: every ordered pair of the skills; the peak joint acceleration where the second skill takes over, against
-  the peak in real motion (the 99.9th percentile of the same two-frame peak over all windows of the real chunks that
-  move).
-* Life: 120 random calls in a row, as the model feeds on its own motion.
-* Gait (with --clips): cadence, sway, bob, swing knee, speed ripple and arms of straight walks, real clips one by one
-  beside walks generated at their speeds; the spread is over seeds. Heading: where a hundred straight calls in a row end
-  up.
-* First steps: how far the slower toe slides in the first chunk from standing, per skill.
-* Sequences: the root-rigid jerk of the six sequences that the paper names.
+* The prior alone continues the histories of held-out real chunks.
+* Skills: the generated rollouts of the fidelity table and the data's own chunks get the same measures. For the Frechet
+  distance, the model continues histories of held-out real chunks (CHUNKS/held_out) with the parameters that these
+  achieve, so that only the style differs. If held-out clips show too little of a skill, half of the training chunks,
+  split by clip, takes their place, marked with a star. The data's row has the distance of the other chunks.
+  Free-running, the model starts from standing and continues its own motion.
+* Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
+  in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
+* Life: 120 random calls in a row.
+* Gait: cadence, sway, bob, swing knee, speed ripple and arms of straight walks, generated at several speeds and, with
+  --clips, real. Drift: where a hundred straight calls in a row end.
+* First steps: slide of the slower toe in the first chunk from standing, per skill.
+* Sequences: root-rigid jerk of the six sequences that the paper names.
 """
 
 from __future__ import annotations
@@ -45,24 +43,24 @@ from humanclaw_train.walks import drift, drift_line, gait_table, generated_gaits
 
 # -- the report --------------------------------------------------------------------------------------------------------
 REPORT: Final = "naturalness.json"
-"""Where the report lies, beside the base."""
+"""File name of the report, beside the base."""
 
 
 @dataclass(frozen=True)
 class NaturalnessReport:
-    """What model cards quote: what `--save` writes."""
+    """The measures that model cards quote. `--save` writes them."""
 
     base: str
     """Digest of the base."""
     solver: str
     adapters: Mapping[str, str]
-    """Skill to the digest of its adapter's file."""
+    """Digest of each skill's adapter file."""
     rows: tuple[NaturalnessRow, ...]
     first_steps: Mapping[str, FirstSteps]
 
     @classmethod
     def load(cls, path: Path) -> NaturalnessReport:
-        """Read what `--save` wrote. Raises CheckpointError for anything else."""
+        """Read a file that `--save` wrote. Raises CheckpointError for anything else."""
         try:
             content = json.loads(path.read_text("utf-8"))
             rows = tuple(NaturalnessRow(**numbers(row) | {"unseen": tuple(row["unseen"])}) for row in content["rows"])
@@ -73,19 +71,19 @@ class NaturalnessReport:
             raise CheckpointError(f"{path} holds no naturalness report ({error}).", hint) from error
 
     def of(self, skill: str, adapter: str) -> tuple[NaturalnessRow, ...]:
-        """Return the rows of the skill whose adapter has this digest; none for other weights."""
+        """Return the skill's rows if its adapter has this digest; none for other weights."""
         return tuple(row for row in self.rows if row.skill == skill) if self.adapters.get(skill) == adapter else ()
 
     @property
     def prior(self) -> tuple[NaturalnessRow, ...]:
-        """Return the rows of the prior alone."""
+        """Rows of the prior alone."""
         return tuple(row for row in self.rows if row.skill == PRIOR)
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
 @dataclass
-class _Teller:
-    """Shows each thing as soon as it is found, or keeps all for JSON: the whole takes minutes."""
+class _Printer:
+    """Prints each result at once, because the whole takes minutes; or keeps all of them for JSON."""
 
     keeps: bool
     found: dict[str, Any] = field(default_factory=dict)
@@ -100,21 +98,18 @@ class _Teller:
 def main(
     arguments: Sequence[str] | None = None, installed: Installed | None = None, commanded: Measures = lambda: MEASURES
 ) -> int:
-    """Run the command line.
-
-    installed: finds the skills that are measured. commanded: finds what they command.
-    """
+    """Run the command line. installed: returns the adapters to measure. commanded: returns the known measures."""
     options = _parser().parse_args(arguments)
-    tell = _Teller(options.json)
+    show = _Printer(options.json)
     try:
         generator = made_generator(options)
         paths, known = adapters(options.adapters, options.skills, installed), commanded()
         commands = [Command.of(skill, path, known) for skill, path in paths.items()]
         rows = skills(generator, commands, options.chunks, options.rollouts, options.seed)
-        tell("skills", rows, skills_table)
-        tell("sequences", sequence_jerks(generator, commands, seed=options.seed), sequences_table)
+        show("skills", rows, skills_table)
+        show("sequences", sequence_jerks(generator, commands, seed=options.seed), sequences_table)
         first = first_steps(generator, commands, seed=options.seed)
-        tell("first steps", first, first_steps_table)
+        show("first steps", first, first_steps_table)
         if options.save:
             digests = {one.skill: file_digest(one.adapter) for one in commands}
             report = NaturalnessReport(generator.digest, str(generator.solver), digests, tuple(rows), first)
@@ -122,17 +117,17 @@ def main(
         if (walks := walker(commands)) is not None:
             made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
             real = real_gaits(load_pack(options.clips) if options.clips else [], walks.skill)
-            tell("gaits", (real, made), lambda gaits: gait_table(*gaits))
-            tell("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
+            show("gaits", (real, made), lambda gaits: gait_table(*gaits))
+            show("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
         peak = real_peak(options.chunks, commands)
-        tell("transitions", transitions(generator, commands, peak, options.bodies, options.seed), transitions_table)
-        tell("life", life(generator, commands, options.calls, seed=options.seed), life_line)
+        show("transitions", transitions(generator, commands, peak, options.bodies, options.seed), transitions_table)
+        show("life", life(generator, commands, options.calls, seed=options.seed), life_line)
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    tell("solver", f"{generator.solver}; base {generator.digest}", str)
+    show("solver", f"{generator.solver}; base {generator.digest}", str)
     if options.json:
-        print(as_json(tell.found))
+        print(as_json(show.found))
     return 0
 
 
@@ -140,13 +135,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw naturalness", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
     parser.add_argument("--chunks", type=Path, nargs="*", default=[], help="folders of chunks to compare with")
+    parser.add_argument("--clips", type=Path, help="folder with clips.csv, for the gait of real walks")
     parser.add_argument(
-        "--clips", type=Path, help="folder with clips.csv, whose straight walks the gait is compared with"
+        "--save", type=Path, metavar="FILE", help="write skills and first steps as JSON, for `humanclaw cards`"
     )
-    parser.add_argument("--save", type=Path, metavar="FILE", help="write rows and first steps as JSON, for the cards")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--bodies", type=int, default=20, help="for each pair of skills")
-    parser.add_argument("--calls", type=int, default=120, help="of a long life")
+    parser.add_argument("--bodies", type=int, default=20, help="bodies per pair of skills (default: 20)")
+    parser.add_argument("--calls", type=int, default=120, help="calls of the long life (default: 120)")
     return parser
 
 

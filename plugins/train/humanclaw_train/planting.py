@@ -1,4 +1,4 @@
-"""PLANTING_DOC"""
+"""Planting feet: captured feet are levelled and held still where they stand, and the legs follow. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from humanclaw.pose import FPS, Array, matrix_from_vector, vector_from_matrix
 from humanclaw_train.posing import LEG, STRAIGHT, Pose, reach_ankle, swing
 
 _CONTACT_SPEED: Final = 0.25
-"""A toe base slower than this stands, metres a second; measured: standing feet move at 0.06, swinging ones above 1."""
+"""A toe base slower than this stands, m/s. Measured: standing feet move at 0.06 m/s, swinging feet above 1 m/s."""
 _LEVEL_TILT: Final = 0.35
-"""A standing foot tilted less than this is flat on the floor, radians; a lifted heel tilts more."""
+"""A standing foot tilted less than this is flat on the floor, radians. A lifted heel tilts it more."""
 _FLAT_RANGE: Final = 0.07
-"""Standing toes that differ in height by less than this stand on one floor, metres; a stair is at least 0.1."""
+"""Standing toes that differ in height by less than this stand on one floor, metres. A stair is at least 0.1 m."""
 _LIFTED: Final = 0.05
-"""A toe this far above a known floor is in the air however slowly it moves, metres."""
+"""A toe this far above a known floor is in the air even if it moves slowly, metres."""
 _FADE: Final = 6
-"""Frames in which a levelled foot returns to its captured tilt."""
+"""Frames within which a levelled foot returns to its captured tilt."""
 _UP: Final = np.array([0.0, 1.0, 0.0])
 _UNDERSIDE: Final = (("ankle", (0.0, -SOLE, -0.06)), ("foot", (0.0, -TOE_SOLE, 0.0)), ("foot", (0.0, -TOE_SOLE, 0.09)))
 
@@ -36,7 +36,7 @@ def plant(pose: Pose) -> Pose:
     for side in SIDES:
         pose = _levelled(pose, side, floor)
     shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in SIDES}
-    # What both feet agree on is the root's error, not the legs'.
+    # An error that both feet share is the root's.
     common = float(np.median(np.concatenate([shift[:, 1] for shift in shifts.values()])))
     ankles = {side: pose.at(f"{side}_ankle") + shift for side, shift in shifts.items()}
     root = pose.root + [0.0, common, 0.0]
@@ -48,7 +48,7 @@ def plant(pose: Pose) -> Pose:
 
 
 def _calibrated(pose: Pose, side: str) -> Pose:
-    """Make the sole level in the clip's flattest stances: sources disagree on how far above the toe an ankle lies."""
+    """Make the sole level in the clip's flattest stances, because sources differ in the height of ankle over toe."""
     frames = np.flatnonzero(_bearing(pose, side, None))
     if not len(frames):
         return pose
@@ -56,14 +56,13 @@ def _calibrated(pose: Pose, side: str) -> Pose:
     flattest = frames[rise <= np.percentile(rise, 10) + 0.015]
     for joint in (f"{side}_ankle", f"{side}_foot"):
         turn = pose.world[:, JOINT_INDEX[joint]]
-        up = np.median(turn[flattest, 1, :], axis=0)  # the vertical, in the foot's frame
+        up = np.median(turn[flattest, 1, :], axis=0)  # The vertical in the foot's frame.
         pose = pose.turned(joint, turn @ swing(_UP, up))
     return pose
 
 
 def _levelled(pose: Pose, side: str, floor: float | None) -> Pose:
-    """Lay each flat stance exactly level, and toes whenever they bear; outside the stances the correction fades
-    away."""
+    """Lay the foot exactly level in flat stances, and the toes whenever they bear. The correction fades elsewhere."""
     bears = _bearing(pose, side, floor)
     flat = bears & _slow(pose, f"{side}_ankle")
     for joint, stands, most in ((f"{side}_ankle", flat, _LEVEL_TILT), (f"{side}_foot", bears, 1.0)):
@@ -75,8 +74,10 @@ def _levelled(pose: Pose, side: str, floor: float | None) -> Pose:
 
 
 def _one_floor(pose: Pose) -> float | None:
-    """Height of the floor if the feet stand on one for nine tenths of the time that they stand, else None (stairs,
-    blocks)."""
+    """Return the height of the floor, or None if the feet stand on several levels (stairs, blocks).
+
+    Nine tenths of the standing frames must agree.
+    """
     toes = [pose.at(f"{side}_foot")[_bearing(pose, side, None), 1] - TOE_SOLE for side in SIDES]
     heights = np.concatenate(toes)
     if not len(heights) or np.subtract(*np.percentile(heights, [95, 5])) > _FLAT_RANGE:
@@ -85,8 +86,10 @@ def _one_floor(pose: Pose) -> float | None:
 
 
 def _hold(pose: Pose, side: str, runs: list[slice], floor: float | None) -> Array:
-    """(T, 3) displacement that keeps the ball of the foot still in every stance, and no sole below the lower
-    neighbouring one."""
+    """Return the displacement (T, 3) that holds the ball of the foot still in every stance.
+
+    It also keeps soles from sinking below the lower one of two neighbouring stances.
+    """
     toe = pose.at(f"{side}_foot")
     target = toe.copy()
     for run in runs:
@@ -100,7 +103,7 @@ def _hold(pose: Pose, side: str, runs: list[slice], floor: float | None) -> Arra
 
 
 def _ground(runs: list[slice], heights: Array) -> Array:
-    """(T,) height that a foot must not pass: its stance's, and between two stances the lower one's."""
+    """Return the lowest height allowed to a foot (T,): its stance's, and between two stances the lower one's."""
     ground = np.empty(len(heights))
     ground[: runs[0].start] = heights[runs[0].start]
     for run, following in zip(runs, [*runs[1:], None], strict=True):
@@ -111,8 +114,7 @@ def _ground(runs: list[slice], heights: Array) -> Array:
 
 
 def _steady(points: Array, window: int = 2 * FPS) -> Array:
-    """Return the mean of a short stance; the moving average of a long one, so that slow drift of the capture does not
-    tear."""
+    """Return the mean of a short stance, or the moving average of a long one, whose capture may drift slowly."""
     if len(points) <= window:
         return np.broadcast_to(points.mean(axis=0), points.shape)
     padded = np.pad(points, ((window // 2, window - window // 2 - 1), (0, 0)), mode="edge")
@@ -121,7 +123,7 @@ def _steady(points: Array, window: int = 2 * FPS) -> Array:
 
 
 def _overreach(pose: Pose, ankles: Mapping[str, Array]) -> Array:
-    """(T,) how far the pelvis must sink for both legs to reach their ankles, metres, without jerks."""
+    """Return how far the pelvis must sink for both legs to reach their ankles (T,), metres, smoothed over time."""
     sink = np.zeros(len(pose.root))
     for side, ankle in ankles.items():
         reach = pose.at(f"{side}_hip") - ankle
@@ -134,7 +136,7 @@ def _overreach(pose: Pose, ankles: Mapping[str, Array]) -> Array:
 
 # -- when feet stand ---------------------------------------------------------------------------------------------------
 def _bearing(pose: Pose, side: str, floor: float | None) -> NDArray[np.bool_]:
-    """(T,) when a foot bears: its ball stands still and, where the floor is known, is not held in the air."""
+    """Return when a foot bears (T,): its ball stands still and, where the floor is known, is close to it."""
     toe = f"{side}_foot"
     slow = _slow(pose, toe)
     if floor is not None:
@@ -143,7 +145,7 @@ def _bearing(pose: Pose, side: str, floor: float | None) -> NDArray[np.bool_]:
 
 
 def _slow(pose: Pose, joint: str) -> NDArray[np.bool_]:
-    """(T,) when a joint of the foot stands still, short flickers bridged."""
+    """Return when a joint of the foot stands still (T,), with short gaps filled."""
     points = pose.at(joint)
     if len(points) < 3:
         return np.zeros(len(points), bool)
@@ -151,7 +153,7 @@ def _slow(pose: Pose, joint: str) -> NDArray[np.bool_]:
 
 
 def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: float = 0.02) -> NDArray[np.bool_]:
-    """Return the mask with gaps filled that are shorter than any step and in which the point hardly moves."""
+    """Fill gaps of the mask that are shorter than any step and in which the point hardly moves."""
     filled = mask.copy()
     for gap in _runs(~mask, least=1):
         inner = gap.start > 0 and gap.stop < len(mask) and gap.stop - gap.start < frames
@@ -161,7 +163,7 @@ def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: fl
 
 
 def _runs(mask: NDArray[np.bool_], least: int = 3) -> list[slice]:
-    """Return the stretches of at least `least` frames in which the mask holds."""
+    """Return the stretches of at least `least` frames in which the mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [slice(first, last) for first, last in edges.reshape(-1, 2) if last - first >= least]
 
@@ -174,9 +176,9 @@ def _mask(runs: list[slice], length: int) -> NDArray[np.bool_]:
 
 
 def _between(runs: list[slice], values: Array, fade: int | None = None) -> Array:
-    """(T, n) values kept inside the runs and interpolated across the gaps; zero where there is no run at all.
+    """Keep values (T, n) inside the runs and interpolate them across the gaps. All zero if there is no run.
 
-    With `fade` they die away within that many frames of a run.
+    fade: frames from a run within which the values fall to zero instead.
     """
     known = _mask(runs, len(values))
     if not known.any():

@@ -1,4 +1,4 @@
-"""The commands of this distribution. Apart from the package itself, which must import where there is no plugin host."""
+"""Hooks of this distribution. A module of its own, because the package must import without a plugin host."""
 
 from __future__ import annotations
 

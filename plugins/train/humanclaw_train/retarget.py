@@ -1,8 +1,8 @@
 """Retargeting: motion on any captured skeleton to our 24-joint body at 30 fps.
 
-Orientations are carried over relative to a reference pose that is fitted from joint positions, so that every limb keeps
-its direction and its twist; legs are then solved by two-bone inverse kinematics onto the scaled path of the source's
-ankles, and feet are levelled on the floor. Metres, Y up. Needs numpy alone.
+Orientations are transferred relative to a reference pose that is fitted to joint positions, so that every limb keeps
+its direction and its twist. Then two-bone inverse kinematics puts the legs onto the scaled path of the source's ankles,
+and feet are planted on the floor. Metres, Y up. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from humanclaw_train.planting import plant
 from humanclaw_train.posing import LEG, Pose, reach_ankle, swing, unit
 from humanclaw_train.source_motion import Rest, SourceMotion
 
-_BONES: Final = {  # the joint whose orientation turns a bone, to the joint at the bone's far end
+_BONES: Final = {  # The joint that turns a bone, to the joint at the bone's far end.
     f"{side}_{near}": f"{side}_{far}"
     for side in SIDES
     for near, far in (
@@ -38,17 +38,16 @@ _BONES: Final = {  # the joint whose orientation turns a bone, to the joint at t
 
 
 def retarget(source: SourceMotion) -> Motion:
-    """Source motion to our body at 30 fps: start over the origin, lowest stance sole at height 0, feet level where they
-    stand.
+    """Move a source motion to our body at 30 fps.
 
-    Root travel is scaled by the ratio of leg lengths. Raises MocapError for a skeleton that no naming fits.
+    The result starts over the origin, with the lowest standing sole at height 0 and level standing feet. Root travel is
+    scaled by the ratio of leg lengths. Raises MocapError for a skeleton that no naming convention fits.
     """
     return _settled(plant(_body(resample(source))).motion())
 
 
 def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
-    """Return the source at another rate: positions interpolated linearly, orientations along the chord of neighbouring
-    frames."""
+    """Resample the source: positions linearly, orientations along the chord between frames."""
     times = np.arange(0.0, (len(source) - 1) / source.fps + 1e-9, 1.0 / fps) * source.fps
     low = np.minimum(times.astype(int), len(source) - 1)
     high, part = np.minimum(low + 1, len(source) - 1), times - low
@@ -65,7 +64,7 @@ def _orthonormal(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Cast:
-    """The source's joints that play ours: index of each role, with the nearest ancestor's where it has none."""
+    """The source's joints for our roles. index: of each role, or of its nearest ancestor. exact: the roles found."""
 
     index: Mapping[str, int]
     exact: frozenset[str]
@@ -80,7 +79,7 @@ class _Cast:
         return cls(MappingProxyType(index), frozenset(naming))
 
     def bone(self, near: str, positions: Array) -> Array | None:
-        """(..., 3) the source's bone that joint `near` turns, or None."""
+        """Return the source's bone that joint `near` turns (..., 3), or None."""
         far = _BONES.get(near)
         if far is None or not {near, far} <= self.exact:
             return None
@@ -89,10 +88,10 @@ class _Cast:
 
 
 def _reference(rest: Rest, cast: _Cast) -> Array:
-    """(24, 3, 3) our world orientations in the source's reference pose.
+    """Return our world orientations in the source's reference pose (24, 3, 3).
 
-    Torso, head and collars stand upright and face where the hips face. Down a limb each joint begins as its parent and
-    swings by the least angle that lays its bone along the source's, which leaves the twist alone.
+    Torso, head and collars stand upright and face where the hips face. Down a limb each joint starts as its parent and
+    turns by the smallest angle that lays its bone along the source's, which leaves the twist unchanged.
     """
     left = rest.positions[cast.index["left_hip"]] - rest.positions[cast.index["right_hip"]]
     upright = yaw_matrix(float(np.arctan2(-left[2], left[0])))
@@ -108,14 +107,14 @@ def _reference(rest: Rest, cast: _Cast) -> Array:
 
 
 def _body(source: SourceMotion) -> Pose:
-    """Orientations by the reference pose, root by the scaled middle of the hips, legs onto the scaled ankles."""
+    """Pose our body: orientations by the reference pose, root between the scaled hips, legs to the scaled ankles."""
     cast = _Cast.of(source)
     reference = _reference(source.rest, cast)
     roles = [cast.index[name] for name in JOINTS]
     world = source.rotations[:, roles] @ np.swapaxes(source.rest.rotations[roles], -1, -2) @ reference
     for joint, name in enumerate(JOINTS):
         bone = cast.bone(name, source.positions)
-        if bone is not None:  # exact even where bones stretch
+        if bone is not None:  # Exact even where the source's bones stretch.
             world[:, joint] = swing(world[:, joint] @ OFFSETS[JOINT_INDEX[_BONES[name]]], bone) @ world[:, joint]
     points = source.positions * (LEG / leg_length(source))
     hips = 0.5 * (points[:, cast.index["left_hip"]] + points[:, cast.index["right_hip"]])
@@ -127,13 +126,13 @@ def _body(source: SourceMotion) -> Pose:
 
 
 def leg_length(source: SourceMotion) -> float:
-    """Median length of thigh and shin together, in the source's unit."""
+    """Return the median length of thigh plus shin, in the source's unit."""
     cast = _Cast.of(source)
     bones = [cast.bone(f"{side}_{near}", source.positions) for side in SIDES for near in ("hip", "knee")]
     return 0.5 * sum(float(np.median(np.linalg.norm(bone, axis=-1))) for bone in bones if bone is not None)
 
 
 def _settled(motion: Motion) -> Motion:
-    """Floor at 0 under the lowest sole, start over the origin."""
+    """Put the floor at 0 under the lowest sole, and the start over the origin."""
     low = float(np.percentile(support_height(motion.joints()), 5))
     return Motion(motion.root - [motion.root[0, 0], low, motion.root[0, 2]], motion.rotations)

@@ -1,4 +1,4 @@
-"""SEQ_DOC"""
+"""Sequences: root-rigid jerk of the six sequences of ten chunks that the paper names (section 5.2)."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _WALK: Final = ("hips.forward", 0.4)
 _SIDE: Final = ("hips.left", 0.2)
 _TURN: Final = ("heading.left", float(np.radians(37.5)))
 Call = tuple[str, float]
-"""A measure and how much of it, SI: asked of the skill on the level that commands it and least besides, all else being
-0."""
+"""A measure and its amount, SI. It is asked of the flat-ground skill that commands it and least besides; the other
+parameters are 0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
@@ -28,16 +28,18 @@ SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "the same ten, interleaved": ((_WALK, _SIDE) * 5, 7.4),
     "aimless": ((), 9.7),
 }
-"""Ten chunks each, and the paper's jerk (section 5.2). Aimless draws steps ahead, aside and back, and turns, at random.
-The paper gives neither parameters nor lengths; ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5
-degrees."""
+"""Ten calls each, and the paper's jerk (m/s^3). Aimless: random steps ahead, aside and back, and turns.
+
+The paper gives neither parameters nor lengths. Ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5
+degrees.
+"""
 _AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 
 
 def sequence_jerks(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = 20, seed: int = 0
 ) -> dict[str, float]:
-    """Name to the mean root-rigid jerk, m/s^3, of the sequences whose skills are all there."""
+    """Return the mean root-rigid jerk, m/s^3, of each sequence whose skills are all there."""
     known = _by_measure(commands)
     found = {}
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
@@ -48,7 +50,7 @@ def sequence_jerks(
 
 
 def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
-    """For each measure that a sequence asks for the skill that is asked, as far as there is one."""
+    """Return the skill to ask for each measure of the sequences, if there is one."""
     named = {one.skill: one for one in commands}
     found = {measure: suited((one.declaration for one in commands), measure) for measure in _AIMLESS}
     return {measure: named[one.skill] for measure, one in found.items() if one is not None}
@@ -74,7 +76,7 @@ def _sequence(
 
 
 def agreement(found: Mapping[str, float]) -> tuple[int, int]:
-    """Of all pairs of sequences, how many stand in the paper's order, and how many pairs there are."""
+    """Return how many pairs of sequences have the paper's order, and how many pairs there are."""
     names = list(found)
     pairs = [(a, b) for index, a in enumerate(names) for b in names[index + 1 :]]
     same = sum((found[a] < found[b]) == (SEQUENCES[a][1] < SEQUENCES[b][1]) for a, b in pairs)
@@ -84,4 +86,4 @@ def agreement(found: Mapping[str, float]) -> tuple[int, int]:
 def sequences_table(found: Mapping[str, float]) -> str:
     rows = [(name, cell(value), cell(SEQUENCES[name][1])) for name, value in found.items()]
     same, pairs = agreement(found)
-    return f"{table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs stand in the paper's order."
+    return f"{table(('sequence', 'jerk m/s3', 'paper'), rows)}\n\n{same} of {pairs} pairs are in the paper's order."

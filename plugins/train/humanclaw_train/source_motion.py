@@ -1,4 +1,4 @@
-"""SOURCE_DOC"""
+"""Captured motion on its own skeleton, as every reader of motion capture returns it. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ AXES: Final = {axis: np.eye(3)["xyz".index(axis)] for axis in "xyz"}
 
 
 class MocapError(HumanclawError):
-    """A mocap file that is missing, broken or of a kind that no reader knows."""
+    """A motion capture file is missing, broken or of an unknown format."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """The reference pose that orientations are measured from: positions (J, 3), rotations (J, 3, 3), world frame."""
+    """Reference pose that orientations are measured from: positions (J, 3), rotations (J, 3, 3), world frame."""
 
     positions: Array
     rotations: Array
@@ -29,11 +29,10 @@ class Rest:
 
 @dataclass(frozen=True)
 class SourceMotion:
-    """Captured motion on the source's own skeleton, Y up, in the file's units times the reader's `unit` (metres if that
-    is right).
+    """Captured motion on the source's own skeleton, Y up, in metres if the reader was given the right `unit`.
 
     positions: (T, J, 3) world; rotations: (T, J, 3, 3) world; parents: (J,), -1 at the root, always before their
-    children.
+    children. Raises MocapError for wrong shapes, no frames, or numbers that are not finite.
     """
 
     fps: float
@@ -49,7 +48,9 @@ class SourceMotion:
         frames, count = len(self.positions), len(self.joints)
         if frames == 0 or not self.fps > 0:
             raise MocapError(
-                f"{self.source or 'this motion'} holds {frames} frames at {self.fps} fps.", "Is it complete?"
+                f"Expected frames and a positive rate; {self.source or 'this motion'} has {frames} frames at "
+                f"{self.fps} fps.",
+                "Check that the file is complete.",
             )
         if self.positions.shape != (frames, count, 3) or self.rotations.shape != (frames, count, 3, 3):
             raise MocapError(
@@ -58,7 +59,7 @@ class SourceMotion:
             )
         if not (np.isfinite(self.positions).all() and np.isfinite(self.rotations).all()):
             raise MocapError(
-                f"{self.source or 'this motion'} holds numbers that are not finite.", "Cut those frames out."
+                f"{self.source or 'this motion'} contains numbers that are not finite.", "Cut those frames out."
             )
 
     def __len__(self) -> int:
@@ -68,8 +69,7 @@ class SourceMotion:
         return replace(self, positions=self.positions[frames], rotations=self.rotations[frames])
 
     def with_reference_frame(self, frame: int) -> SourceMotion:
-        """Return the same motion, measured from the pose of one of its frames: for files whose zero angles are no
-        natural pose."""
+        """Return the same motion with one of its frames as reference pose, for files whose zero pose is unnatural."""
         return replace(self, rest=Rest(self.positions[frame], self.rotations[frame]))
 
 
@@ -82,7 +82,10 @@ class Tree:
     offsets: Array
 
     def motion(self, root: Array, local: Array, offsets: Array | None = None) -> tuple[Array, Array]:
-        """Root positions (T, 3) and local rotations (T, J, 3, 3) to world positions and rotations."""
+        """Turn root positions (T, 3) and local rotations (T, J, 3, 3) into world positions and rotations.
+
+        offsets: (T, J, 3) in place of the skeleton's own.
+        """
         shifts = np.broadcast_to(self.offsets, (*root.shape[:1], *self.offsets.shape)) if offsets is None else offsets
         positions, rotations = np.empty((*local.shape[:2], 3)), np.empty(local.shape)
         for joint, parent in enumerate(self.parents):
@@ -94,12 +97,14 @@ class Tree:
         return positions, rotations
 
     def rest(self) -> Rest:
+        """Return the pose at zero angles."""
         identity = np.tile(np.eye(3), (1, len(self.joints), 1, 1))
         positions, rotations = self.motion(np.zeros((1, 3)), identity)
         return Rest(positions[0], rotations[0])
 
 
 def read_text(path: Path) -> str:
+    """Read a text file. Raises MocapError if that fails."""
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
@@ -107,7 +112,7 @@ def read_text(path: Path) -> str:
 
 
 def euler(order: Sequence[str], degrees: Array) -> Array:
-    """Angles (..., n) about the named axes, multiplied from left to right, to (..., 3, 3)."""
+    """Turn angles (..., n) about the named axes, multiplied from left to right, into (..., 3, 3) matrices."""
     matrix = np.broadcast_to(np.eye(3), (*degrees.shape[:-1], 3, 3))
     for index, axis in enumerate(order):
         matrix = matrix @ matrix_from_vector(np.radians(degrees[..., index, None]) * AXES[axis])

@@ -1,4 +1,4 @@
-"""STAIRS_DOC"""
+"""Stairs under synthetic feet: the ground line of a swing, and clearance over the edge of a tread. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from humanclaw_train.state import State, Style
 from humanclaw_train.step_plan import StepPlan
 
 NOSE: Final = 0.025
-"""By how much every point of a swinging foot clears the edge of a tread, metres."""
+"""Clearance of every point of a swinging foot over the edge of a tread, metres."""
 
 
 def ground_line(u: Array, level0: Array, level1: Array) -> Array:
-    """(N, 16) the ground line under a swing: it rises early and falls late, because that is where the tread's nose
-    is."""
+    """Return the ground line under a swing (N, 16). It rises early and falls late, as the edge of the tread demands.
+
+    u: (N, 16) progress of the swing. level0, level1: (N,) floor before and after, metres.
+    """
     u = np.clip(u, 0, 1)
     ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
     return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
 
 
 def nosing(p: StepPlan, c: Commands, style: Style) -> Array:
-    """(N,) where the edge between the two treads of this chunk lies, metres along the facing from the base of the feet.
+    """Return where the edge between this chunk's two treads is (N,), metres along the facing from the plan's base.
 
-    Upstairs the toes of who stands keep 5 to 15 cm from the next riser; on shallow treads the heels hang over the edge.
-    Downstairs the heel of who lands keeps 4 cm and more from the riser behind it.
+    Upstairs, standing toes keep 5 to 15 cm from the next riser; on shallow treads the heels reach over the edge.
+    Downstairs, a landing heel keeps 4 cm or more from the riser behind it.
     """
     ankle = -0.02 - 0.1 * np.abs(p.ahead) * p.flow
     up = np.maximum(p.ahead - 0.25 - 0.1 * style.riser, -0.06)
@@ -40,7 +42,7 @@ def nosing(p: StepPlan, c: Commands, style: Style) -> Array:
 
 
 def before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> StepPlan:
-    """Return the plan with the feet going further where one of them is past the riser that the step would have."""
+    """Return the plan with a base further ahead where a foot already stands past the riser that the step implies."""
     toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
     past = toes - (np.sum(p.base * p.facing, -1) + nosing(p, c, style))
     further = np.where((c.rise > 0) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
@@ -48,7 +50,7 @@ def before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> St
 
 
 def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -> Track:
-    """Return the track of a foot, lifted where it would cut the edge of a tread."""
+    """Lift the track of a foot where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
     lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
@@ -64,14 +66,14 @@ def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -
 
 
 def clearance_lack(state: State, p: StepPlan, edge: Array, track: Track, margin: float) -> Array:
-    """(N, 16) metres by which heel or toes are lower than `margin` above the upper tread where they are over it."""
+    """Return by how many metres heel or toes fall short of `margin` above the upper tread while over it (N, 16)."""
     sole, yaw, pitch, _ = track
     ankle = ik.ankle_over(sole, yaw, pitch)
     orientation = ik.foot_orientation(yaw, pitch)
     up = (p.level > state.level)[:, None]
     top = np.maximum(p.level, state.level)[:, None]
     nose = (np.sum(p.base * p.facing, -1) + edge)[:, None]
-    # Next to where it stands before or after, a foot is on its way to or from the tread itself.
+    # Close to where it stands before or after, a foot comes from or goes to the tread: no margin there.
     away = np.minimum(*(np.linalg.norm(floor(sole - sole[:, at, None]), axis=-1) for at in (0, -1)))
     tread = top + margin * np.clip(away / 0.08, 0.0, 1.0)
     lacks = []

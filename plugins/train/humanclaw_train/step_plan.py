@@ -1,4 +1,4 @@
-"""PLAN_DOC"""
+"""Plans of chunks: where a command takes hips and feet, given the state that the chunk begins in. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ from humanclaw_train.curves import GRID, floor, quintic, raised, turned
 from humanclaw_train.state import SEATED, SECONDS, STAND, State
 
 COAST: Final = 0.2
-"""Share of a chunk at their speed by which the hips go on where no travel is commanded: nobody stops dead."""
+"""How far the hips go on where no travel is commanded, as a share of one chunk at the current speed."""
 LEVEL_FEET: Final = 0.005
-"""Feet that stand this close to level, metres along the facing, may both go first."""
+"""Distance along the facing, metres, within which standing feet count as level, so that either may go first."""
 
 
 @dataclass(frozen=True)
 class StepPlan:
-    """Where a chunk ends, all (N,) unless said otherwise.
+    """Where a chunk ends. All (N,) unless said otherwise.
 
-    end, velocity (N, 2): hips over the floor; yaw, yaw_rate; level: of the floor; height: of the pelvis above it; rise:
-    velocity of that; seat: as in State; ahead: displacement along the facing; flow: 0 to 1, how much the second foot
-    still hangs; base (N, 2): the point about which the feet come to stand; first: the foot that lands first; wrong: the
-    other foot hangs, and must come down before the first one may leave. speed: over the floor, m/s. stride: goes on
-    walking, in steps of its own time.
+    * end, velocity (N, 2): of the hips over the floor, at the end. yaw, yaw_rate.
+    * level: height of the floor. height: of the pelvis above it. rise: vertical velocity of the pelvis.
+    * seat: as in State. ahead: displacement along the facing. speed: over the floor, m/s.
+    * flow: 0 to 1, how far the second foot is still in the air at the end.
+    * base (N, 2): the point between the feet when they stand.
+    * first: the foot that lands first. wrong: the other foot is in the air and must come down before.
+    * stride: whether the body goes on walking, in steps that do not wait for chunks.
     """
 
     end: Array
@@ -52,7 +54,7 @@ class StepPlan:
 
     @property
     def root(self) -> Array:
-        """(N, 3) pelvis at the end."""
+        """(N, 3) Position of the pelvis at the end."""
         return raised(self.end, self.level + self.height)
 
     @property
@@ -61,17 +63,17 @@ class StepPlan:
 
 
 def seat_depth(height: Array) -> Array:
-    """How far behind the feet a pelvis of this height sits (N,), metres: shins about upright, less for a high perch."""
+    """Return how far behind the feet a seated pelvis of this height is (N,), metres: the shins are about upright."""
     heights = [0.2, 0.35, 0.5, 0.6, 0.7, 0.8, STAND]
     return np.asarray(np.interp(height, heights, [0.42, 0.43, 0.41, 0.36, 0.29, 0.2, 0.0]))
 
 
 def plan(state: State, c: Commands) -> StepPlan:
-    """Return what the commands ask of the bodies in this state."""
+    """Turn commands into plans for bodies in this state."""
     step, seat, height = _displacement(state, c)
     x, z = step.T
     yaw, stair = np.nan_to_num(c.yaw), c.rise
-    # Steps that lead sideways or round on the spot open and close the feet; crossing them would tie the legs in a knot.
+    # Steps to the side and turns on the spot open and close the feet: if feet crossed, the legs would collide.
     tight = c.does("stride") & (np.abs(x) / 0.15 + np.abs(yaw) / 0.4 > 0.6 + np.abs(z) / 0.18)
     shuffle = tight | c.does("shuffle")
     strides = c.does("stride") & ~shuffle
@@ -101,7 +103,8 @@ def plan(state: State, c: Commands) -> StepPlan:
 
 
 def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) -> Mask:
-    """(N,) who walks and is to walk on at about that speed; starting, and all other skills, take two swings a chunk."""
+    """(N,) Whether a walking body walks on at about its speed. All others, those that start to walk too, take two
+    swings a chunk."""
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
     level = c.does("stride") & ~c.stairs & (step[:, 1] > 0)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
@@ -109,16 +112,16 @@ def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) ->
 
 
 def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
-    """Hips' displacement (N, 2) in the body's frame, seat and pelvis height (N,).
+    """Return the hips' displacement (N, 2) in the body's frame, the seat (N,) and the pelvis height (N,).
 
-    What a command leaves open goes to running out a walk or to standing up from a seat.
+    Travel that a command leaves open is used to slow down from a walk or to stand up from a seat.
     """
     stays = c.stays_seated & state.seated & ~c.sits
     seat = np.select([c.sits, stays], [seat_depth(np.nan_to_num(c.height, nan=STAND)), state.seat], 0.0)
     run_out = np.where(state.seated[:, None], 0.0, COAST * turned(floor(state.velocity), -state.yaw))
     x = np.where(np.isnan(c.x), run_out[:, 0], c.x)
     z = np.where(np.isnan(c.z), run_out[:, 1] + state.seat - seat, c.z)
-    # On stairs a walker's pelvis stays as low as it is, so that it rises by the height of the step.
+    # On stairs the pelvis keeps its height above the tread, so that it rises by exactly the height of the step.
     low = np.where(state.seated, STAND, np.clip(state.height, 0.8, STAND))
     held = state.root[:, 1] - state.level
     height = np.select([c.sits, stays, c.stairs], [c.height, held, low], STAND)
@@ -126,9 +129,10 @@ def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
 
 
 def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: Mask, tight: Mask) -> Array:
-    """(N, 2) in the frame of the start.
+    """Return the velocity of the hips at the end (N, 2), in the frame of the start.
 
-    A steady arc is tangent half a turn away from its chord. Who speeds up ends above the mean velocity.
+    The tangent of a steady arc differs from its chord by half the turn. A body that speeds up ends above its mean
+    velocity.
     """
     chord = turned(step, yaw / 2)
     gain = 0.25 * (chord - turned(turned(floor(state.velocity), -state.yaw), yaw))
@@ -138,11 +142,11 @@ def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: 
 
 
 def _first_foot(state: State, c: Commands, step: Array, yaw: Array, shuffle: Mask) -> Ints:
-    """Return the foot that hangs, or the one of two standing ones that has further to go; but sideways and round the
-    one on that side.
+    """Return the foot that moves first (N,).
 
-    A history tells of no more than where the feet are. Were it chance which of them goes first, a model of few steps
-    would set out with the average of the two, and both would slide.
+    That is the foot in the air, or of two standing feet the one with further to go. To the side and in turns it is
+    the foot on that side. A history shows only where the feet are. If chance chose the foot, a model with few solver
+    steps would learn the average of both, and both feet would slide.
     """
     push = np.where(c.does("settle"), 0.0, step[:, 0] / 0.1 + yaw / 0.4)
     sided = (shuffle & (np.abs(push) > 0.3)) | (~state.hanging & (np.abs(push) > 0.8))
@@ -153,8 +157,7 @@ def _first_foot(state: State, c: Commands, step: Array, yaw: Array, shuffle: Mas
 
 
 def hip_path(state: State, p: StepPlan) -> tuple[Array, Array]:
-    """(N, 16, 3) pelvis and (N, 16) yaw on the way to the plan's end, before the legs have had their say about the
-    height."""
+    """Return the path of the pelvis (N, 16, 3) and its yaw (N, 16), before the legs limit the height."""
     end_velocity = raised(p.velocity, p.rise)
     at = [value[:, None] for value in (state.root, state.velocity, np.zeros_like(state.root), p.root, end_velocity)]
     turn = [value[:, None] for value in (state.yaw, state.yaw_rate, np.zeros_like(state.yaw), p.yaw, p.yaw_rate)]

@@ -1,4 +1,4 @@
-"""STRIDING_DOC"""
+"""Striding: feet and pelvis of a body whose steps do not wait for chunks, from `gait`. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from humanclaw_train.step_plan import StepPlan
 
 
 def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
-    """Return the step cycle of who strides; of everybody else what is left of it fades at its own rate."""
+    """Return the step cycle. In bodies that do not stride, what remains of it goes on at its own rate."""
     end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
     rate = np.maximum(state.cadence, 0.5)
     return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
 
 
 def striding_feet(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
-    """Both feet of who strides: each swings in its own time to where the hips will be when the other one passes it."""
+    """Return both feet of striding bodies. Each swings to where the hips will be when the other foot passes it."""
     whose = np.stack([gait.foot_of(steps.first), gait.foot_of(steps.first + 1)], 1)
     feet = [_striding_foot(foot, state, p, style, steps, root, yaw, whose) for foot in (0, 1)]
     return Feet(*(np.stack(pair, 1) for pair in zip(*feet, strict=True)))
@@ -50,10 +50,9 @@ def _striding_foot(
 
 
 def swaying(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
-    """Return the path (N, 16, 3) with the pelvis swinging about it, and the amplitudes (N, 3) at the end.
+    """Return the path of the pelvis with its sway (N, 16, 3), and the amplitudes at the end (N, 3).
 
-    Where a chunk begins and ends the pelvis is where its command has it; between the two it goes over the standing
-    foot.
+    At the ends of a chunk the pelvis is exactly where its command puts it; in between it moves over the standing foot.
     """
     last = np.where(p.stride[:, None], gait.amplitudes(p.speed) * style.swings, 0.0)
     size = state.sway[:, None] + (last - state.sway)[:, None] * smoother(GRID)[:, None]

@@ -1,4 +1,4 @@
-"""SWINGS_DOC"""
+"""The two swings of a chunk: one foot lands, then the other leaves. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from humanclaw_train.step_plan import StepPlan
 
 
 class Steps(NamedTuple):
-    """Of `GaitParameters` those of the feet (N,), adapted to the state that a chunk begins in."""
+    """The parameters of feet in `GaitParameters` (N,), adapted to the state that a chunk begins in."""
 
     width: Array
     clearance: Array
@@ -29,10 +29,10 @@ class Steps(NamedTuple):
 
 @dataclass(frozen=True)
 class Swing:
-    """One foot of each body on its way to a new place, all (N, ...).
+    """One foot of each body on its way to a new place. All (N, ...).
 
-    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: as the chunk before left it. target,
-    yaw1: where it will stand.
+    foot: left 0, right 1. start, velocity, yaw0, yaw_rate, pitch0, pitch_rate: at the end of the previous chunk.
+    target, yaw1: where the foot will stand.
     """
 
     foot: Ints
@@ -47,7 +47,7 @@ class Swing:
 
     @classmethod
     def of(cls, state: State, p: StepPlan, m: Steps, foot: Ints, lag: Array | float) -> Swing:
-        """Towards the hips' end, a little behind it the faster they go, and `lag` metres."""
+        """Aim below the end of the hips, further behind the faster they go, and `lag` metres more."""
         left = np.where(foot == 0, 1.0, -1.0)
         behind = -0.02 - 0.1 * np.abs(p.ahead) * p.flow - lag
         target = raised(p.base + turned(np.stack([left * m.width, behind], -1), p.yaw), p.level)
@@ -73,12 +73,12 @@ class Swing:
 
     @property
     def effort(self) -> Array:
-        """(N,) 0 to 1: how high this swing is worth lifting."""
+        """(N,) 0 to 1: height of the lift, which grows with distance and turn."""
         turn = np.clip(np.abs(self.yaw1 - self.yaw0) / 0.5, 0, 0.6)
         return np.clip(np.clip(self.distance / 0.15, 0, 1) + turn, 0, 1)
 
     def settled(self, tolerance: Array, free: Mask | bool = True) -> Swing:
-        """Return a foot that stands where it should, give or take, stays."""
+        """Return the swing without movement where the foot already stands within `tolerance` metres of its target."""
         near = (self.distance < tolerance) & (np.abs(self.yaw1 - self.yaw0) < 0.15)
         stay = near & (np.abs(self.target - self.start)[:, 1] < AIRBORNE) & free
         return replace(
@@ -87,10 +87,9 @@ class Swing:
 
 
 def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> tuple[Feet, Array]:
-    """Both feet over a chunk: the first one lands, then the second one leaves and hangs beside it at the end, or
-    stands.
+    """Return both feet over a chunk, and by how many metres their clearance over a stair falls short of 2 cm (N,).
 
-    The second value, (N,), is by how much they clear the edge of a stair by less than 2 cm, metres.
+    The first foot lands, then the second leaves. At the end the second hangs beside the first, or stands.
     """
     p = before_the_riser(state, p, c, style)
     m = _timed(c, p, in_stance=~state.hanging | p.wrong)
@@ -108,8 +107,10 @@ def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> t
 
 
 def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
-    """Time the steps: a first foot that stands has half a swing more to do; striding feet pass closer than standing
-    ones are apart."""
+    """Set the times of landing and leaving, and the distance between the feet.
+
+    A first foot that still stands has half a swing more to do. Striding feet pass closer together than feet stand.
+    """
     m = Steps(*(c.gait[name] for name in Steps._fields))
     land = np.select([c.stairs & in_stance, p.wrong, in_stance], [0.5, 0.54, 0.52], m.land)
     lift = np.where(in_stance, np.where(c.rise > 0, 0.55, 0.61), m.lift)
@@ -132,11 +133,11 @@ def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, 
     sole = cubic(
         u[..., None], swing.start[:, None], (swing.velocity * span[:, None])[:, None], swing.target[:, None], 0.0
     )
-    # What is left of the hanging foot's height goes last: it still has ground to cover.
+    # A foot in the air loses its remaining height last, because it still has ground to cover.
     held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
     arc = m.clearance * np.where(in_stance, swing.effort, 0.3 * c.stairs)
     line = ground_line(u, state.level, p.level) + held
-    # Whoever hangs above the next tread already only sinks.
+    # A foot that is already above the next tread only sinks.
     above = np.maximum(swing.start[:, 1] - p.level, 0.0)[:, None] * (1 - smoother(u) ** 2)
     sinks = (c.rise > 0) & (swing.start[:, 1] > p.level)
     line = np.where(sinks[:, None], p.level[:, None] + above, line)
@@ -146,17 +147,19 @@ def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, 
 
 
 def _within_reach(target: Array, root: Array, land: Array | float, p: StepPlan) -> Array:
-    """While the hips speed up they lag behind a steady stride's: the foot lands as far ahead as a leg goes."""
+    """Limit the target to a leg's reach at the landing: while the hips speed up, they lag behind a steady stride."""
     frame = np.clip(np.round(np.asarray(land) * FUTURE).astype(int), 0, FUTURE)
     hips = floor(root[np.arange(len(frame)), frame])
     gap = turned(floor(target) - hips, -p.yaw)
     gap[:, 0] = np.clip(gap[:, 0], -0.42, 0.42)
-    gap[:, 1] = np.clip(gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4))  # a sitter's feet are far ahead of the hips
+    gap[:, 1] = np.clip(
+        gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4)
+    )  # Feet of a seated body are far ahead of the hips.
     return raised(hips + turned(gap, p.yaw), target[:, 1])
 
 
 def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mask, moving: Mask) -> Array:
-    """(N, 16) heel pitch: to what it is at the landing, then flat."""
+    """Return the heel pitch of the first foot (N, 16): up to its value at the landing, then flat."""
     along = np.where(in_stance, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
     land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
     touch = np.asarray(m.land - 0.05)[:, None]
@@ -173,7 +176,7 @@ def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: A
     touch = raised(floor(swing.start + 0.06 * swing.velocity), state.level)
     hangs = swing.start[:, 1] - state.level > AIRBORNE
     swing = replace(swing, start=np.where(hangs[:, None], touch, swing.start)).settled(tolerance)
-    down = 0.2  # of the chunk, in which a hanging foot that is not to go first comes down
+    down = 0.2  # Share of the chunk in which a foot in the air that does not go first comes down.
     landing = cubic(GRID[:, None] / down, came.start[:, None], came.velocity[:, None] * down, swing.start[:, None], 0.0)
     u = (GRID - np.asarray(m.lift)[:, None]) / (1 - np.asarray(m.lift))[:, None]
     leave = raised(
@@ -188,8 +191,8 @@ def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: A
 
 
 def _lift(state: State, p: StepPlan, c: Commands, m: Steps, swing: Swing, u: Array) -> Array:
-    """(N, 16) height above the ground line: what hangs at the end, and an arc on the way there."""
-    # On stairs the foot that passes is on its way over an edge.
+    """Return the height of the second foot above the ground line (N, 16): its height at the end, plus an arc."""
+    # On stairs the passing foot has to clear an edge.
     drop = np.where(p.level > state.level, 0.45, 0.6) * np.abs(p.level - state.level)
     arc = np.select([c.rise > 0, c.rise < 0], [np.full_like(p.flow, 0.4), np.zeros_like(p.flow)], 1 - p.flow)
     hang = (m.clearance + drop) * p.flow
@@ -197,7 +200,10 @@ def _lift(state: State, p: StepPlan, c: Commands, m: Steps, swing: Swing, u: Arr
 
 
 def _leaving_pitch(swing: Swing, p: StepPlan, m: Steps, down: float) -> tuple[Array, Array]:
-    """(N, 16) heel pitch and toe bend: the heel rises behind the hips, peaks as the toes leave, sinks in the swing."""
+    """Return heel pitch and toe bend of the second foot (N, 16).
+
+    The heel rises behind the hips, peaks as the toes leave the ground and sinks in the swing.
+    """
     backwards = np.sum(swing.travel * p.facing, -1) < -0.05
     peak = (m.lift_pitch * np.clip(swing.distance, 0, 0.7) * np.where(backwards, -0.35, 1.0))[:, None]
     rise, top = 0.28, np.asarray(m.lift + 0.08)[:, None]

@@ -1,14 +1,12 @@
-"""Motion synthesis: continuous motion for any series of commands, from the profiles of real clips (synthetic training
-data).
+"""Motion synthesis: continuous motion for any series of commands, made from profiles of real clips.
 
-Each command lasts one chunk of 15 frames. What happens in a chunk is a function of the body's state at its start and of
-its own command, never of a later one, because the motion model sees no more than that. A chunk begins and ends as the
-feet pass each other: one foot stands under the hips, the other one hangs beside it, or stands too. In the chunk's first
-part the hanging foot lands where the hips will be; in its second part the other one follows. Walking, turning, stairs,
-sitting down and stopping are the same two swings with other numbers.
+Each command lasts one chunk of 15 frames. A chunk depends only on the body's state at its start and on its own command,
+because the motion model sees no more. A chunk begins and ends as the feet pass each other: one foot stands under the
+hips; the other hangs beside it or stands too. First the hanging foot lands where the hips will be, then the other foot
+follows. Walking, turning, stairs, sitting down and stopping are the same two swings with other numbers.
 
-Shapes: N bodies move at once; a chunk has 16 instants at s = 0 ... 1, the first of which belongs to the chunk before.
-Frames as in humanclaw.pose; "floor" vectors are (x, z). Needs numpy alone.
+Shapes: N bodies move at once. A chunk has 16 instants at s = 0 ... 1; the first belongs to the previous chunk. Frames
+as in humanclaw.pose; "floor" vectors are (x, z). Needs only numpy.
 """
 
 from __future__ import annotations
@@ -33,11 +31,12 @@ from humanclaw_train.swings import feet
 from humanclaw_train.upper_body import pose_targets, seat_table, upper_body
 
 Command = tuple[Trained, Mapping[str, float]]
+"""A skill and its parameters in SI, by name."""
 
 
 # -- one chunk ---------------------------------------------------------------------------------------------------------
 def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Array]:
-    """One chunk: the state at its end, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
+    """Move the bodies by one chunk: returns the state at its end, root (N, 15, 3) and rotations (N, 15, 24, 3)."""
     p = plan(state, c)
     steps = cycle(state, p, style)
     path, yaw = hip_path(state, p)
@@ -64,7 +63,7 @@ def _feet(
 
 
 def _may_lift(p: StepPlan, steps: gait.Cycle) -> Array:
-    """(N, 2, 16) by how much a heel may rise where its leg would not reach: that of the foot that is left behind."""
+    """Return by how many radians a heel may rise if its leg would not reach (N, 2, 16): only the rear foot's."""
     second = np.arange(2) == (1 - p.first)[:, None]
     two_swings = np.where(second[..., None], bump(1.05 * GRID), 0.0)
     behind = np.stack([bump((steps.since(foot) + 0.9) / 0.7) for foot in (0, 1)], 1)
@@ -72,8 +71,10 @@ def _may_lift(p: StepPlan, steps: gait.Cycle) -> Array:
 
 
 def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
-    """yaw (...) and pitch, roll, extra yaw (..., 3) to (..., 3, 3): Ry Rz Rx, which keeps the hip line's heading
-    exact."""
+    """Combine yaw (...) with pitch, roll and extra yaw (..., 3) to (..., 3, 3) matrices.
+
+    The order Ry Rz Rx keeps the heading of the line through the hips exact.
+    """
     vector = np.zeros((*yaw.shape, 3, 3))
     vector[..., 0, 1], vector[..., 1, 2], vector[..., 2, 0] = yaw + tilt[..., 2], tilt[..., 1], tilt[..., 0]
     matrix = matrix_from_vector(vector)
@@ -81,7 +82,7 @@ def pelvis_orientation(yaw: Array, tilt: Array) -> Array:
 
 
 def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
-    """Between two passings of the feet the hips sink, as over the two legs of a pair of compasses."""
+    """Lower the hips between two passings of the feet, as the spread legs of a walker do."""
     stride = np.clip(np.abs(p.ahead) / 0.62, 0, 1.2) * (c.does("stride") & ~c.stairs & ~p.stride)
     sunk = root.copy()
     sunk[..., 1] -= (0.022 * stride**2 * p.flow)[:, None] * np.sin(np.pi * GRID) ** 2
@@ -89,8 +90,7 @@ def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
 
 
 def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
-    """Return the path kept below its ceiling: one round dip at the tightest moment, then a soft minimum for what is
-    left."""
+    """Keep the path below its ceiling: one round dip at the tightest moment, then a soft minimum for the rest."""
     height = root[..., 1]
     need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
     skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
@@ -105,10 +105,10 @@ def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
 def _ended(
     p: StepPlan, stand: Feet, values: Array, steps: gait.Cycle, sway: Array, height: Array, lacking: Array
 ) -> State:
-    """Return the state that the next chunk starts from; only a foot in the air has a velocity."""
+    """Return the state that the next chunk starts from. Only feet in the air have a velocity."""
     phase = np.where(p.stride, steps.phase[:, -1] % 2, p.first)
     progress = steps.progress(np.ceil(phase - gait.LAND).astype(int))[:, -1]
-    passing = np.ceil(phase - gait.LAND) + (progress > 0.92)  # a foot that is about to land has landed
+    passing = np.ceil(phase - gait.LAND) + (progress > 0.92)  # A foot that is about to land counts as landed.
     next_foot = np.where(p.stride, gait.foot_of(passing.astype(int)), 1 - p.first)
     hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None] | p.stride[:, None]
     cadence = np.where(p.stride, steps.end_rate, np.where(p.flow > 0.5, 1.0, 0.0))
@@ -128,7 +128,7 @@ def _ended(
 
 # -- whole motions -----------------------------------------------------------------------------------------------------
 def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
-    """Return the mean gait with a share of one walker's own, and gait parameters that differ as people do."""
+    """Draw styles: the mean gait mixed with that of one real walker, and parameters that vary as people do."""
     which = rng.integers(1, len(profiles.gait), n)
     own = rng.uniform(0.0, 0.9, n)[:, None, None]
     gaits = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
@@ -144,8 +144,7 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
 
 
 def _eyes_level(pose: Array, down: float) -> Array:
-    """Return the pose with neck and head bent so that the eyes look `down` radians below the horizon: the camera is in
-    the head."""
+    """Bend neck and head so that the eyes look `down` radians below the horizon, because the camera is in the head."""
     pose = pose.copy()
     missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
         -1
@@ -158,10 +157,9 @@ def _eyes_level(pose: Array, down: float) -> Array:
 def play(
     profiles: Profiles, series: Sequence[Commands], rng: np.random.Generator, rested: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """Root (N, 5 + 15 K, 3), rotations (N, 5 + 15 K, 24, 3) and lacking (N, K) of N bodies that carry out K commands
-    each.
+    """Let N bodies carry out K commands each: root (N, 5 + 15 K, 3), rotations (N, 5 + 15 K, 24, 3), lacking (N, K).
 
-    They begin in a quiet stance, a share `rested` of them in `rest_pose`.
+    They begin in a quiet stance; a share `rested` of them begins in `rest_pose`. lacking: see State.
     """
     n = len(series[0].yaw)
     style = _style(profiles, n, rng)
@@ -183,11 +181,11 @@ def play(
 
 
 def synthesize(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
-    """One body that stands for 5 frames and then carries out the commands, 15 frames each: 5 + 15 K frames at 30 fps.
+    """Synthesise one body that stands for 5 frames and then carries out commands of 15 frames each, at 30 fps.
 
-    clips: real clips, or the profiles measured on them. commands: (skill, parameters), the parameters in SI by their
-    names behind the contract. What a command asks for is what its measures say, but for a stair straight out of a seat,
-    where the pelvis rises by both. Raises HumanclawError for unknown parameters and skills without gait.
+    clips: real clips, or the profiles measured on them. Every command achieves exactly what its measures ask for, with
+    one exception: in a stair straight out of a seat the pelvis rises by both. Raises HumanclawError for unknown
+    parameters and for skills without gait.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))

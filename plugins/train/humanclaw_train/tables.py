@@ -20,7 +20,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def cell(value: float, digits: int = 1) -> str:
-    """Return a number, or a dash for what is not there."""
+    """Format a number; a dash for NaN."""
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
@@ -36,7 +36,7 @@ def as_json(content: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NaN: null stands for it. Six digits are plenty."""
+    """Turn values into plain JSON: null for NaN, which JSON lacks, and six digits."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, np.ndarray):
@@ -51,5 +51,5 @@ def _plain(value: Any) -> Any:
 
 
 def numbers(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Read numbers back: null is not a number."""
+    """Turn null back into NaN."""
     return {key: float("nan") if value is None else value for key, value in content.items()}

@@ -4,13 +4,13 @@
     python -m humanclaw_train.train adapter NAME --data CHUNKS --base base.safetensors --out DIR
     python -m humanclaw_train.train adapter --skill FOLDER
 
-With --skill the folder's name is the skill's, chunks are looked for where `humanclaw data chunks` puts them, and the
-finished adapter goes into the folder. Whenever the run saves its state it also tells how faithful the adapter is by
-then, for a skill whose schema.json is at hand.
+With --skill, the skill has the folder's name, its chunks come from the default folder of `humanclaw data chunks`, and
+the finished adapter is copied into the folder. If the skill's schema.json is found, every save also prints the fidelity
+of the adapter.
 
-A run saves its whole state every two minutes and, started again with the same --out, goes on from there. Every random
-number of a step depends on the seed and the step alone, so a run that was interrupted ends with the weights of one that
-was not (with --steps; with --minutes the schedule follows the clock).
+A run saves its whole state every two minutes. Started again with the same --out, it resumes from there. Every random
+number depends on the seed and the step alone, so an interrupted run ends with the same weights as an uninterrupted one
+(with --steps; with --minutes the schedule follows the clock).
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from humanclaw.motion import (
     SIZES,
     AdapterConfig,
     Card,
-    DiTGenerator,
     Encoder,
     read_header,
     shipped_base,
@@ -45,14 +44,13 @@ from humanclaw_train.chunks import CHUNKS
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
-from humanclaw_train.fidelity import live
 from humanclaw_train.flow import Loss, Weights, objective
 from humanclaw_train.rollouts import Measures, declared
 from humanclaw_train.trainer import Recipe, Trainer, run
 
 
 def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch.device, fast: bool = False) -> Path:
-    """Train the prior on `base.npz` and the skills' chunks; the path of its checkpoint, out/base.safetensors."""
+    """Train the prior on every file of chunks. Returns its checkpoint, out/base.safetensors."""
     chunks = data.load_all(folders)
     normaliser = data.normaliser(chunks).to(device)
     start = data.standing(chunks)
@@ -84,10 +82,10 @@ def train_adapter(
     init: Path | None = None,
     look: Callable[[Path], str] | None = None,
 ) -> Path:
-    """Train the adapter of one skill on the frozen base; the path of its checkpoint, out/adapter.safetensors.
+    """Train one skill's adapter on the frozen base. Returns its checkpoint, out/adapter.safetensors.
 
-    init: a checkpoint of this skill on this base to go on from, instead of a copy of the base's blocks. look: told of
-    each checkpoint, says what to print of it.
+    init: a checkpoint of this skill on this base to start from, instead of a copy of the base's blocks. look: called
+    with each checkpoint; returns a text to print.
     """
     chunks = data.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
@@ -95,7 +93,7 @@ def train_adapter(
         adapter = Adapter(base.model, adapter_config(chunks))
     else:
         adapter = load_adapter(init, base, skill).train().requires_grad_()
-        adapter.config = replace(adapter.config, measures=chunks.measures)  # Older headers do not say.
+        adapter.config = replace(adapter.config, measures=chunks.measures)  # Older headers lack them.
         recipe = replace(recipe, init=str(read_header(init)["card"]["recipe_digest"]))
     frozen, normaliser, adapter = base.model.to(device), base.normaliser.to(device), adapter.to(device)
     trainer = Trainer(adapter, chunks, recipe)
@@ -121,7 +119,7 @@ def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
     params, width = chunks.params, chunks.params.shape[1]
     # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
     encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
-    # Not the extremes: standing up from a seat into a step is in the data, and is a rise that no command asks for.
+    # Quantiles, not extremes: in a step out of a seat the pelvis rises further than any command asks for.
     low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
     scale = ((high - low) / 2).clamp(min=1e-3)
     centre = _rounded((low + high) / 2)
@@ -142,7 +140,7 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
     """Run the command line.
 
-    measures: finds what a skill's parameters may command; this module itself knows of no plugins.
+    measures: returns the known measures. The caller passes it in, because this module runs without a plugin host.
     """
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
@@ -189,21 +187,22 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
 
 
 def _named(options: argparse.Namespace) -> tuple[str, Path]:
-    """Return the skill and the folder that declares it, if there is one.
-
-    Raises HumanclawError unless one of both is given.
-    """
+    """Return the skill and the folder that declares it. Raises HumanclawError unless exactly one of both is given."""
     if (options.skill is None) == (options.folder is None):
-        raise HumanclawError("Which skill is to be trained?", "Give its name or --skill FOLDER.")
+        raise HumanclawError("Expected one skill to train.", "Give either its name or --skill FOLDER.")
     if options.folder is not None:
         return options.folder.resolve().name, options.folder
     return options.skill, declared(options.skill, Path("adapter.safetensors"))
 
 
 def _live(base: Path, folder: Path, measures: Measures) -> Callable[[Path], str] | None:
-    """None for a skill that nothing here declares, or that takes no parameters."""
+    """Return the function that measures checkpoints; None for a skill without schema.json or without parameters."""
     if not (folder / "schema.json").is_file():
         return None
+    # Not at the top: only this needs what generates motion, and training also runs where little is installed.
+    from humanclaw.motion import DiTGenerator
+    from humanclaw_train.fidelity import live
+
     declaration = Declaration.read(folder)
     generator = DiTGenerator(read_base(base), PROFILES["default"])
     return live(generator, declaration, measures=measures()) if declaration.parameters else None
@@ -215,7 +214,7 @@ def _copy(path: Path, to: Path) -> None:
 
 
 def _licence(text: str) -> str:
-    if not text.strip():  # As of a variable of the shell that is not set.
+    if not text.strip():  # For example from a shell variable that is not set.
         raise argparse.ArgumentTypeError("the licence is empty; write SOURCE: LICENCE")
     return text
 
@@ -228,38 +227,38 @@ def _parser() -> argparse.ArgumentParser:
     for name in ("base", "adapter"):
         one = what.add_parser(name)
         if name == "adapter":
-            one.add_argument("skill", nargs="?", help="its name, or --skill")
-            one.add_argument("--skill", dest="folder", type=Path, metavar="FOLDER", help="folder of its schema.json")
+            one.add_argument("skill", nargs="?", help="name of the skill, unless --skill is given")
             one.add_argument(
-                "--base", type=Path, default=shipped_base(), help="base to train against; the shipped one by default"
+                "--skill", dest="folder", type=Path, metavar="FOLDER", help="folder with the skill's schema.json"
             )
-            one.add_argument("--init", type=Path, help="adapter to go on from, instead of a copy of the base")
-        one.add_argument(
-            "--data", type=Path, action="append", help=f"folder of chunks; may be given several times ({CHUNKS})"
-        )
+            one.add_argument(
+                "--base", type=Path, default=shipped_base(), help="base to train against (default: the shipped one)"
+            )
+            one.add_argument("--init", type=Path, help="adapter to start from, instead of a copy of the base")
+        one.add_argument("--data", type=Path, action="append", help=f"folder of chunks; repeatable (default: {CHUNKS})")
         one.add_argument(
             "--out",
             type=Path,
             required=name == "base",
-            help="folder of the run; a run that is there goes on (.data/SKILL)",
+            help="folder of the run; an existing run is resumed (default for adapters: .data/SKILL)",
         )
         one.add_argument("--export", type=Path, help="copy the finished checkpoint to this file")
-        one.add_argument("--size", choices=list(SIZES), default="lite", help="shape of the base")
-        one.add_argument("--minutes", type=float, default=40.0 if name == "base" else 8.0)
-        one.add_argument("--steps", type=int, default=0, help="end after this many steps, whatever the time")
-        one.add_argument("--batch", type=int, default=64)
+        one.add_argument("--size", choices=list(SIZES), default="lite", help="size of the base")
+        one.add_argument("--minutes", type=float, default=40.0 if name == "base" else 8.0, help="training time")
+        one.add_argument("--steps", type=int, default=0, help="end after this many steps instead of --minutes")
+        one.add_argument("--batch", type=int, default=64, help="chunks per step")
         one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
-        one.add_argument("--seed", type=int, default=0)
-        one.add_argument("--history-noise", type=float, default=1.0, help="strength of the offsets on histories")
-        one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in units of their deviation")
+        one.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
+        one.add_argument("--history-noise", type=float, default=1.0, help="strength of the errors added to histories")
+        one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in standard deviations")
         one.add_argument(
             "--licence", action="append", default=[], type=_licence, metavar="SOURCE: LICENCE",
-            help="of the data; written into the checkpoint",
+            help="licence of a data source, for the checkpoint's header; repeatable",
         )  # fmt: skip
-        one.add_argument("--threads", type=int, default=1)
-        one.add_argument("--device", default="auto")
+        one.add_argument("--threads", type=int, default=1, help="CPU threads")
+        one.add_argument("--device", default="auto", help="torch device; auto takes CUDA if there is any")
         one.add_argument(
-            "--compile", action="store_true", help="compile the model first: half a minute, then a third faster"
+            "--compile", action="store_true", help="compile the model: takes half a minute, then a third faster"
         )
     return parser
 

@@ -1,4 +1,4 @@
-"""TRAINER_DOC"""
+"""A training run: its recipe, its steps, and how it saves, resumes and reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REPORT_SECONDS: Final = 15
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that decides what a run learns, its data apart. minutes or steps ends it, whichever is given."""
+    """Everything but the data that decides what a run learns. The run ends after `steps`, or if 0 after `minutes`."""
 
     size: str = "lite"
     batch: int = 64
@@ -36,21 +36,20 @@ class Recipe:
     seed: int = 0
     history_noise: float = 1.0
     jitter: float = 0.01
-    """Noise on a condition, in units of its own deviation."""
+    """Noise on a condition, in units of its standard deviation."""
     init: str = ""
-    """Recipe digest of the checkpoint that the run began from; empty when it began from nothing."""
+    """Recipe digest of the checkpoint that the run began from; empty for a run from scratch."""
     licences: tuple[str, ...] = ()
-    """Of the data, for the checkpoint's header."""
+    """Licences of the data, for the checkpoint's header."""
 
 
 Encode = Callable[[Tensor], Tensor]
-"""Condition values (B, k) to (B, 1, hidden). Left outside what is compiled, so that one compilation serves all
-skills."""
+"""Maps condition values (B, k) to (B, 1, hidden). Not compiled, so that one compilation serves all skills."""
 M = TypeVar("M", bound=nn.Module)
 
 
 class Trainer(Generic[M]):
-    """One run: the trainable module, its optimiser, its running mean, and where they have got to."""
+    """One run: the trainable module, its optimiser, its running mean and its progress."""
 
     def __init__(self, module: M, chunks: ChunkTensors, recipe: Recipe) -> None:
         self.module = module
@@ -67,13 +66,15 @@ class Trainer(Generic[M]):
 
     @property
     def progress(self) -> float:
-        """From 0 to 1."""
+        """Share of the run that is done, 0 to 1."""
         recipe = self.recipe
         return self.step / recipe.steps if recipe.steps else self.seconds / (60 * recipe.minutes)
 
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """States (B, 20, 219) in metres, condition values (B, k), noise (B, 15, 219) and tau (B,) of the current
-        step."""
+        """Draw the current step's states (B, 20, 219) in metres, conditions (B, k), noise (B, 15, 219) and tau (B,).
+
+        The draw depends on the seed and the step alone, so that a resumed run sees the same batches.
+        """
         device = self.chunks.root.device
         generator = torch.Generator(device)
         generator.manual_seed(
@@ -87,12 +88,12 @@ class Trainer(Generic[M]):
         values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
-        # Not uniform: the noisy joints of 15 frames together betray the outcome from tau 0.1 on, so what a model makes
-        # of its condition is decided close to 0.
+        # tau is denser close to 0: from tau 0.1 on, the 15 noisy frames together reveal the outcome, so a model learns
+        # to use its condition only below that.
         return states, values, noise, torch.rand(size, generator=generator, device=device) ** 2
 
     def advance(self, problem: Objective, encode: Encode) -> Tensor:
-        """One optimisation step; the loss before it."""
+        """Do one optimisation step. Returns the loss before it."""
         states, values, noise, tau = self.batch()
         value = problem(states, encode(values), noise, tau)
         self._update(value)
@@ -111,7 +112,7 @@ class Trainer(Generic[M]):
             torch._foreach_lerp_(list(self.mean.parameters()), list(self.module.parameters()), share)
 
     def save(self, path: Path) -> None:
-        """Write the whole state, all of it or nothing."""
+        """Save the whole state. An interrupted save leaves the old file in place."""
         content = {
             "module": self.module.state_dict(),
             "mean": self.mean.state_dict(),
@@ -125,7 +126,7 @@ class Trainer(Generic[M]):
         partial.replace(path)
 
     def resume(self, path: Path) -> None:
-        """Go on from a saved state, if there is one. Raises HumanclawError for that of a run with another seed."""
+        """Load a saved state, if there is one. Raises HumanclawError if its seed differs."""
         if not path.is_file():
             return
         content = torch.load(path, weights_only=True, map_location=self.chunks.root.device)
@@ -138,14 +139,14 @@ class Trainer(Generic[M]):
 
 
 def _schedule(step: int, progress: float) -> float:
-    """Linear warm-up over 200 steps, or a twentieth of a shorter run; a cosine down to a hundredth."""
+    """Return the learning rate's factor: warm-up over 200 steps or 1/20 of a run, then a cosine down to 0.01."""
     return min(1.0, max((step + 1) / 200, progress / 0.05)) * (
         0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0)))
     )
 
 
 def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
-    """Train to the end of the recipe, resuming, saving and reporting on the way."""
+    """Train to the end of the recipe; resume, save and report on the way. export: writes the checkpoint."""
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
     saved = reported = clock = time.monotonic()
@@ -154,7 +155,7 @@ def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, ex
     while trainer.progress < 1:
         total += float(trainer.advance(problem, encode))
         now = time.monotonic()
-        # The first step may compile, which is no training: the clock runs from the second.
+        # The first step may compile, so the clock starts with the second.
         trainer.seconds += now - clock if trainer.step > begun + 1 else 0.0
         clock = now
         if now - reported > _REPORT_SECONDS:

@@ -1,4 +1,4 @@
-"""TRANS_DOC"""
+"""Transitions: peak joint acceleration where one skill takes over from another, for all ordered pairs."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from humanclaw_train.tables import cell, table
 
 @dataclass(frozen=True)
 class Transitions:
-    """Peak joint accelerations (k, k) at the seam from a row's skill to a column's, m/s^2.
+    """Peak joint accelerations at the seam from a row's skill to a column's (k, k), m/s^2.
 
-    worst, median: of the bodies. real: the peak of real motion.
+    worst, median: over the bodies. real: the peak of real motion.
     """
 
     skills: tuple[str, ...]
@@ -33,7 +33,7 @@ class Transitions:
 def transitions(
     generator: DiTGenerator, commands: Sequence[Command], real: float, bodies: int = 20, seed: int = 0
 ) -> Transitions:
-    """From standing one chunk of the first skill, one of the second, with random parameters; all ordered pairs."""
+    """Measure all ordered pairs: from standing, one chunk of each skill with random parameters."""
     worst, median = (np.zeros((len(commands), len(commands))) for _ in range(2))
     for row, first in enumerate(commands):
         random = np.random.default_rng((seed, row))
@@ -52,8 +52,7 @@ def _seam_peaks(joints: Array) -> Array:
 
 
 def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
-    """99.9th percentile, over all windows of the real chunks of skills that move, of the peak that a seam is judged by,
-    m/s^2."""
+    """Return the 99.9th percentile of the same two-frame peak over real chunks of skills that move, m/s^2."""
     peaks = [
         _window_peaks(data)
         for one in commands
@@ -69,7 +68,7 @@ def _window_peaks(chunks: Chunks) -> Array:
 
 
 def transitions_table(found: Transitions) -> str:
-    """Worst of the bodies over the peak of real motion; rows are the skill before, columns the one that takes over."""
+    """Format the worst seam over the peak of real motion; rows: the skill before, columns: the skill after."""
     ratio = found.worst / found.real
     rows = [(skill, *(cell(value, 2) for value in line)) for skill, line in zip(found.skills, ratio, strict=True)]
     order = np.argsort(-found.worst, axis=None)[:5]

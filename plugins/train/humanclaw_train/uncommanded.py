@@ -1,4 +1,4 @@
-"""UNC_DOC"""
+"""Uncommanded travel: how far a call goes and turns on axes that its skill does not command."""
 
 from __future__ import annotations
 
@@ -16,37 +16,39 @@ from humanclaw_train.tables import table
 from humanclaw_train.walks import straight_walks
 
 Uncommanded = Mapping[str, tuple[float, float]]
-"""Measure to its mean over bodies, SI: from standing, after walking. A measure that the skill commands is not there;
-who commands `hips.back` commands `hips.forward`."""
+"""Measure to its mean over bodies, SI: from standing, and after walking. Commanded measures are left out.
+
+A skill that commands `hips.back` also commands `hips.forward`.
+"""
 _FREE: Final = ("hips.left", "hips.forward", "heading.left")
 
 
 def uncommanded(
     generator: DiTGenerator, commands: Sequence[Command], walks: Command | None, bodies: int = 30, seed: int = 0
 ) -> dict[str, Uncommanded]:
-    """Skill to what a call does though the skill does not command it, from standing and after walking at 1 m/s.
+    """Measure each skill's uncommanded travel, from standing and after walking at 1 m/s.
 
-    walks: the skill that walks; without one all begin from standing.
+    walks: the skill that walks; without one, all bodies begin from standing.
     """
     standing = [generator.start() for _ in range(bodies)]
     before = (standing, straight_walks(generator, walks, 1.0, bodies, 2, seed) if walks else standing)
     found: dict[str, Uncommanded] = {}
     for command in commands:
-        told = {one.measure.replace("back", "forward") for one in command.parameters}
+        commanded = {one.measure.replace("back", "forward") for one in command.parameters}
         values = command.draw(bodies, np.random.default_rng(seed))
         rows = []
         for motions in map(list, before):
             extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
             last = [motion[-HISTORY - FUTURE :] for motion in motions]
             local = canonical(*stacked(last))
-            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in told})
+            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in commanded})
         found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
     return found
 
 
 def uncommanded_table(found: Mapping[str, Uncommanded]) -> str:
-    """Standing, and after walking: cm to the left and ahead, degrees to the left; a dash where the skill commands
-    it."""
+    """Format travel from standing and after walking: cm to the left and ahead, degrees to the left; a dash if
+    commanded."""
 
     def cell(row: Uncommanded, name: str) -> str:
         scale = 180 / np.pi if name.startswith("heading") else 100.0

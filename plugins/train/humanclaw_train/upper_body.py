@@ -1,4 +1,7 @@
-"""UPPER_DOC"""
+"""The upper body of synthetic motion: pelvis tilt, spine, head and arms, standing, walking and seated.
+
+Needs only numpy.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +23,19 @@ from humanclaw_train.step_plan import StepPlan, seat_depth
 
 
 def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
-    """(N, 16, CHANNELS) what the skill wants of pelvis tilt, spine, head and arms."""
-    # Who turns on the spot swings the arms as who walks slowly does.
+    """Return the pose that the skill asks for at each instant (N, 16, CHANNELS)."""
+    # A turn on the spot swings the arms as slow walking does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
     amplitude = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
     direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[
         :, None
-    ]  # who walks backwards goes through the same poses in reverse
+    ]  # Walking backwards is the same poses in reverse.
     phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
     walk = augment.basis(phase) @ style.gait
     walk[..., 2] = gait.pinned(walk[..., 2])
     mean, stance = style.gait[:, :1], style.stance[:, None]
     sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
-    # The mean posture follows the speed up to that of the clips; the swing about it goes on growing.
+    # The mean posture follows the speed only up to that of the clips; the swing about it goes on growing.
     still = 1 - np.minimum(amplitude, 1.0)
     standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
@@ -41,7 +44,7 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
 
 
 def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -> Array:
-    """(N, 16, CHANNELS) with an angle (N, 16) about one axis shared out to joints."""
+    """Add an angle (N, 16) about one axis to the channels (N, 16, CHANNELS), split among joints by their shares."""
     values = values.copy()
     for joint, share in shares.items():
         values[..., 0 if joint == "pelvis" else channel(joint, axis)] += share * angle
@@ -54,14 +57,16 @@ def _to_and_fro(index: Ints, length: int) -> Ints:
 
 
 def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
-    """(N, 16, CHANNELS): the targets, reached from the present pose and its rate without a jolt, and what the hips
-    demand."""
+    """Return the upper body over the chunk (N, 16, CHANNELS).
+
+    It moves smoothly from the present pose and rate to the targets, and leans and turns with the hips.
+    """
     gap = (state.pose - target[:, 0])[:, None]
     rate = (state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE)[:, None]
     span = np.where(p.sits | state.seated, 1.0, 0.85)[:, None, None]
     zero = np.zeros_like(gap)
     values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
-    # Sitting down and rising the trunk leans forward, which keeps the weight over the feet; the eyes stay up.
+    # In sitting down and rising the trunk leans forward to keep the weight over the feet; the head stays up.
     change = np.abs(p.height - (state.root[:, 1] - state.level))
     lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.1, 0.935)
     shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
@@ -77,7 +82,7 @@ _SEATS: Final = np.linspace(0.2, 0.8, 13)
 
 
 def _seat_pose(seats: Array, height: Array) -> Array:
-    """(N, CHANNELS) interpolated for pelvis heights (N,)."""
+    """Interpolate seated poses (N, CHANNELS) for pelvis heights (N,)."""
     place = np.clip((height - _SEATS[0]) / (_SEATS[1] - _SEATS[0]), 0, len(_SEATS) - 1.001)
     low = place.astype(int)
     share = (place - low)[:, None]
@@ -85,7 +90,7 @@ def _seat_pose(seats: Array, height: Array) -> Array:
 
 
 def seat_table(stance: Array) -> Array:
-    """(13, CHANNELS) seated poses for pelvis heights 0.20 to 0.80 m: upright, a slack back, the hands on the thighs."""
+    """Return seated poses for pelvis heights 0.20 to 0.80 m (13, CHANNELS): upright, hands on the thighs."""
     low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)
     pose = np.repeat(stance[None], len(_SEATS), 0)
     pose[:, 0] = -0.16 - 0.1 * low

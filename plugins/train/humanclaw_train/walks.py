@@ -1,4 +1,4 @@
-"""WALKS_DOC"""
+"""Straight walks: where a hundred calls lead, and their gait beside that of real walks."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from humanclaw_train.tables import cell, table
 def straight_walks(
     generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
 ) -> list[Motion]:
-    """Bodies that walk straight on from standing: the measure of travel ahead gets the speed, everything else
-    nought."""
+    """Let bodies walk straight ahead from standing at a speed in m/s. All other parameters are zero."""
     values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
     motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
     for call in range(calls):
@@ -37,7 +36,7 @@ def _hold_course(
     values: Array,
     key: tuple[int, ...],
 ) -> None:
-    """Let all bodies go on by one chunk, in place, as `humanclaw.Body` does: what was turned too little is owed."""
+    """Continue all bodies by one chunk, in place. Like `humanclaw.Body`, correct heading errors in the next call."""
     asked = [command.named(row) for row in values]
     steered = [course.steer(command.declaration, row) for course, row in zip(courses, asked, strict=True)]
     histories = [motion[-HISTORY:] for motion in motions]
@@ -48,12 +47,12 @@ def _hold_course(
 
 
 def _ahead(command: Command) -> str:
-    """Return the parameter that commands travel ahead, which the skill's declaration names; empty where none does."""
+    """Return the name of the parameter that commands travel ahead; empty if there is none."""
     return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
 
 
 def walker(commands: Sequence[Command]) -> Command | None:
-    """Return the skill that walks: it commands travel ahead and heading at once."""
+    """Return the skill that walks: the first that commands both travel ahead and heading."""
     for command in commands:
         if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
             return command
@@ -63,15 +62,14 @@ def walker(commands: Sequence[Command]) -> Command | None:
 # -- drift -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Drift:
-    """Where straight walks end: metres to the side (mean, 95th percentile of the size) and degrees turned (the
-    same)."""
+    """Where straight walks end: metres to the side and degrees turned, each as mean and 95th percentile of the size."""
 
     side: tuple[float, float]
     turned: tuple[float, float]
 
 
 def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: int = 100, seed: int = 0) -> Drift:
-    """Of straight walks at 1 m/s, from body to body."""
+    """Measure the drift of straight walks at 1 m/s over the bodies."""
     walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
     side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
     turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
@@ -89,11 +87,11 @@ def drift_line(found: Drift) -> str:
 
 # -- gait --------------------------------------------------------------------------------------------------------------
 _STRAIGHT: Final = 0.96
-"""Least ratio of the way from end to end over the path of a walk that counts as straight."""
+"""Least ratio of distance to path length of a straight walk."""
 
 
 def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
-    """Clip to the gait of its longest straight span of a tag, for clips that show one of two steps and a second."""
+    """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second. By clip."""
     found = {}
     for clip in clips:
         spans = sorted(clip.spans.get(tag, ()), key=lambda span: span[0] - span[1])
@@ -113,8 +111,7 @@ def _straightness(walk: Motion) -> float:
 def generated_gaits(
     generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
 ) -> dict[str, list[Gait]]:
-    """Speeds from slow to fast to the gaits of bodies that differ in nothing but their noise, from the third call
-    on."""
+    """Measure generated walks at several speeds from the third call on. Bodies differ only in their noise."""
     found = {}
     for speed in (0.9, 1.0, 1.3, 1.6):
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
@@ -127,8 +124,7 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 
 
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
-    """Return a row a real clip and a row a generated speed, whose cells are the median and the 5th to 95th percentile
-    over seeds."""
+    """Format one row per real clip and per generated speed: median, and 5th to 95th percentile over bodies."""
     heads = (
         "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
         "slower toe cm/s"

@@ -126,7 +126,7 @@ def test_the_reference_pose_can_be_a_frame_of_the_motion(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.bvh", BVH.replace("Frames: 2", "Frames: 3"), "27 numbers; the file holds 18"),
+        ("a.bvh", BVH.replace("Frames: 2", "Frames: 3"), "27 numbers; the file has 18"),
         ("a.bvh", BVH.replace("}", ""), "HIERARCHY"),
         ("a.bvh", "hello", "HIERARCHY"),
         ("a.amc", AMC, "No .asf"),

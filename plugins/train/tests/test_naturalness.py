@@ -233,7 +233,7 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatc
     )
     printed = capsys.readouterr().out
     assert "| walk | real | 40 |" in printed
-    for words in ("pairs stand in the paper's order", "Peak of real motion", "random calls in a row"):
+    for words in ("pairs are in the paper's order", "Peak of real motion", "random calls in a row"):
         assert words in printed
     report = NaturalnessReport.load(tmp_path / "report.json")
     digest = file_digest(still / "walk" / "adapter.safetensors")

@@ -193,7 +193,7 @@ def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, 
     assert f"| generated | {row.generated.mean:.3f}" in card
     assert "| studio |" in card
     assert "| CC0 |" in card
-    assert "real poses of the real clips in another time" in card
+    assert "real poses of real clips at other paces" in card
     assert "sitting" not in card
     assert "nan" not in card
 
@@ -204,7 +204,7 @@ def test_training_asks_for_a_skill_and_no_more_than_one(skill, capsys):
 
     assert train.main(["adapter"]) == 2
     assert train.main(["adapter", "crouch", "--skill", str(skill)]) == 2
-    assert capsys.readouterr().err.count("Which skill is to be trained?") == 2
+    assert capsys.readouterr().err.count("Expected one skill to train.") == 2
 
 
 def test_a_skill_without_an_adapter_is_told_how_to_get_one(skill, capsys):

@@ -74,7 +74,7 @@ def test_a_long_title_is_read_whole_on_a_narrow_picture():
         (["--z_cmm=3"], "z_cmm"),
         (["40"], "It takes: --x-cm NUMBER, --z-cm NUMBER, --yaw-deg NUMBER"),
         (["--z-cm"], "It takes: --x-cm NUMBER"),
-        (["--z-cm", "40", "--out", "walk.mp4"], "walk.mp4, and what is written is a GIF"),
+        (["--z-cm", "40", "--out", "walk.mp4"], "Expected a GIF file for --out; got walk.mp4"),
     ],
 )
 def test_what_the_skill_does_not_take_is_refused_with_what_it_takes(words, told):

@@ -1,6 +1,8 @@
 """Training on a few made chunks: bodies that glide ahead, whose commanded distance is the distance that they cover."""
 
 import hashlib
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -182,6 +184,23 @@ def test_missing_chunks_are_an_error_with_a_remedy(base_file, tmp_path, capsys):
     arguments = ["adapter", "walk", "--data", str(tmp_path), "--base", str(base_file), "--out", str(tmp_path)]
     assert main(arguments) == 2
     assert "no walk.npz" in capsys.readouterr().err
+
+
+WITHOUT_A_HOST = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("pydantic", "pluggy", "click", "scipy", "jinja2", "rich", "jsonschema", "threadpoolctl"):
+            raise ImportError(name)
+
+sys.meta_path.insert(0, Missing())
+import humanclaw_train.train
+"""
+
+
+def test_training_imports_on_a_machine_that_has_torch_and_no_plugin_host():
+    subprocess.run([sys.executable, "-c", WITHOUT_A_HOST], check=True)
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------
