@@ -64,7 +64,7 @@ def _bone_rotation(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) 
         )
     angles = np.zeros((len(rows), 3))
     angles[:, ["xyz".index(name[1]) for name in bone.dof]] = values
-    frame = euler("zyx", bone.axis[::-1])
+    frame = euler("zyx", bone.axis[::-1])  # AMC angles are about the bone's own axes.
     return np.asarray(frame @ euler("zyx", angles[:, ::-1]) @ frame.T)
 
 

@@ -65,6 +65,7 @@ def step_phase(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
     joints, yaw = motion.joints(), motion.yaw()
     ahead = np.stack([np.sin(yaw), 0 * yaw, np.cos(yaw)], -1)
     lead = np.sum((joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]) * ahead, -1)
+    # Zero crossings with a minimum speed: standing feet cross by noise.
     cross = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(lead[1:] - lead[:-1]) > 0.01))
     time = cross + lead[cross] / (lead[cross] - lead[cross + 1])
     first = 0 if lead[cross[0]] > 0 else 1
@@ -116,11 +117,9 @@ class Profiles:
         speeds = np.array([_speed(walk) for walk in walks])
         stance = np.mean([np.median(channels(idle), 0) for idle in idles], 0)
         stance = (stance + mirror_channels(stance)) / 2
-        stance[2] = 0.0
-        return cls(
-            np.concatenate([gaits.mean(0)[None], gaits]), np.append(speeds.mean(), speeds), stance,
-            np.concatenate([_sway(idle) for idle in idles]),
-        )  # fmt: skip
+        stance[2] = 0.0  # The stance faces along its path.
+        styles, sway = np.concatenate([gaits.mean(0)[None], gaits]), np.concatenate([_sway(idle) for idle in idles])
+        return cls(styles, np.append(speeds.mean(), speeds), stance, sway)
 
 
 def _gait(walk: Motion) -> Array:

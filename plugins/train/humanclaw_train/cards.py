@@ -63,6 +63,7 @@ def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: Na
     """
     import jinja2
 
+    # Strict: a misspelt name in the template is an error and not an empty cell.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report, naturalness))
 

@@ -84,7 +84,7 @@ def _rows(folder: Path) -> Iterable[dict[str, str]]:
 def _unpack(archive: Path, folder: Path) -> None:
     try:
         with tarfile.open(archive) as tar:
-            tar.extractall(folder, filter="data")
+            tar.extractall(folder, filter="data")  # Rejects links and paths that lead outside.
     except (OSError, tarfile.TarError) as error:
         raise MocapError(f"{archive} cannot be unpacked: {error}.", "Download the archive again.") from error
 
@@ -226,7 +226,7 @@ class Chunks:
         )
         return cls(
             root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source),
-            names, measures
+            names, measures,
         )  # fmt: skip
 
     @classmethod

@@ -7,14 +7,15 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
-from humanclaw import CallError, Choice, HumanclawError, Plugins, Skill, default_simulator
+from humanclaw import CallError, Choice, HumanclawError, Plugins, Simulator, Skill, default_simulator
 from humanclaw.cli import plugin_options
 from humanclaw.measures import Measure
 
+# No help option of its own: --help goes to the module, which defines the options.
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
 
@@ -32,10 +33,11 @@ def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Co
     return command
 
 
-def _simulator() -> Any:
+def _simulator() -> Simulator:
     """Make the simulator that episodes run in. Modules get it as an argument, because they know no plugin host."""
     plugins = Plugins.discover()
-    return plugins.make("simulators", default_simulator(plugins), profile="default")
+    simulator: Simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
+    return simulator
 
 
 def _installed() -> dict[str, Path]:
@@ -79,7 +81,7 @@ def data() -> None:
     """Training data."""
 
 
-def _trained() -> Any:
+def _trained() -> object:
     """Return the skills that have a recipe."""
     return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
 
@@ -136,6 +138,9 @@ def _skill(
     wanted = out or Path(f"{name.split(':')[-1]}.gif")
     for path in looking.show(plugins, name, params, calls, seed, beside, wanted, renderer):
         click.echo(path)
+
+
+COMMANDS: Final = (train, fidelity, naturalness, speed, cards, data, show)
 
 
 def _params(skill: Skill, words: list[str]) -> dict[str, Any]:

@@ -29,9 +29,10 @@ class Adapter(nn.Module):
         super().__init__()
         self.config = config
         hidden = base.config.hidden
-        self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)
+        self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)  # The base is frozen, and so is its copy.
         self.weights = nn.ModuleList(_zeros(hidden) for _ in self.blocks)
         self.encode = _encoder(config, hidden)
+        # Not persistent: the header has both numbers.
         self.register_buffer("centre", torch.tensor(config.centre), persistent=False)
         self.register_buffer("scale", torch.tensor(config.scale), persistent=False)
 

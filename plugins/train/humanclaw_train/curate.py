@@ -49,11 +49,11 @@ class Limits:
     """Limits of a plausible chunk, measured on clean clips with a margin."""
 
     speed: float = 7.0
-    """Any joint relative to the pelvis, m/s."""
+    """Largest speed of a joint relative to the pelvis, m/s."""
     turn: float = 1.0
-    """Any number of a rotation vector, radians a frame. Excludes flips and the vector's wrap at half a turn."""
+    """Largest change of a rotation vector's numbers, radians a frame: excludes flips and the wrap at half a turn."""
     acceleration: float = 120.0
-    """Any joint, m/s^2. Excludes glitches, which move a joint for one frame and back."""
+    """Largest acceleration of a joint, m/s^2: excludes glitches, which move a joint for one frame and back."""
     sunk: float = 0.05
     """Depth of a sole under the floor, metres, on flat ground."""
     lowest_pelvis: float = 0.25
@@ -71,6 +71,7 @@ def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None
     fast = np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed
     flips = np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn
     jerky = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2 > limits.acceleration
+    # On stairs the floor of the canonical frame may lie above the lower tread, so the pelvis may be low.
     low = root[..., 1].min(axis=1) < (limits.lowest_pelvis if flat else 0.0)
     sunk = -support_height(joints).min(axis=1) > limits.sunk
     return np.asarray(~(fast | flips | jerky | low | (flat & sunk)))

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from humanclaw import HumanclawError
@@ -23,6 +24,8 @@ from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
 from humanclaw_train.chunks import EACH
 
+Arrays = Mapping[str, NDArray[Any]]
+"""Content of a file of chunks, by name."""
 # Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
 _SETTLED: Final = 10
@@ -72,7 +75,7 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures)
 
 
-def _new(parts: Sequence[Mapping[str, np.ndarray[Any, Any]]]) -> Iterator[np.ndarray[Any, Any]]:
+def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
     """Yield for each part a mask (N,) without the real chunks that an earlier part has."""
     before = set[bytes]()
     for part in parts:
@@ -81,7 +84,7 @@ def _new(parts: Sequence[Mapping[str, np.ndarray[Any, Any]]]) -> Iterator[np.nda
         before |= set(keys)
 
 
-def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
+def _read(file: Path) -> Arrays:
     with np.load(file, allow_pickle=False) as content:
         found = {key: content[key] for key in (*EACH, "names", "measures")}
     if found["root"].shape[1:] != (CHUNK, 3):
@@ -91,12 +94,13 @@ def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
     return found
 
 
-def _statistics(whole: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+def _statistics(whole: Arrays) -> dict[str, Any]:
     params, sources = whole["params"], Counter(str(source).split(":")[0] for source in whole["source"])
     return {
         "chunks": len(whole["real"]),
         "real": int(whole["real"].sum()),
         "sources": dict(sorted(sources.items())),
+        # Four digits: these numbers go into headers and cards, where float32 noise would only distract.
         "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
         "params_high": [round(float(value), 4) for value in params.max(0)] if params.size else [],
     }
@@ -117,19 +121,18 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
     root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     positions = kinematics.joints(root, rotations)
     moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2)) + (chunks.root[:, -1] - chunks.root[:, 0]).norm(dim=-1)
-    upright = positions[:, -1, 15, 1]
+    upright = positions[:, -1, JOINT_INDEX["head"], 1]
     calm = moving <= moving.quantile(0.1)
     still = calm & (upright > upright[calm].quantile(0.5) - 0.05)
     typical = positions[still, -1].median(0).values
     far = (positions[:, -1] - typical).norm(dim=-1).mean(-1)
     usual_far, usual_moving = (values[still].median().clamp(min=1e-6) for values in (far, moving))
+    # The large summand excludes bodies that do not stand.
     best = int((far / usual_far + moving / usual_moving + 1e3 * ~still).argmin())
     return root[best], rotations[best]
 
 
 _HIPS: Final = (JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"])
-
-
 _BRISK: Final = 0.5
 """Speed from which errors have full strength, m/s."""
 
@@ -174,7 +177,7 @@ def noisy_history(
         turned[..., [3 * hip, 3 * hip + 2]] -= lean
     rotations = rotations + turned.reshape(rotations.shape)
     moved = torch.tensor([0.03, 0.01, 0.03], device=device) * normal(1, 3) * drift + 0.001 * normal(CHUNK, 3) * history
-    moved[:, HISTORY - 1] = 0
+    moved[:, HISTORY - 1] = 0  # The canonical frame puts the last history frame over the origin.
     root = root + share * moved
     lowest = kinematics.support_height(kinematics.joints(root[:, :HISTORY], rotations[:, :HISTORY])).amin(-1)
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations

@@ -60,6 +60,7 @@ class Block(nn.Module):
         self.out = nn.Linear(hidden, hidden)
         self.up = nn.Linear(hidden, config.mlp_ratio * hidden)
         self.down = nn.Linear(config.mlp_ratio * hidden, hidden)
+        # adaLN-Zero: gates start at zero.
         nn.init.zeros_(self.modulation.weight)
         nn.init.zeros_(self.modulation.bias)
 
@@ -117,6 +118,7 @@ class DiT(nn.Module):
                 z = z + residual(layer, entering)
         shift, scale = at.final.unbind(0)
         output: Tensor = self.leave(_modulate(z[:, HISTORY:], shift, scale)).float()
+        # Relative to the last history frame, so that an untrained model holds the pose.
         return output + history[:, -1:] if self.config.prediction == "clean" else output
 
 

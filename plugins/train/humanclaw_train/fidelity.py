@@ -94,6 +94,7 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     primary = command.primary
     difference = found - rollouts.commands
     angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
+    # Angles in degrees, lengths in centimetres, so that both kinds of error have a similar size.
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Chunks of data, unlike commands, may have a displacement of exactly zero.
@@ -186,6 +187,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
+    # Magnitudes lose the sign, so put the clip on the commanded side by mirroring.
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
     both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
@@ -237,7 +239,7 @@ class FidelityReport:
 _RATIOS: Final = ("generated", "simulated", "baseline")
 
 
-def _ratio(content: Mapping[str, Any] | None) -> Any:
+def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
     return None if content is None else Ratio(**numbers(content))
 
 
@@ -315,7 +317,7 @@ def _measure(
             )
         ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before, measures)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
-    first = next(iter(paths))
+    first = next(iter(paths))  # All adapters have the same size, so any of them gives the time.
     command = Command.of(first, paths[first], measures)
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)

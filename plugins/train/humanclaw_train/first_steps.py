@@ -64,6 +64,7 @@ def _first_commands(command: Command, bodies: int, random: np.random.Generator) 
     """
     low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
     values = random.uniform(low, high, (bodies, len(low)))
+    # The value closest to zero that each range allows.
     least, primary = np.clip(0.0, low, high), np.arange(len(low)) == command.primary
     values[::3, primary] = (least + 0.2 * (values[::3] - least))[:, primary]
     values[::2, (least == 0) & ~primary] = 0.0

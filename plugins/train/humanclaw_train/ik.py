@@ -94,7 +94,7 @@ def raise_heels(root: Array, pelvis: Array, feet: Feet, lift: Array) -> Feet:
     """Raise heels by at most `lift` (N, 2, T) where a leg would not reach its foot."""
     hip = hips(root, pelvis)
     extra = np.zeros_like(feet.pitch)
-    for _ in range(3):
+    for _ in range(3):  # Each radian of heel brings the ankle about 0.11 m closer; three steps converge.
         gap = np.linalg.norm(feet.ankles(extra) - hip, axis=-1) - REACH
         extra = np.clip(extra + np.maximum(gap, 0.0) / 0.11, 0.0, lift)
     return feet.tilted(extra)
@@ -127,7 +127,7 @@ def _legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> tuple[Array, Ar
     """Return the orientations of thighs and shins. Knees point ahead and slightly up, halfway between hips and foot."""
     aim = yaw[:, None] + 0.5 * wrap_angle(feet.yaw - yaw[:, None])
     pole = np.stack([0.94 * np.sin(aim), np.full_like(aim, 0.35), 0.94 * np.cos(aim)], -1)
-    return solve(Limb.leg("left"), hips(root, pelvis), feet.ankles(), pole)  # both legs have the same bones
+    return solve(Limb.leg("left"), hips(root, pelvis), feet.ankles(), pole)  # Both legs have the same bones.
 
 
 def _excess(value: Array, width: float) -> Array:

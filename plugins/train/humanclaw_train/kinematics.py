@@ -28,6 +28,7 @@ def _levels() -> tuple[tuple[int, ...], ...]:
 
 
 _LEVELS: Final = _levels()
+# Joints in the order in which levels append them, and the way back.
 _ORDER: Final = (0, *(joint for level in _LEVELS for joint in level))
 _PLACE: Final = {joint: place for place, joint in enumerate(_ORDER)}
 _BACK: Final = tuple(_PLACE[joint] for joint in range(N_JOINTS))
@@ -35,7 +36,7 @@ _BACK: Final = tuple(_PLACE[joint] for joint in range(N_JOINTS))
 
 def matrices(vectors: Tensor) -> Tensor:
     """Turn rotation vectors (..., 3) into matrices (..., 3, 3). The gradient is finite at zero."""
-    square = (vectors * vectors).sum(-1) + 1e-12
+    square = (vectors * vectors).sum(-1) + 1e-12  # The square root has no gradient at zero.
     angle = square.sqrt()
     sin = (angle.sin() / angle)[..., None]
     cos = ((1 - angle.cos()) / square)[..., None]

@@ -40,6 +40,7 @@ def life(
         command = commands[int(random.integers(len(commands)))]
         extend(generator, command, motions, np.arange(bodies), command.draw(bodies, random), (seed, call))
     rotations = np.stack([motion.rotations for motion in motions])
+    # Toes up is negative about X.
     ankles = -np.degrees(rotations[:, :, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 0])
     span = FUTURE * min(20, calls)
     drift = ankles[:, -span:].mean(1) - ankles[:, :span].mean(1)

@@ -190,6 +190,7 @@ def _features(folders: Sequence[Path]) -> Features | None:
 
 
 def _some(chunks: Chunks, most: int, seed: int) -> Chunks:
+    # Sorted, so that chunks stay in the order of their clips.
     return chunks[np.sort(np.random.default_rng(seed).permutation(len(chunks))[:most])]
 
 

@@ -106,6 +106,7 @@ def _over(angle: Array, limit: Limit) -> Array:
 
 # -- likeness ----------------------------------------------------------------------------------------------------------
 COMPONENTS: Final = 16
+"""Principal components of the Frechet distance. A distance needs twice as many chunks."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,7 @@ def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     if min(len(a), len(b)) < 2 * a.shape[1]:
         return float("nan")
     first, second = np.cov(a.T), np.cov(b.T)
+    # tr (C_a C_b)^(1/2) by the symmetric C_a^(1/2) C_b C_a^(1/2), which has the same eigenvalues.
     values, vectors = np.linalg.eigh(first)
     root = vectors * np.sqrt(values.clip(0)) @ vectors.T
     cross = np.sqrt(np.linalg.eigvalsh(root @ second @ root).clip(0)).sum()

@@ -58,8 +58,9 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
             f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}."
         )
     local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
+    # SMPL has 22 body joints; fingers and face follow.
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
-    upright = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))  # Z up to Y up
+    upright = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))  # From Z up to Y up.
     local[:, 0] = upright @ local[:, 0]
     tree = Tree(JOINTS, PARENTS, OFFSETS)
     positions, rotations = tree.motion(trans @ upright.T, local)
@@ -112,9 +113,7 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
     # The format faces +X with its right at +Z. Turn it about the vertical: +Z forward, +X left.
     turn = matrix_from_vector(np.array([0.0, -np.pi / 2, 0.0]))
     positions, rotations = tree.motion(rows[:, 1:4], local)
-    rest = tree.rest()
-    return SourceMotion(
-        float(round(1.0 / float(np.median(rows[:-1, 0])), 1)), tree.joints, tree.parents, positions @ turn.T,
-        turn @ rotations,
-        Rest(rest.positions @ turn.T, turn @ rest.rotations), str(path), licence,
-    )  # fmt: skip
+    rest = Rest(tree.rest().positions @ turn.T, turn @ tree.rest().rotations)
+    fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
+    positions, rotations = positions @ turn.T, turn @ rotations
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path), licence)

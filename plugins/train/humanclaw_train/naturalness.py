@@ -25,7 +25,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypeVar
 
 from humanclaw import CheckpointError, HumanclawError
 from humanclaw.cli import show_markdown
@@ -40,6 +40,9 @@ from humanclaw_train.sequences import sequence_jerks, sequences_table
 from humanclaw_train.tables import as_json, numbers, save
 from humanclaw_train.transitions import real_peak, transitions, transitions_table
 from humanclaw_train.walks import drift, drift_line, gait_table, generated_gaits, real_gaits, walker
+
+T = TypeVar("T")
+
 
 # -- the report --------------------------------------------------------------------------------------------------------
 REPORT: Final = "naturalness.json"
@@ -86,9 +89,9 @@ class _Printer:
     """Prints each result at once, because the whole takes minutes; or keeps all of them for JSON."""
 
     keeps: bool
-    found: dict[str, Any] = field(default_factory=dict)
+    found: dict[str, object] = field(default_factory=dict)
 
-    def __call__(self, name: str, found: Any, words: Callable[[Any], str]) -> None:
+    def __call__(self, name: str, found: T, words: Callable[[T], str]) -> None:
         if self.keeps:
             self.found[name] = found
         else:

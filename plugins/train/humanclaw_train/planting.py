@@ -26,13 +26,14 @@ _FADE: Final = 6
 """Frames within which a levelled foot returns to its captured tilt."""
 _UP: Final = np.array([0.0, 1.0, 0.0])
 _UNDERSIDE: Final = (("ankle", (0.0, -SOLE, -0.06)), ("foot", (0.0, -TOE_SOLE, 0.0)), ("foot", (0.0, -TOE_SOLE, 0.09)))
+"""Heel, ball and tip of the sole: joint, and offset in its frame."""
 
 
 def plant(pose: Pose) -> Pose:
     """Level the feet where they stand, hold them still there, and let the legs follow."""
     for side in SIDES:
         pose = _calibrated(pose, side)
-    floor = _one_floor(pose)
+    floor = _one_floor(pose)  # Needs level soles, so only after calibration.
     for side in SIDES:
         pose = _levelled(pose, side, floor)
     shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in SIDES}
@@ -129,6 +130,7 @@ def _overreach(pose: Pose, ankles: Mapping[str, Array]) -> Array:
         reach = pose.at(f"{side}_hip") - ankle
         level = np.minimum(np.linalg.norm(reach[:, [0, 2]], axis=-1), 0.9 * LEG)
         sink = np.maximum(sink, reach[:, 1] - np.sqrt((STRAIGHT * LEG) ** 2 - level**2))
+    # A moving maximum, then a moving mean: smooth, and never less than needed.
     wide = np.pad(sink, 6, mode="edge")
     highest = np.lib.stride_tricks.sliding_window_view(wide, 7).max(-1)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(highest, 7).mean(-1))

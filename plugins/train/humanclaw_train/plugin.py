@@ -14,8 +14,5 @@ if TYPE_CHECKING:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw_train import cli as commands
 
-    for command in (
-        commands.train, commands.fidelity, commands.naturalness, commands.speed, commands.cards, commands.data,
-        commands.show,
-    ):  # fmt: skip
+    for command in commands.COMMANDS:
         cli.add_command(command)

@@ -66,6 +66,7 @@ def swing(start: Array, end: Array) -> Array:
     zero = np.zeros_like(x)
     cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*axis.shape[:-1], 3, 3)
     cos = np.sum(start * end, -1)[..., None, None]
+    # Rodrigues' formula without angles; the bound keeps opposite directions finite.
     return np.asarray(np.eye(3) + cross + cross @ cross / np.maximum(1.0 + cos, 1e-6))
 
 
@@ -78,6 +79,7 @@ def reach_ankle(root: Array, world: Array, side: str, ankle: Array) -> Array:
     thigh, shin = np.linalg.norm(OFFSETS[knee]), np.linalg.norm(OFFSETS[foot])
     start = root + world[:, 0] @ OFFSETS[hip]
     reach = ankle - start
+    # Neither folded together nor quite straight.
     distance = np.clip(np.linalg.norm(reach, axis=-1, keepdims=True), 0.25 * (thigh + shin), STRAIGHT * (thigh + shin))
     along = unit(reach)
     hinge = world[:, hip, :, 0] + world[:, knee, :, 0]  # Turns least of all parts of a leg, even in a deep squat.

@@ -57,6 +57,7 @@ def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
 
 
 def _orthonormal(matrix: Array) -> Array:
+    """Make matrices (..., 3, 3) rotations again by Gram-Schmidt, from their first two columns."""
     x = unit(matrix[..., :, 0])
     y = unit(matrix[..., :, 1] - np.sum(x * matrix[..., :, 1], -1, keepdims=True) * x)
     return np.stack([x, y, np.cross(x, y)], -1)

@@ -65,6 +65,7 @@ def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
     for index, step in enumerate(steps):
         onward = marks[index] + step
         marks[index + 1] = onward if 0 <= onward <= last else np.clip(marks[index] - step, 0.0, last)
+    # Monotone between marks (PCHIP), so that a halt stays a halt.
     times = HISTORY - 1 + FUTURE * np.arange(chunks + 1)
     frames = np.arange(HISTORY + FUTURE * chunks).clip(HISTORY - 1)
     return np.asarray(PchipInterpolator(times, marks)(frames))

@@ -178,7 +178,10 @@ def extend(
     values: Array,
     key: tuple[int, ...],
 ) -> None:
-    """Continue the chosen bodies, in place, by one chunk of a skill with values (len(chosen), k)."""
+    """Continue the chosen bodies, in place, by one chunk of a skill with values (len(chosen), k).
+
+    key: start of the noise key. Callers use different numbers, so that no two measures share noise.
+    """
     if len(chosen):
         histories = [motions[index][-HISTORY:] for index in chosen]
         keys = [(*key, int(index)) for index in chosen]

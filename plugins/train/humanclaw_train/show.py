@@ -165,6 +165,7 @@ def _tiled(asset: Asset) -> Asset:
     floor = asset.mesh.vertices[:, [0, 2]]
     low, high = floor.min(0), floor.max(0)
     counts = np.maximum(1, np.round((high - low) / _TILE)).astype(int)
+    # One texel per tile, enlarged so that filtering blurs the edges less.
     light = np.add.outer(np.arange(counts[1]), np.arange(counts[0])) % 2
     texture = np.repeat((150 + 45 * light[:, :, None]).astype(np.uint8), 3, axis=2).repeat(4, 0).repeat(4, 1)
     uv = ((floor - low) / (high - low)).astype(np.float32)

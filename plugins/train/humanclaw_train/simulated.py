@@ -171,6 +171,7 @@ def roll_simulated(
     commands: list[Array] = []
     strange: list[bool] = []
     for index in range(rollouts):
+        # Every second rollout follows another skill, each of them in turn.
         other = before[index // 2 % len(before)] if before and index % 2 else None
         asked = _commands(command, random)
         actor.stand(flat() if other else stage(command.declaration, command.named(asked[0])))

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
@@ -93,7 +93,7 @@ def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> E
 
     def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
         history, noisy, values, tau, blocks, final, branch = (part.numpy() for part in arguments)
-        with limit():
+        with limit():  # BLAS alone: numpy has no setting of its own.
             residual = adapter.residual(adapter.condition(values), branch)
             output = base(history, noisy, dit.Modulations(blocks, final), residual)
         return torch.from_numpy(numpy_flow.velocity(base.config.prediction, output, noisy, float(tau[0])))
@@ -212,7 +212,7 @@ def _solve(solver: Solver, evaluate: Evaluate, arguments: Sequence[tuple[Tensor,
     return future
 
 
-def _least(call: Callable[[], Any]) -> tuple[float, float]:
+def _least(call: Callable[[], object]) -> tuple[float, float]:
     """Return the least wall and processor time of several calls, ms, after one call to warm up."""
     call()
     wall: list[float] = []
@@ -222,6 +222,7 @@ def _least(call: Callable[[], Any]) -> tuple[float, float]:
         call()
         wall.append(time.perf_counter() - started)
         cpu.append(time.process_time() - spent)
+    # Other load only ever adds time, so the least is closest to the truth.
     return 1000 * min(wall), 1000 * min(cpu)
 
 

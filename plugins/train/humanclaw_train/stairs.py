@@ -56,6 +56,7 @@ def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
     moving[:, -1] = moving[:, -2]
     kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
+    # Widen the lift by two frames on both sides before smoothing, so that smoothing does not lower its peak.
     wide = np.lib.stride_tricks.sliding_window_view(
         np.pad(lack * moving, ((0, 0), (4, 4)), mode="edge"), 5, axis=1
     ).max(-1)

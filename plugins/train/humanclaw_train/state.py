@@ -83,9 +83,9 @@ class State:
         n = len(pose)
         zero, two, three = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 3))
         return cls(
-            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)), two + [toe_out,
-            -toe_out],
-            two, two, two, next_foot, pose, np.zeros_like(pose), zero, zero, three, zero + height, zero,
+            three + [0.0, height, 0.0], three, zero, zero, zero, zero, foot, np.zeros((n, 2, 3)),
+            two + [toe_out, -toe_out], two, two, two, next_foot, pose, np.zeros_like(pose),
+            zero, zero, three, zero + height, zero,
         )  # fmt: skip
 
     @property

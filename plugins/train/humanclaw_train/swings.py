@@ -152,9 +152,8 @@ def _within_reach(target: Array, root: Array, land: Array | float, p: StepPlan) 
     hips = floor(root[np.arange(len(frame)), frame])
     gap = turned(floor(target) - hips, -p.yaw)
     gap[:, 0] = np.clip(gap[:, 0], -0.42, 0.42)
-    gap[:, 1] = np.clip(
-        gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4)
-    )  # Feet of a seated body are far ahead of the hips.
+    # Feet of a seated body are far ahead of the hips: no limit there.
+    gap[:, 1] = np.clip(gap[:, 1], -0.36, np.where(p.sits, 9.0, 0.4))
     return raised(hips + turned(gap, p.yaw), target[:, 1])
 
 
@@ -179,9 +178,8 @@ def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: A
     down = 0.2  # Share of the chunk in which a foot in the air that does not go first comes down.
     landing = cubic(GRID[:, None] / down, came.start[:, None], came.velocity[:, None] * down, swing.start[:, None], 0.0)
     u = (GRID - np.asarray(m.lift)[:, None]) / (1 - np.asarray(m.lift))[:, None]
-    leave = raised(
-        1.5 * p.flow[:, None] * swing.travel, np.zeros(1)
-    )  # from which the next swing goes on without a jolt
+    # The foot is still moving at the end, so that the next chunk continues the swing smoothly.
+    leave = raised(1.5 * p.flow[:, None] * swing.travel, np.zeros(1))
     sole = cubic(u[..., None], swing.start[:, None], 0.0, swing.target[:, None], leave[:, None])
     sole[..., 1] = ground_line(u, state.level, p.level) + _lift(state, p, c, m, swing, u)
     sole = np.where((u > 0)[..., None], sole, landing)

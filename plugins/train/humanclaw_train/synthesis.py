@@ -93,6 +93,7 @@ def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
     """Keep the path below its ceiling: one round dip at the tightest moment, then a soft minimum for the rest."""
     height = root[..., 1]
     need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
+    # This power moves the middle of the dip to the tightest moment.
     skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
     dip = np.maximum(need.max(1), 0.0)[:, None] * bump(GRID ** skew[:, None])
     lowered = root.copy()
@@ -164,6 +165,7 @@ def play(
     n = len(series[0].yaw)
     style = _style(profiles, n, rng)
     next_foot = rng.integers(0, 2, n)
+    # The first chunk only provides the history.
     state, root, rotations = advance(State.standing(style.stance, next_foot), Commands.standing(n), style)
     resting = rng.random(n) < rested
     state = State.resting(next_foot).where(resting, state)

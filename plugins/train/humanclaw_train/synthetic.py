@@ -146,6 +146,7 @@ def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generat
         rows = (skill == index) & (lacking.ravel() < 0.01)  # Feet that cut no edge of a stair.
         chunks = Chunks.of(one.declaration.parameters, root[rows], rotations[rows], "composed", False)
         found[one.name] = _as_asked(chunks, values[rows]) if one.declaration.climbs else chunks
+    # The base also learns from chunks that begin between two commands.
     starts = rng.integers(0, len(motions[0]) - FUTURE - HISTORY + 1, (bodies, 2 * length))
     loose = _stacked(cut(motion, at) for motion, at in zip(motions, starts, strict=True))
     return found | {"base": Chunks.of((), *loose, "composed", False)}

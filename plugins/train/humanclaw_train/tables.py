@@ -24,18 +24,18 @@ def cell(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
-def save(path: Path, content: Mapping[str, Any]) -> None:
+def save(path: Path, content: Mapping[str, object]) -> None:
     """Write a report as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, (as_json(content) + "\n").encode())
 
 
-def as_json(content: Any) -> str:
+def as_json(content: object) -> str:
     """Return a report as JSON."""
     return json.dumps(_plain(content), indent=1)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Turn values into plain JSON: null for NaN, which JSON lacks, and six digits."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))

@@ -54,7 +54,7 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
     chunks = data.load_all(folders)
     normaliser = data.normaliser(chunks).to(device)
     start = data.standing(chunks)
-    torch.manual_seed(recipe.seed)
+    torch.manual_seed(recipe.seed)  # For the initial weights; batches have generators of their own.
     model = DiT(SIZES[recipe.size]).to(device)
     trainer = Trainer(model, chunks.to(device), recipe)
     path = out / "base.safetensors"
@@ -252,9 +252,13 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--history-noise", type=float, default=1.0, help="strength of the errors added to histories")
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in standard deviations")
         one.add_argument(
-            "--licence", action="append", default=[], type=_licence, metavar="SOURCE: LICENCE",
+            "--licence",
+            action="append",
+            default=[],
+            type=_licence,
+            metavar="SOURCE: LICENCE",
             help="licence of a data source, for the checkpoint's header; repeatable",
-        )  # fmt: skip
+        )
         one.add_argument("--threads", type=int, default=1, help="CPU threads")
         one.add_argument("--device", default="auto", help="torch device; auto takes CUDA if there is any")
         one.add_argument(

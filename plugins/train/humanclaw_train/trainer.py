@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 import torch
@@ -55,6 +55,7 @@ class Trainer(Generic[M]):
         self.module = module
         self.chunks = chunks
         self.recipe = recipe
+        # Checkpoints get the running mean, because single steps of the weights are noisy.
         self.mean = copy.deepcopy(module).eval().requires_grad_(False)
         self.parameters = [parameter for parameter in module.parameters() if parameter.requires_grad]
         self.optimiser = torch.optim.AdamW(
@@ -77,6 +78,7 @@ class Trainer(Generic[M]):
         """
         device = self.chunks.root.device
         generator = torch.Generator(device)
+        # A hash of seed and step; torch takes 63 bits.
         generator.manual_seed(
             int(np.random.SeedSequence([self.recipe.seed, self.step]).generate_state(1, np.uint64)[0] >> 1)
         )
@@ -107,6 +109,7 @@ class Trainer(Generic[M]):
         nn.utils.clip_grad_norm_(self.parameters, 1.0)
         self.optimiser.step()
         self.step += 1
+        # A mean over about a sixth of the steps so far, later over the last thousand: it forgets the first weights.
         share = max(1e-3, 1 / (1 + self.step / 5))
         with torch.no_grad():
             torch._foreach_lerp_(list(self.mean.parameters()), list(self.module.parameters()), share)
@@ -121,6 +124,7 @@ class Trainer(Generic[M]):
             "seconds": self.seconds,
             "seed": self.recipe.seed,
         }
+        # Not write_atomically, which would hold the whole file in memory a second time.
         partial = path.with_suffix(".partial")
         torch.save(content, partial)
         partial.replace(path)
@@ -145,7 +149,7 @@ def _schedule(step: int, progress: float) -> float:
     )
 
 
-def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
+def run(trainer: Trainer[M], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
     """Train to the end of the recipe; resume, save and report on the way. export: writes the checkpoint."""
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
@@ -169,7 +173,7 @@ def run(trainer: Trainer[Any], problem: Objective, encode: Encode, out: Path, ex
     export()
 
 
-def _report(trainer: Trainer[Any], loss: float, rate: float) -> None:
+def _report(trainer: Trainer[M], loss: float, rate: float) -> None:
     done = max(trainer.progress, 1e-6)
     left = trainer.seconds / done - trainer.seconds
     print(

@@ -27,9 +27,8 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     # A turn on the spot swings the arms as slow walking does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
     amplitude = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
-    direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[
-        :, None
-    ]  # Walking backwards is the same poses in reverse.
+    # Walking backwards is the same poses in reverse.
+    direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[:, None]
     phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
     walk = augment.basis(phase) @ style.gait
     walk[..., 2] = gait.pinned(walk[..., 2])
@@ -91,13 +90,16 @@ def _seat_pose(seats: Array, height: Array) -> Array:
 
 def seat_table(stance: Array) -> Array:
     """Return seated poses for pelvis heights 0.20 to 0.80 m (13, CHANNELS): upright, hands on the thighs."""
-    low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)
+    low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)  # Low seats round the back more.
     pose = np.repeat(stance[None], len(_SEATS), 0)
     pose[:, 0] = -0.16 - 0.1 * low
     for joint, amount, more in (
-        ("spine1", 0.16, 0.1), ("spine2", 0.12, 0.1), ("spine3", 0.04, 0.1), ("neck", -0.06, -0.12), ("head", -0.12,
-        -0.12)
-    ):  # fmt: skip
+        ("spine1", 0.16, 0.1),
+        ("spine2", 0.12, 0.1),
+        ("spine3", 0.04, 0.1),
+        ("neck", -0.06, -0.12),
+        ("head", -0.12, -0.12),
+    ):
         pose[:, channel(joint)] += amount + more * low
     rotations = np.zeros((len(_SEATS), N_JOINTS, 3))
     rotations[:, 0, 0], rotations[:, UPPER] = pose[:, 0], pose[:, 3:].reshape(len(_SEATS), -1, 3)

@@ -125,12 +125,9 @@ _GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "ar
 
 def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
     """Format one row per real clip and per generated speed: median, and 5th to 95th percentile over bodies."""
-    heads = (
-        "straight walk", "m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm",
-        "slower toe cm/s"
-    )  # fmt: skip
+    units = ("m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s")
     rows = [(name, *(cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
     for name, gaits in made.items():
         spread = [np.percentile([getattr(gait, key) for gait in gaits], [50, 5, 95]) for key in _GAIT]
         rows.append((name, *(f"{mid:.2f} ({low:.2f} to {high:.2f})" for mid, low, high in spread)))
-    return table(heads, rows)
+    return table(("straight walk", *units), rows)
