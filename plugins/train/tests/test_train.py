@@ -1,4 +1,4 @@
-"""Training on a few made chunks: bodies that glide ahead, whose commanded distance is the distance that they cover."""
+"""Training on a few artificial chunks: bodies that glide, commanded by the distance that they cover."""
 
 import hashlib
 import subprocess
@@ -21,7 +21,7 @@ COUNT = 64
 
 
 def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Chunks that cover a distance in metres at an even pace, nodding as they go, from standing or already moving."""
+    """Chunks that cover a distance in metres at an even pace while nodding, from standing or already moving."""
     rest = pose.rest_pose(20)
     ahead = (np.arange(20) - 4) / 15
     ahead = ahead if moving else ahead.clip(0)
@@ -45,7 +45,7 @@ def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = F
 def chunks(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("chunks")
     _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
-    # A prior must have seen that bodies move; here the history tells how fast.
+    # A prior must have seen that bodies move; here the history shows how fast.
     _save(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
     return folder
 
@@ -90,7 +90,7 @@ def base_file(chunks, tmp_path_factory) -> Path:
 
 
 def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:
-    """The command line that trains step_back, its options left out."""
+    """The command line that trains step_back, without its options."""
     return ["adapter", "step_back", "--data", str(backwards), "--base", str(base_file), "--out", str(out)]
 
 
@@ -100,7 +100,7 @@ def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
     return out / "adapter.safetensors"
 
 
-def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base_file, tmp_path):
+def test_an_adapter_learns_to_cover_the_commanded_distance(backwards, base_file, tmp_path):
     path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--history-noise", "0")
     generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
     start = generator.start()
@@ -228,8 +228,8 @@ def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
     assert jump[:, 4:].max() < 0.1
 
 
-def test_only_who_moves_is_spoilt_by_more_than_usual():
-    """Were the feet of who stands off by more, none could tell which of them sets out."""
+def test_only_moving_bodies_get_larger_errors():
+    """Larger errors of standing feet would hide which foot moves first."""
 
     def most(moving, strength):
         clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.full(COUNT, 0.5), moving))
@@ -293,7 +293,7 @@ def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
     for seed, metres in enumerate((0.1, 0.2)):
         (tmp_path / str(seed)).mkdir()
         distance = np.linspace(0.05, 0.45, COUNT)
-        distance[np.arange(COUNT) % 4 != 0] += metres  # Real is every fourth; the rest is drawn by another seed.
+        distance[np.arange(COUNT) % 4 != 0] += metres  # Every fourth is real; the rest has another seed.
         _save(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
     loaded = data.load([tmp_path / "0", tmp_path / "1"], "step_back")
     assert loaded.statistics["real"] == 16
