@@ -54,6 +54,5 @@ def life_line(found: Life) -> str:
     return (
         f"{found.calls} random calls in a row, {found.bodies} bodies: ankles {found.toes_up:+.1f} degrees toes-up "
         f"(worst {found.worst_toes_up:+.1f}); a leg joint beyond its limits in {100 * found.beyond:.1f} % of the last "
-        "frames, "
-        f"by {found.most:.0f} degrees at most."
+        f"frames, by {found.most:.0f} degrees at most."
     )

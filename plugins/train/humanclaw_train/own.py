@@ -151,7 +151,7 @@ def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool
 
 
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
-    """Return which chunks are within the schema's bounds (N,), give _BEYOND of tolerance."""
+    """Return which chunks are within the schema's bounds (N,), with a tolerance of _BEYOND."""
     parameters = skill.declaration.parameters
     found = outcomes(parameters, root, rotations, skill.measures)
     low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))

@@ -78,8 +78,7 @@ def transitions_table(found: Transitions) -> str:
     )
     notes = (
         f"Peak of real motion {found.real:.0f} m/s2; {int((ratio > 1.5).sum())} of {ratio.size} pairs over 1.5 times "
-        "that. "
-        f"Median seam {np.median(found.median):.0f} m/s2. Worst, m/s2: {pairs}."
+        f"that. Median seam {np.median(found.median):.0f} m/s2. Worst, m/s2: {pairs}."
     )
     heads = ("from, to", *found.skills)
     return f"{table(heads, rows)}\n\n{notes}"

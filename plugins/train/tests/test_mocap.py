@@ -91,8 +91,8 @@ def test_a_bone_of_an_amc_turns_about_its_own_axes(tmp_path):
     start = np.array([1, 2, 3]) * inch
     assert motion.joints == ("root", "hip", "hip_end")
     np.testing.assert_allclose(motion.positions[0, 2], start + [10 * inch, 0, 0], atol=1e-9)
-    # The bone's X axis is the world's Y (axis 0 0 90): its quarter turn moves +X to -Z. The root's turn about Z does not
-    # change that.
+    # The bone's X axis is the world's Y (axis 0 0 90): its quarter turn moves +X to -Z, which the root's turn about Z
+    # does not change.
     np.testing.assert_allclose(motion.positions[1, 2], start + [0, 0, -10 * inch], atol=1e-9)
 
 
