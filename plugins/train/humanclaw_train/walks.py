@@ -80,7 +80,8 @@ def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: in
 def drift_line(found: Drift) -> str:
     return (
         f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side "
-        f"(95 % within {found.side[1]:.2f} m) and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
+        f"(95 % within {found.side[1]:.2f} m) "
+        f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
     )
 
 
