@@ -1,8 +1,8 @@
-"""What width, training and real data buy: `python plugins/train/scaling.py CHUNKS` prints the table.
+"""Effect of width, training steps and real data on the prior: `python plugins/train/scaling.py CHUNKS`.
 
-Priors of some widths, and priors that see a share of the real clips, learn for as many steps each with the recipe of
-the shipped one. All are judged on chunks of clips that nothing was trained on: how far, in the mean over the chunk's
-15 frames and 24 joints, the motion that they foretell is from the real one, by how much of it they are shown.
+Priors of several widths, and priors trained on a share of the real clips, train for the same number of steps with the
+recipe of the shipped prior. The table shows the mean error of their predictions over 15 frames and 24 joints of
+held-out chunks, for several shares of the true motion in the input.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from humanclaw.motion import SIZES, ModelConfig, shipped_base
 from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Normaliser, load_base
 from humanclaw_train.dit import DiT
-from humanclaw_train.train import Loss, Recipe, Trainer, Weights, objective
+from humanclaw_train.flow import Loss, Weights, objective
+from humanclaw_train.trainer import Recipe, Trainer
 
 WIDTHS: Final = (96, 192, 288)
 SHARES: Final = (0.25, 0.5)
 TAUS: Final = (0.0, 0.25, 0.5)
-"""How much of the true motion is in what the model is shown; at 0 nothing, its history apart."""
+"""Flow times: at 0 the model sees only the history, above it also a share of the true motion."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print("| prior | weights | real clips | steps |", " | ".join(f"tau {tau:g}, cm" for tau in TAUS), "|")
     print("| --- |", " --- |" * (3 + len(TAUS)))
 
-    def tell(name: str, model: DiT, share: float, steps: int, normaliser: Normaliser = normaliser) -> None:
+    def show(name: str, model: DiT, share: float, steps: int, normaliser: Normaliser = normaliser) -> None:
         weights = sum(parameter.numel() for parameter in model.parameters())
         found = " | ".join(f"{error(model, normaliser, held_out, tau):.2f}" for tau in TAUS)
         print(f"| {name} | {weights / 1e6:.1f} M | {share:.0%} | {steps} | {found} |", flush=True)
@@ -49,13 +50,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for width, share in [*((width, 1.0) for width in WIDTHS), *((192, share) for share in SHARES)]:
         shape = replace(SIZES["lite"], hidden=width)
         for steps, model in learned(shape, clips(chunks, options.chunks, share), normaliser, recipe):
-            tell(f"hidden {width}", model, share, steps)
+            show(f"hidden {width}", model, share, steps)
     base = load_base(shipped_base())
-    tell("shipped", base.model, 1.0, 16000, base.normaliser)
+    show("shipped", base.model, 1.0, 16000, base.normaliser)
 
 
 def clips(chunks: data.ChunkTensors, folder: Path, share: float) -> data.ChunkTensors:
-    """Keep a share of the real clips, spread evenly over their names, and all that is synthetic."""
+    """Keep a share of the real clips, spread evenly over their names, and all synthetic chunks."""
     with np.load(folder / "base.npz") as content:
         real, source = content["real"], content["source"]
     names = np.unique(source[real])
@@ -67,7 +68,7 @@ def clips(chunks: data.ChunkTensors, folder: Path, share: float) -> data.ChunkTe
 def learned(
     shape: ModelConfig, chunks: data.ChunkTensors, normaliser: Normaliser, recipe: Recipe
 ) -> list[tuple[int, DiT]]:
-    """Train a prior; returns its running mean halfway and at the end, by steps."""
+    """Train a prior. Returns the steps and its running mean, halfway and at the end."""
     torch.manual_seed(recipe.seed)
     model, found = DiT(shape), []
     trainer = Trainer(model, chunks, recipe)
@@ -88,7 +89,7 @@ def learned(
 
 @torch.inference_mode()
 def error(model: DiT, normaliser: Normaliser, chunks: data.ChunkTensors, tau: float, seed: int = 0) -> float:
-    """Measure the mean distance of the foretold joints from the real ones, centimetres."""
+    """Return the mean distance of predicted joints from real ones, centimetres."""
     states = normaliser.forward(kinematics.encode(chunks.root, chunks.rotations))
     future, moment = states[:, HISTORY:], torch.full((len(states),), tau)
     noise = torch.randn(future.shape, generator=torch.Generator().manual_seed(seed))
@@ -96,9 +97,9 @@ def error(model: DiT, normaliser: Normaliser, chunks: data.ChunkTensors, tau: fl
     output = model(states[:, :HISTORY], noisy, model.modulations(moment))
     implied = normaliser.inverse(flow.clean(model.config.prediction, output, noisy, moment))
     rotations = implied[..., kinematics.ROTATIONS].reshape(len(states), FUTURE, -1, 3)
-    foretold = kinematics.joints(implied[..., kinematics.ROOT], rotations)
+    predicted = kinematics.joints(implied[..., kinematics.ROOT], rotations)
     true = kinematics.joints(chunks.root[:, HISTORY:], chunks.rotations[:, HISTORY:])
-    return 100 * float((foretold - true).norm(dim=-1).mean())
+    return 100 * float((predicted - true).norm(dim=-1).mean())
 
 
 if __name__ == "__main__":

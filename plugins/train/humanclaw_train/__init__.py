@@ -1,7 +1,7 @@
 """HumanCLAW plugin: train the motion prior and skill adapters, and measure what was learned.
 
-The training modules also run on a machine that has torch, numpy, safetensors and tqdm alone: `python -m
-humanclaw_train.train`.
+The training modules need no plugin host: `python -m humanclaw_train.train` also runs on a machine that has torch,
+numpy, safetensors and tqdm but neither pydantic, pluggy, click nor scipy.
 """
 
 from __future__ import annotations

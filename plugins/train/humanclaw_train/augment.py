@@ -1,9 +1,8 @@
-"""What the synthesis takes from real clips: upper-body gait profiles over the step cycle, the quiet stance, and idle
-sway.
+"""Profiles of real clips, for synthesis: upper-body gait over the step cycle, quiet stance and idle sway.
 
-Phase convention: a cycle of two steps has phase [0, 2); at phase 0 the right foot passes the left one on its way
-forward, at phase 1 the left foot passes the right one. Channels: pelvis pitch, roll and yaw about the path, then the
-rotation vectors of UPPER. Needs numpy alone.
+A cycle of two steps has phase [0, 2): at phase 0 the right foot passes the left one on its way forward, at phase 1 the
+left foot passes the right one. Channels: pelvis pitch, roll and yaw about the path, then the rotation vectors of UPPER.
+Needs only numpy.
 """
 
 from __future__ import annotations
@@ -16,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, JOINTS, matrix_from_vector
-
-Array = NDArray[np.float64]
+from humanclaw.body import JOINT_INDEX, JOINTS, Array, matrix_from_vector
 
 UPPER: Final = tuple(
     JOINT_INDEX[name] for name in JOINTS if not any(part in name for part in ("pelvis", "hip", "knee", "ankle", "foot"))
@@ -47,27 +44,27 @@ _SOURCE, _SIGN = _mirror_map()
 
 
 def mirror_channels(values: Array) -> Array:
-    """(..., CHANNELS) with left and right exchanged."""
+    """Exchange left and right in channels (..., CHANNELS)."""
     return np.asarray(values[..., _SOURCE] * _SIGN)
 
 
 def channels(motion: Motion) -> Array:
-    """(T, CHANNELS) of a motion; the pelvis yaw is taken about a quadratic trend, which stands for the path's
-    direction."""
+    """Return the channels of a motion (T, CHANNELS). A quadratic trend of the yaw stands for the path's direction."""
     matrix = matrix_from_vector(motion.rotations[:, 0])
     yaw = np.unwrap(motion.yaw())
     time = np.linspace(-1, 1, len(motion))
-    roll = np.arcsin(np.clip(matrix[:, 1, 0], -1, 1))  # R = Ry Rz Rx keeps the hip line's yaw free of roll and pitch
+    roll = np.arcsin(np.clip(matrix[:, 1, 0], -1, 1))  # R = Ry Rz Rx keeps the yaw of the hips free of roll and pitch.
     pitch = np.arctan2(-matrix[:, 1, 2], matrix[:, 1, 1])
     swing = yaw - np.polyval(np.polyfit(time, yaw, 2), time)
     return np.concatenate([np.stack([pitch, roll, swing], 1), motion.rotations[:, UPPER].reshape(len(motion), -1)], 1)
 
 
 def step_phase(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
-    """(T,) phase in steps of a straight walk, and which frames lie between two passings of the feet."""
+    """Return a straight walk's phase in steps (T,), and which frames lie between two passings of the feet (T,)."""
     joints, yaw = motion.joints(), motion.yaw()
     ahead = np.stack([np.sin(yaw), 0 * yaw, np.cos(yaw)], -1)
     lead = np.sum((joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]) * ahead, -1)
+    # Zero crossings with a minimum speed: standing feet cross by noise.
     cross = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(lead[1:] - lead[:-1]) > 0.01))
     time = cross + lead[cross] / (lead[cross] - lead[cross + 1])
     first = 0 if lead[cross[0]] > 0 else 1
@@ -77,7 +74,7 @@ def step_phase(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def basis(phase: Array) -> Array:
-    """(...) phases to (..., 1 + 2 HARMONICS) of the Fourier basis with period 2."""
+    """Return the Fourier basis of period 2 (..., 1 + 2 HARMONICS) at phases (...)."""
     parts = [np.ones_like(phase)]
     for k in range(1, HARMONICS + 1):
         parts += [np.cos(np.pi * k * phase), np.sin(np.pi * k * phase)]
@@ -96,8 +93,11 @@ class RealClip(Protocol):
 
 @dataclass(frozen=True)
 class Profiles:
-    """gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean; speed: (S,) m/s; stance: (CHANNELS,);
-    sway: (T, CHANNELS) idle deviations from the stance at 30 fps."""
+    """Profiles of real walkers and idlers.
+
+    gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean. speed: (S,) m/s. stance: (CHANNELS,). sway:
+    (T, CHANNELS) idle deviations from the stance at 30 fps.
+    """
 
     gait: Array
     speed: Array
@@ -106,32 +106,31 @@ class Profiles:
 
     @classmethod
     def of(cls, clips: Sequence[RealClip]) -> Profiles:
-        """Measure the profiles on real clips. Raises ValueError when the clips that are known to serve are not among
-        them."""
+        """Measure the profiles on real clips. Raises ValueError if none of the clips named above is among them."""
         named = {clip.name: clip.motion for clip in clips}
         walks = [named[name] for name in _WALKS if name in named]
         idles = [named[name] for name in _IDLES if name in named]
         if not walks or not idles:
-            raise ValueError(f"the profiles need a clip of {_WALKS} and one of {_IDLES}; got {sorted(named)[:8]} ...")
+            raise ValueError(f"expected a clip of {_WALKS} and one of {_IDLES}; got {sorted(named)[:8]} ...")
         gaits = np.stack([_gait(walk) for walk in walks])
         speeds = np.array([_speed(walk) for walk in walks])
         stance = np.mean([np.median(channels(idle), 0) for idle in idles], 0)
         stance = (stance + mirror_channels(stance)) / 2
-        stance[2] = 0.0
-        return cls(
-            np.concatenate([gaits.mean(0)[None], gaits]), np.append(speeds.mean(), speeds), stance,
-            np.concatenate([_sway(idle) for idle in idles]),
-        )  # fmt: skip
+        stance[2] = 0.0  # The stance faces along its path.
+        styles, sway = np.concatenate([gaits.mean(0)[None], gaits]), np.concatenate([_sway(idle) for idle in idles])
+        return cls(styles, np.append(speeds.mean(), speeds), stance, sway)
 
 
 def _gait(walk: Motion) -> Array:
-    """Least squares over the cycle and its mirror image half a cycle later: a gait is symmetric, one short clip is
-    not."""
+    """Fit the cycle and its mirror image half a cycle later by least squares.
+
+    A gait is symmetric, but a single short clip is not.
+    """
     phase, inside = step_phase(walk)
     values = channels(walk)[inside]
     rows = np.concatenate([basis(phase[inside]), basis(phase[inside] + 1)])
     fit = np.linalg.lstsq(rows, np.concatenate([values, mirror_channels(values)]), rcond=None)[0]
-    odd = np.isin(np.arange(len(fit)), (2, 6))  # odd sines: the pelvis yaw is nought whenever the feet pass
+    odd = np.isin(np.arange(len(fit)), (2, 6))  # Odd sines, so that the pelvis yaw is zero whenever the feet pass.
     fit[~odd, 2] = 0.0
     return np.asarray(fit)
 
@@ -141,7 +140,7 @@ def _speed(walk: Motion) -> float:
 
 
 def _sway(idle: Motion, limit: float = 0.06, window: int = 31) -> Array:
-    """Slow deviations from the clip's median, kept small: the eyes are on the head."""
+    """Return slow deviations from the clip's median (T, CHANNELS), kept small because the camera is in the head."""
     values = channels(idle)
     values = values - np.median(values, 0)
     kernel = np.hanning(window + 2)[1:-1]

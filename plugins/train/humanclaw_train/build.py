@@ -1,8 +1,8 @@
-"""Build the training chunks: motion capture in, one npz a skill and one for the prior out.
+"""Build the training chunks: from motion capture to one npz per skill and one for the prior.
 
     humanclaw data build SOURCE --out .data/chunks
 
-SOURCE holds clips.csv and the archives it names, or their unpacked folders.
+SOURCE contains clips.csv and the archives that it names.
 """
 
 from __future__ import annotations
@@ -21,19 +21,22 @@ from tqdm import tqdm
 from humanclaw import HumanclawError
 from humanclaw.body import FPS, FUTURE
 from humanclaw.cli import show_markdown
-from humanclaw_train.chunks import Chunks, Clip, load_pack
+from humanclaw_train.chunks import CHUNKS, Chunks, Clip, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import build_real, statistics
 from humanclaw_train.synthetic import synthetic_chunks
-from humanclaw_train.tables import as_json
+from humanclaw_train.tables import as_json, table as markdown
 
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "HDM_dg_*", "011_*")
-"""Clips that nothing learns from, neither a profile nor a weight: all of CMU subjects 12 and 131, of HDM05's subject dg
-and of one idler, and the second of the two walks over blocks, for which there is one subject alone."""
+"""Patterns of clips that neither profiles nor weights learn from.
+
+They are all clips of CMU subjects 12 and 131, of HDM05's subject dg and of one idler, and the second of two walks over
+blocks, which only one subject did.
+"""
 
 
 def held_out(clip: Clip, patterns: Sequence[str] = HELD_OUT) -> bool:
-    """Whether the clip's name matches one of the patterns."""
+    """Return whether the clip's name matches one of the patterns."""
     return any(fnmatch(clip.name, pattern) for pattern in patterns)
 
 
@@ -46,11 +49,10 @@ def build(
     without: Sequence[str] = (),
     hold_out: Sequence[str] = HELD_OUT,
 ) -> dict[str, Chunks]:
-    """Real chunks and synthetic ones, each marked as what it is, saved as out/<skill>.npz; those of held-out clips in
-    out/held_out.
+    """Build real and synthetic chunks and save them as out/<skill>.npz, those of held-out clips in out/held_out.
 
-    seconds: of synthetic motion a skill. without: sources that are left out, such as `HDM05`. hold_out: patterns of
-    clips' names.
+    seconds: of synthetic motion per skill. without: sources to leave out, such as `HDM05`. hold_out: patterns of names
+    of clips.
     """
     every = [clip for clip in load_pack(source) if clip.source not in without]
     clips = [clip for clip in every if not held_out(clip, hold_out)]
@@ -70,21 +72,20 @@ def build(
 
 
 def table(chunks: Mapping[str, Chunks]) -> str:
-    """Return the statistics as a Markdown table: chunks and seconds, real and synthetic, and 5-50-95 % of each
-    parameter in SI.
+    """Return statistics as a Markdown table: chunks and seconds, and 5, 50 and 95 % quantiles of parameters in SI.
 
-    Seconds are those of the futures; of real motion, whose windows overlap, each frame is counted once.
+    Seconds count the futures. Windows of real motion overlap; each of their frames counts once.
     """
     heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    rows = []
     for name, found in statistics(chunks).items():
         spread = "; ".join(
             f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
         )
         synthetic = found.chunks - found.real
         cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-    return "\n".join(lines)
+        rows.append([*map(str, cells)])
+    return markdown(heads, rows)
 
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"
@@ -92,12 +93,11 @@ _BINS: Final = 16
 
 
 def histograms(chunks: Mapping[str, Chunks]) -> str:
-    """Each parameter's histogram over the range that the synthetic and the real chunks share, as a Markdown table of
-    bars.
+    """Return each parameter's histograms over its whole range, real and synthetic, as a Markdown table of bars.
 
-    Bars are relative to the fullest bin of their own row; a bin that holds anything shows at least the lowest bar.
+    Bars are relative to the fullest bin of their histogram. A bin that is not empty shows at least the lowest bar.
     """
-    lines = ["| parameter | least | real | synthetic | most |", "| --- | --- | --- | --- | --- |"]
+    rows = []
     for skill, found in chunks.items():
         for column, name in enumerate(found.names.tolist()):
             values = found.params[:, column].astype(float)
@@ -105,8 +105,8 @@ def histograms(chunks: Mapping[str, Chunks]) -> str:
             real, synthetic = (
                 _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
             )
-            lines.append(f"| {skill} {name} | {low:.2f} | `{real}` | `{synthetic}` | {high:.2f} |")
-    return "\n".join(lines)
+            rows.append((f"{skill} {name}", f"{low:.2f}", f"`{real}`", f"`{synthetic}`", f"{high:.2f}"))
+    return markdown(("parameter", "least", "real", "synthetic", "most"), rows)
 
 
 def _bars(counts: NDArray[np.int_]) -> str:
@@ -115,21 +115,21 @@ def _bars(counts: NDArray[np.int_]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
-    """Run the command line. skills: finds those that are trained; this module itself knows of none."""
+    """Run the command line. skills: returns the trained skills."""
     parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help="folder with clips.csv and its archives")
-    parser.add_argument("--out", type=Path, default=Path(".data/chunks"))
-    parser.add_argument("--seconds", type=float, default=4000.0, help="synthetic motion a skill")
+    parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
+    parser.add_argument("--seconds", type=float, default=4000.0, help="synthetic motion per skill (default: 4000)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--without", nargs="*", default=[], help="sources that are left out, for instance HDM05")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the synthetic motion")
+    parser.add_argument("--without", nargs="*", default=[], help="sources to leave out, such as HDM05")
     parser.add_argument(
-        "--hold-out", nargs="*", default=list(HELD_OUT), help="patterns of clips that nothing learns from"
+        "--hold-out", nargs="*", default=list(HELD_OUT), help="patterns of names of clips to hold out from training"
     )
     options = parser.parse_args(arguments)
     try:
         if skills is None:
-            raise HumanclawError("Nothing here knows a skill.", "Use the command: humanclaw data build")
+            raise HumanclawError("No skills are known without a plugin host.", "Use the command: humanclaw data build")
         chunks = build(
             options.source, options.out, skills(), options.seconds, options.seed, options.without, options.hold_out
         )

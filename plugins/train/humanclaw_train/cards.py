@@ -1,8 +1,8 @@
-"""Model cards: one beside each checkpoint, from its header and the fidelity report.
+"""Model cards: one beside each checkpoint, from its header and the reports on it.
 
 humanclaw cards                   write README.md beside every checkpoint
 humanclaw cards --skill FOLDER    write it for a skill of your own
-humanclaw cards --check           only say which cards are out of date
+humanclaw cards --check           only list the cards that are out of date
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from humanclaw_train.likeness import NaturalnessRow, skills_table
 from humanclaw_train.naturalness import REPORT as NATURALNESS, NaturalnessReport
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
-from humanclaw_train.travel import uncommanded_table
+from humanclaw_train.uncommanded import uncommanded_table
 
 CARD: Final = "README.md"
-"""Of this name, so that whoever opens the folder reads it."""
+"""File name of a card, which repository pages show with the folder."""
 _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 
 _NAMES: Final = {
@@ -36,44 +36,44 @@ _NAMES: Final = {
     "retimed": "the same clips at other paces, by `humanclaw_train.retimed`",
 }
 _DERIVED: Final = {"composed": "that of the clips it was measured on", "retimed": "that of the clips"}
-"""Sources that are made from others, and whose licence is theirs."""
+"""Licences of sources that are made from other sources."""
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
         "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
-        "NSF "
-        "EIA-0196217."
+        "NSF EIA-0196217."
     ),
     "ReActIdle": "ReActIdle: MIT, Copyright (c) 2025 RSAIT.",
     "HDM05": (
         "HDM05: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database "
-        "HDM05*, "
-        "CG-2007-2, Universitaet Bonn, 2007; CC BY-SA 3.0."
+        "HDM05*, CG-2007-2, Universitaet Bonn, 2007; CC BY-SA 3.0."
     ),
 }
-"""What the owners of the data ask to be said."""
+"""Attributions that the owners of the data ask for."""
 _BASE_LIMITS: Final = (
-    "Arms move little while a body turns on the spot or steps aside: 8 to 9 cm to and fro, where walking has 40.",
-    "Over long series of calls small errors add up where the data do not show the way back: see `humanclaw "
-    "naturalness`.",
+    "Arms move little in turns on the spot and side steps: 8 to 9 cm to and fro, against 40 cm in walking.",
+    "Small errors add up over long series of calls where the data show no recovery: see `humanclaw naturalness`.",
 )
 
 
 def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: NaturalnessReport | None = None) -> str:
-    """Return the model card of one checkpoint as Markdown. A report on other weights is not quoted. Raises
-    CheckpointError."""
-    import jinja2  # not on the bare machine that trains
+    """Return the model card of one checkpoint as Markdown. Reports on other weights are ignored.
 
+    Raises CheckpointError.
+    """
+    import jinja2
+
+    # Strict: a misspelt name in the template is an error and not an empty cell.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report, naturalness))
 
 
 def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: NaturalnessReport | None) -> dict[str, Any]:
     header = read_header(checkpoint)
-    told, data = header["card"], header["card"]["data"]
+    notes, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
     row = _row(header, checkpoint, report)
     likeness = _likeness(header, checkpoint, naturalness)
-    sources = [*data["sources"], *told["licences"]]
+    sources = [*data["sources"], *notes["licences"]]
     return {
         **header,
         "title": f"the adapter of `{adapter['skill']}`" if adapter else "the motion prior",
@@ -84,14 +84,14 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "megabytes": checkpoint.stat().st_size / 1e6,
         "condition": f"`{adapter.get('encoder')}` of {', '.join(adapter.get('params', ())) or 'nothing'}",
         "data": data,
-        "recipe": told["recipe"],
-        "recipe_digest": told["recipe_digest"],
-        "licences": told["licences"],
+        "recipe": notes["recipe"],
+        "recipe_digest": notes["recipe_digest"],
+        "licences": notes["licences"],
         "attributions": [
             text for source, text in _ATTRIBUTIONS.items() if any(found.startswith(source) for found in sources)
         ],
         "names": _NAMES,
-        "licence_of": lambda source: _licence(source, told["licences"]),
+        "licence_of": lambda source: _licence(source, notes["licences"]),
         "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
         "parameter_rows": _parameter_rows(adapter, data),
         "report": report if report and report.base == header.get("base", header.get("digest")) else None,
@@ -119,7 +119,7 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
 def _likeness(
     header: Mapping[str, Any], checkpoint: Path, report: NaturalnessReport | None
 ) -> tuple[NaturalnessRow, ...]:
-    """Return how like people the motion is; nothing where that was not measured on these weights."""
+    """Return the naturalness of these weights; nothing if it was not measured."""
     if report is None or report.base != header.get("base", header.get("digest")):
         return ()
     return report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
@@ -142,7 +142,7 @@ def _parameter_rows(adapter: Mapping[str, Any], data: Mapping[str, Any]) -> list
 
 def _licence(source: str, licences: Sequence[str]) -> str:
     found = [text.partition(": ")[2] for text in licences if text.startswith(source)]
-    return found[0] if found else _DERIVED.get(source, "not told")
+    return found[0] if found else _DERIVED.get(source, "not given")
 
 
 def _ratio(ratio: Ratio) -> str:
@@ -151,9 +151,9 @@ def _ratio(ratio: Ratio) -> str:
 
 # -- all of them -------------------------------------------------------------------------------------------------------
 def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
-    """Write the card beside each checkpoint; the cards that were not as they should be. check: write nothing.
+    """Write the card beside each checkpoint. Returns the cards that were out of date. check: write nothing.
 
-    A report is the one beside the checkpoint, or else the one beside the base.
+    Reports beside the checkpoint are used, or else those beside the base.
     """
     stale = []
     for file in files:
@@ -173,10 +173,7 @@ def _beside(file: Path, base: Path, name: str) -> Path | None:
 
 
 def main(arguments: Sequence[str] | None = None, installed: Installed | None = None) -> int:
-    """Run the command line.
-
-    installed: finds the skills whose cards are written.
-    """
+    """Run the command line. installed: returns the adapters of the installed skills."""
     options = _parser().parse_args(arguments)
     try:
         base = options.base or shipped_base()
@@ -200,10 +197,15 @@ def _parser() -> argparse.ArgumentParser:
         "--adapters",
         type=Path,
         nargs="*",
-        help="folders searched for adapters (default: the installed skills)",
+        help="folders to search for adapters (default: the installed skills)",
     )
     parser.add_argument(
-        "--skill", type=Path, action="append", default=[], metavar="FOLDER", help="of a skill of your own, and no other"
+        "--skill",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="write only the card of this skill of your own",
     )
     parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a card is out of date")
     return parser

@@ -1,6 +1,6 @@
-"""Write checkpoints of the motion model, and read them into the modules that are trained.
+"""Write checkpoints of the motion model, and read them into trainable modules.
 
-What a checkpoint holds is told by `humanclaw.motion.checkpoint`, which reads it for who only runs the model.
+`humanclaw.motion.checkpoint` documents the format and reads it without torch.
 """
 
 from __future__ import annotations
@@ -39,27 +39,27 @@ M = TypeVar("M", bound=nn.Module)
 
 @dataclass(frozen=True)
 class Normaliser:
-    """humanclaw.motion.checkpoint.Normaliser on tensors. mean, std: (219,) float32."""
+    """Counterpart of humanclaw.motion.checkpoint.Normaliser on tensors. mean, std: (219,) float32."""
 
     mean: Tensor
     std: Tensor
 
     def forward(self, state: Tensor) -> Tensor:
-        """(..., 219) states in metres and radians to normalised ones."""
+        """Normalise states (..., 219) in metres and radians."""
         return (state - self.mean) / self.std
 
     def inverse(self, state: Tensor) -> Tensor:
-        """(..., 219) normalised states to metres and radians."""
+        """Turn normalised states (..., 219) back into metres and radians."""
         return state * self.std + self.mean
 
     def to(self, device: torch.device) -> Normaliser:
-        """Return the same numbers on another device."""
+        """Move to another device."""
         return Normaliser(self.mean.to(device), self.std.to(device))
 
 
 @dataclass(frozen=True)
 class Base:
-    """The prior as adapters are trained against it, frozen."""
+    """The frozen prior that adapters are trained against."""
 
     model: DiT
     normaliser: Normaliser
@@ -82,16 +82,16 @@ def save_base(path: Path, model: DiT, normaliser: Normaliser, start: tuple[Tenso
 
 
 def save_adapter(path: Path, adapter: Adapter, base_digest: str, card: Card) -> None:
-    """Write an adapter checkpoint for the base of that digest."""
+    """Write an adapter checkpoint for the base with that digest."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in _halved(adapter).items()}
     header = {"kind": "adapter", "adapter": asdict(adapter.config), "base": base_digest, "card": card.header()}
     _write(path, tensors, header)
 
 
 def load_base(path: Path) -> Base:
-    """Read a base checkpoint as a frozen module, in single precision.
+    """Read a base checkpoint as a frozen module in single precision.
 
-    Raises CheckpointError when the file is missing, broken or no base of this format.
+    Raises CheckpointError if the file is missing, broken or no base of this format.
     """
     remedy = "Train a base with: humanclaw train base"
     header, tensors = read_checkpoint(path, "base", remedy)
@@ -104,9 +104,9 @@ def load_base(path: Path) -> Base:
 
 
 def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
-    """Read an adapter for this base as a module, in single precision; with `skill`, insist that it is that skill's.
+    """Read an adapter of this base as a frozen module in single precision. skill: the expected skill, if any.
 
-    Raises CheckpointError when the file is missing, broken, another skill's, or was trained against another base.
+    Raises CheckpointError if the file is missing, broken, of another skill or of another base.
     """
     config, tensors = read_adapter(path, base.digest, skill)
     try:
@@ -116,7 +116,7 @@ def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
 
 
 def weights_of(module: nn.Module) -> Weights:
-    """Return the weights of a module as the runtime takes them, in single precision."""
+    """Return a module's weights in single precision, as humanclaw.motion takes them."""
     return Weights({name: tensor.numpy(force=True) for name, tensor in module.state_dict().items()})
 
 
@@ -130,7 +130,7 @@ def _filled(module: M, tensors: Tensors) -> M:
 
 
 def _digest(tensors: Mapping[str, Tensor]) -> str:
-    """Names the numbers themselves, so that the same weights with another note in the header stay the same base."""
+    """Hash the numbers alone, so that a change of notes in the header leaves the digest the same."""
     hasher = hashlib.sha256()
     for name in sorted(tensors):
         tensor = tensors[name]

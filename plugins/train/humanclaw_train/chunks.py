@@ -1,7 +1,7 @@
 """Clips of retargeted motion, and the half-second chunks that the motion model learns from (paper, section 3.3).
 
 A chunk is 5 history and 15 future frames in the canonical frame of its history, with the skill parameters that it
-realises. Needs numpy alone.
+achieves. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -37,17 +37,18 @@ from humanclaw.body import (
 )
 from humanclaw.skills import MEASURES, Measure, Parameter, outcomes
 from humanclaw_train import mocap
-from humanclaw_train.mocap import MocapError, SourceMotion
 from humanclaw_train.retarget import retarget
+from humanclaw_train.source_motion import MocapError, SourceMotion
 
+CHUNKS: Final = Path(".data/chunks")
+"""Default folder of chunks."""
 Spans = Mapping[str, tuple[tuple[int, int], ...]]
 
 
 # -- clips -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Clip:
-    """One retargeted clip. spans: tag to (first, last) frames, both included, at 30 fps; real is False once it was
-    synthetic."""
+    """One retargeted clip. spans: tag to (first, last) frames at 30 fps, both included. real: False once edited."""
 
     name: str
     motion: Motion
@@ -60,8 +61,8 @@ class Clip:
 def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
     """Retarget every clip that `folder/clips.csv` lists.
 
-    Rows name their file as `archive.tar.xz!member`. Archives are read from `folder` and unpacked into a temporary
-    folder, unless `unpacked` already holds the members. Raises MocapError for a file that is missing or broken.
+    Rows name their file as `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder, unless
+    `unpacked` already contains the members. Raises MocapError for a missing or broken file.
     """
     folder = Path(folder)
     if unpacked is not None:
@@ -76,7 +77,7 @@ def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Cl
 def _rows(folder: Path) -> Iterable[dict[str, str]]:
     table = folder / "clips.csv"
     if not table.is_file():
-        raise MocapError(f"{table} is missing.", "Give the folder that holds clips.csv and its archives.")
+        raise MocapError(f"{table} is missing.", "Give the folder that contains clips.csv and its archives.")
     with table.open(newline="", encoding="utf-8") as lines:
         yield from csv.DictReader(lines)
 
@@ -84,9 +85,9 @@ def _rows(folder: Path) -> Iterable[dict[str, str]]:
 def _unpack(archive: Path, folder: Path) -> None:
     try:
         with tarfile.open(archive) as tar:
-            tar.extractall(folder, filter="data")
+            tar.extractall(folder, filter="data")  # Rejects links and paths that lead outside.
     except (OSError, tarfile.TarError) as error:
-        raise MocapError(f"{archive} cannot be unpacked: {error}.", "Fetch the archive again.") from error
+        raise MocapError(f"{archive} cannot be unpacked: {error}.", "Download the archive again.") from error
 
 
 def _clip(row: Mapping[str, str], folder: Path) -> Clip:
@@ -100,15 +101,17 @@ def _clip(row: Mapping[str, str], folder: Path) -> Clip:
 
 
 def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
-    """CMU's BVH conversions open with a set-up pose; for one family, whose zero angles mean nothing, it is the
-    reference."""
+    """Cut the set-up pose that opens CMU's BVH conversions. Returns the motion and the number of its first frame.
+
+    In one conversion the zero angles are arbitrary, so the set-up pose is the reference there.
+    """
     if "CC_Base_Hip" in source.joints:
         return source.with_reference_frame(0)[1:], 1
     return (source[1:], 1) if "LHipJoint" in source.joints else (source, 0)
 
 
 def _tagged(notes: str) -> dict[str, list[tuple[int, int]]]:
-    """Return the spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
+    """Parse the spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
     listed = re.match(r"frames ([^.]*)", notes)
     spans: dict[str, list[tuple[int, int]]] = {}
     for part in listed[1].split(";") if listed else ():
@@ -129,28 +132,32 @@ _MIRRORED: Final = [
 
 
 def mirrored(motion: Motion) -> Motion:
-    """Return the motion seen in the plane x = 0: left and right change places."""
+    """Mirror the motion at the plane x = 0: left and right change places."""
     return Motion(motion.root * [-1.0, 1.0, 1.0], motion.rotations[:, _MIRRORED] * [1.0, -1.0, -1.0])
 
 
 def mirror(clip: Clip) -> Clip:
-    """Return the clip with left and right exchanged, and so no longer real; its name ends in `_mirrored`."""
+    """Mirror the clip, which then is not real; its name ends in `_mirrored`."""
     return replace(clip, name=f"{clip.name}_mirrored", motion=mirrored(clip.motion), real=False)
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
 def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
-    """Return the parameters (k,), SI, that a 20-frame chunk in any frame realises: what their measures say of it.
-    Raises ValueError."""
+    """Return the parameters (k,), SI, that a 20-frame chunk achieves according to their measures. Raises ValueError."""
     root, rotations = chunk.root[None], chunk.rotations[None]
     if len(chunk) != CHUNK:
-        raise ValueError(f"an outcome is that of {CHUNK} frames; got {len(chunk)}")
+        raise ValueError(f"expected a chunk of {CHUNK} frames; got {len(chunk)}")
     return np.asarray(outcomes(parameters, *canonical(root, rotations))[0])
 
 
+def stacked(motions: Sequence[Motion]) -> tuple[Array, Array]:
+    """Return the root (N, T, 3) and rotations (N, T, 24, 3) of motions of one length."""
+    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
+    return root, rotations
+
+
 def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
-    """Chunks in any frame, root (N, 20, 3) and rotations (N, 20, 24, 3), each in the canonical frame of its own
-    history."""
+    """Move chunks, root (N, 20, 3) and rotations (N, 20, 24, 3), to the canonical frames of their histories."""
     history = forward_kinematics(root[:, :HISTORY], rotations[:, :HISTORY])[0]
     return _canonical(root, rotations, support_height(history).min(axis=1))
 
@@ -164,8 +171,7 @@ def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Arra
 
 
 def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
-    """Return the chunks of a motion that begin at frames `starts` (N,), canonical: root (N, 20, 3) and rotations (N,
-    20, 24, 3)."""
+    """Cut the chunks that begin at frames `starts` (N,): canonical root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     frames = np.asarray(starts, int)[:, None] + np.arange(CHUNK)
     support = support_height(motion.joints())
     return _canonical(motion.root[frames], motion.rotations[frames], support[frames[:, :HISTORY]].min(axis=1))
@@ -173,11 +179,10 @@ def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Chunks:
-    """N canonical chunks of one skill. Metres, radians.
+    """N canonical chunks of one skill. Metres, radians. Raises ValueError for wrong shapes.
 
     root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32; real (N,) bool, False for synthetic
-    motion; source (N,) text, where each comes from. names, measures (k,) text: of the parameters, and what they
-    command.
+    motion; source (N,) text, the clip of each. names, measures (k,) text: of the parameters.
     """
 
     root: NDArray[np.float32]
@@ -193,15 +198,15 @@ class Chunks:
         shapes = (self.root.shape, self.rotations.shape, self.params.shape[:1], self.real.shape, self.source.shape)
         if shapes != ((n, CHUNK, 3), (n, CHUNK, N_JOINTS, 3), (n,), (n,), (n,)) or self.params.ndim != 2:
             raise ValueError(
-                "chunks need root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got "
+                "expected root (N, 20, 3), rotations (N, 20, 24, 3), params (N, k), real (N,), source (N,); got "
                 f"{shapes}"
             )
         if not len(self.names) == len(self.measures) == self.params.shape[1]:
-            raise ValueError(f"{self.params.shape[1]} parameters need as many names and measures; got {self.names}")
+            raise ValueError(f"expected names and measures of {self.params.shape[1]} parameters; got {self.names}")
 
     @property
     def clips(self) -> tuple[str, ...]:
-        """Return where they come from, each once, in order."""
+        """Names of the clips, each once, sorted."""
         return tuple(np.unique(self.source).tolist())
 
     @classmethod
@@ -214,7 +219,7 @@ class Chunks:
         real: bool,
         known: Mapping[str, Measure] = MEASURES,
     ) -> Chunks:
-        """Canonical chunks with the parameters that they realise."""
+        """Make canonical chunks with the parameters that they achieve."""
         n = len(root)
         params = outcomes(parameters, root, rotations, known).astype(np.float32)
         names, measures = (
@@ -222,37 +227,39 @@ class Chunks:
         )
         return cls(
             root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source),
-            names, measures
+            names, measures,
         )  # fmt: skip
 
     @classmethod
     def join(cls, parts: Iterable[Chunks]) -> Chunks:
-        """All chunks of the parts, in order; there must be at least one part, and all of one skill."""
+        """Join parts in order. There must be at least one part, and all must be of one skill."""
         every = list(parts)
-        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in _EACH}
+        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in EACH}
         return replace(every[0], **whole)
 
     @classmethod
     def load(cls, path: str | Path) -> Chunks:
-        """Read what `save` wrote. Raises MocapError if it is missing or something else."""
+        """Read a file that `save` wrote. Raises MocapError if it is missing or has other content."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 return cls(*(data[field.name] for field in fields(cls)))
         except (OSError, KeyError, ValueError) as error:
-            raise MocapError(f"{path} holds no chunks: {error}.", "Curate the mocap again.") from error
+            raise MocapError(
+                f"{path} holds no chunks: {error}.", "Build chunks with: humanclaw data build DIR"
+            ) from error
 
     def __len__(self) -> int:
         return len(self.root)
 
     def __getitem__(self, which: slice | NDArray[np.int_] | NDArray[np.bool_]) -> Chunks:
-        return replace(self, **{name: getattr(self, name)[which] for name in _EACH})
+        return replace(self, **{name: getattr(self, name)[which] for name in EACH})
 
     def motion(self, index: int) -> Motion:
-        """One chunk as a motion in its canonical frame."""
+        """Return one chunk as a motion in its canonical frame."""
         return Motion(self.root[index].astype(float), self.rotations[index].astype(float))
 
     def mirrored(self, known: Mapping[str, Measure] = MEASURES) -> Chunks:
-        """Return the chunks with left and right exchanged, and so no longer real."""
+        """Mirror the chunks, which then are not real."""
         root = self.root * np.array([-1, 1, 1], np.float32)
         rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
         signs = [known[measure].mirror for measure in self.measures.tolist()]
@@ -265,7 +272,7 @@ class Chunks:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write one npz; a reader sees the old file or the whole new one, never a part."""
+        """Write one npz. An interrupted save leaves the old file in place."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_name(f"{path.name}.part")
@@ -274,5 +281,14 @@ class Chunks:
         os.replace(part, path)
 
 
-_EACH: Final = ("root", "rotations", "params", "real", "source")
-"""The fields of Chunks that hold something for each chunk."""
+EACH: Final = ("root", "rotations", "params", "real", "source")
+"""Fields of Chunks with one entry per chunk."""
+
+
+def of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
+    """Load the real chunks of a skill, or its synthetic chunks if it has no real ones. None without a file."""
+    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
+    if not files:
+        return None
+    chunks = Chunks.join(Chunks.load(file) for file in files)
+    return chunks[chunks.real] if chunks.real.any() else chunks

@@ -1,8 +1,4 @@
-"""`humanclaw train`, `humanclaw fidelity`, `humanclaw data build` and others: doors to humanclaw_train, which reads
-its own options; and `humanclaw show`.
-
-The modules also run as `python -m humanclaw_train.train` on a machine that has torch and little else.
-"""
+"""Commands of this distribution. Most forward their arguments to a module's main, which parses its own options."""
 
 from __future__ import annotations
 
@@ -11,20 +7,23 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
-from humanclaw import CallError, Choice, HumanclawError, Plugins, Skill, default_simulator
+from humanclaw import CallError, Choice, HumanclawError, Plugins, Simulator, Skill, default_simulator
 from humanclaw.cli import plugin_options
 from humanclaw.skills import Measure
 
+# No help option of its own: --help goes to the module, which defines the options.
 _FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
 
 def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
-    """Return a command that hands its arguments on, so that the options are told in one place; given: what else its
-    main is given."""
+    """Return a command that forwards its arguments to a module's main. given: keyword arguments of that main.
+
+    Only the module defines options, because it also runs without click.
+    """
 
     @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
     @click.argument("args", nargs=-1, type=click.UNPROCESSED)
@@ -34,20 +33,21 @@ def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Co
     return command
 
 
-def _simulator() -> Any:
-    """Return the half-physics that episodes run in: training imports no plugin host, so it is handed in."""
+def _simulator() -> Simulator:
+    """Make the simulator that episodes run in. Modules get it as an argument, because they know no plugin host."""
     plugins = Plugins.discover()
-    return plugins.make("simulators", default_simulator(plugins), profile="default")
+    simulator: Simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
+    return simulator
 
 
 def _installed() -> dict[str, Path]:
-    """Find the adapters of the installed skills."""
+    """Return the adapters of the installed skills."""
     skills = Plugins.discover().skills.values()
     return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
 
 
 def _measures() -> Mapping[str, Measure]:
-    """Find what parameters may command, plugins' measures too."""
+    """Return the measures that parameters may command, those of plugins included."""
     return Plugins.discover().measures
 
 
@@ -55,7 +55,7 @@ train = _forward("train", "humanclaw_train.train", "Train the base prior or a sk
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",
-    "Measure achieved against commanded motion, per skill.",
+    "Compare achieved with commanded motion, per skill.",
     simulator=_simulator,
     installed=_installed,
     measures=_measures,
@@ -63,14 +63,14 @@ fidelity = _forward(
 naturalness = _forward(
     "naturalness",
     "humanclaw_train.naturalness",
-    "Measure how human the skills' motion and its transitions are.",
+    "Compare generated motion with human motion.",
     installed=_installed,
     commanded=_measures,
 )
 speed = _forward(
     "speed",
     "humanclaw_train.speed",
-    "Time the motion model under several solvers and runtimes.",
+    "Time the motion model with several solvers and runtimes.",
     skills=_installed,
 )
 cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
@@ -81,8 +81,8 @@ def data() -> None:
     """Training data."""
 
 
-def _trained() -> Any:
-    """Return the skills with a recipe."""
+def _trained() -> object:
+    """Return the skills that have a recipe."""
     return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
 
 
@@ -101,16 +101,23 @@ data.add_command(
 
 @click.group()
 def show() -> None:
-    """Motion one can look at."""
+    """Pictures of motion."""
 
 
 @show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
 @click.argument("name")
-@click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="In a row.")
-@click.option("--seed", default=0, show_default=True, help="Of the motion.")
-@click.option("--beside", type=click.Path(path_type=Path), metavar="MOCAP", help="Folder with clips.csv, to compare.")
-@click.option("--out", type=click.Path(path_type=Path), help="GIF; the default is NAME.gif. A strip (PNG) lies beside.")
-@click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
+@click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="Number of calls in a row.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the motion.")
+@click.option(
+    "--beside",
+    type=click.Path(path_type=Path),
+    metavar="MOCAP",
+    help="Folder with clips.csv: also draw the most similar person.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="GIF file (default: NAME.gif). A strip (PNG) is written beside it."
+)
+@click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
 @plugin_options
 @click.pass_context
 def _skill(
@@ -124,7 +131,7 @@ def _skill(
     files: tuple[Path, ...],
     choice: Choice,
 ) -> None:
-    """Draw a skill, as `humanclaw show skill walk --z-cm 40`: every parameter of the skill is an option."""
+    """Draw a skill. Every parameter of the skill is an option: `humanclaw show skill walk --z-cm 40`."""
     looking = importlib.import_module("humanclaw_train.show")
     plugins = Plugins.discover(files, choice=choice)
     params = _params(plugins.skill(name), context.args)
@@ -133,10 +140,13 @@ def _skill(
         click.echo(path)
 
 
-def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
-    """Read `--z-cm 40` or `--z-cm=40` as parameters of a skill, checked against its schema.
+COMMANDS: Final = (train, fidelity, naturalness, speed, cards, data, show)
 
-    Raises HumanclawError for words that are none.
+
+def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
+    """Parse `--z-cm 40` or `--z-cm=40` as parameters of a skill and check them against its schema.
+
+    Raises HumanclawError for anything else.
     """
     flat = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
     keys = [word.removeprefix("--").replace("-", "_") for word in flat[::2]]
@@ -150,7 +160,7 @@ def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
 
 
 def _read(value: str) -> Any:
-    """Read a value as JSON, or else as the text that it is."""
+    """Read a value as JSON, or else as text."""
     try:
         return json.loads(value)
     except ValueError:

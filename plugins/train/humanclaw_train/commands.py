@@ -1,7 +1,7 @@
-"""Trained skills as synthesis sees them: a recipe, the measures that the skill's parameters command, and commands of
-many bodies.
+"""Trained skills, and commands to many bodies at once, for synthesis.
 
-What a command asks of the pelvis follows from the measures alone; no skill is known by name. Needs numpy alone.
+A command's effect on the pelvis follows from the measures of the skill's parameters. No skill is known by name. Needs
+only numpy.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ AXES: Final[Mapping[str, tuple[str, float]]] = {
     "hips.drop": ("rise", -1.0),
     "hips.height": ("height", 1.0),
 }
-"""Measure to the number of Commands that it sets, and the sign."""
+"""Measure to the field of Commands that it sets, and the sign."""
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A skill that is trained: what it says of itself, and its recipe."""
+    """A skill to train: its declaration and its recipe."""
 
     recipe: Recipe
     declaration: Declaration
     measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
-    """What its parameters may command: the core's, and those of plugins."""
+    """Known measures: the core's and those of plugins."""
 
     @property
     def name(self) -> str:
@@ -50,11 +50,11 @@ class Trained:
 
     @property
     def tag(self) -> str:
-        """Of the spans of clips in which the skill is looked for."""
+        """Tag of the spans of clips that may show the skill."""
         return self.recipe.tag or self.recipe.name
 
     def shown(self, windows: WindowTravel) -> Mask:
-        """Which windows of real motion show the skill."""
+        """Return which windows of real motion show the skill (N,)."""
         rule = self.recipe.windows
         return np.asarray(rule(windows)) if rule is not None else np.zeros(len(windows.yaw), bool)
 
@@ -64,17 +64,19 @@ class Trained:
         return self.recipe.gait is not None
 
     def axes(self) -> dict[str, tuple[str, float]]:
-        """Parameter to the number of Commands that it sets. Raises HumanclawError for a measure that synthesis does not
-        know."""
+        """Map each parameter to the field of Commands that it sets, and the sign.
+
+        Raises HumanclawError for a measure that synthesis does not know.
+        """
         unknown = [one.measure for one in self.declaration.parameters if one.measure not in AXES]
         if unknown:
-            hint = f"It knows {', '.join(AXES)}; give {self.name} no gait, and real chunks alone."
+            hint = f"Use one of {', '.join(AXES)}, or give {self.name} a recipe without gait and only real chunks."
             raise HumanclawError(f"Motion cannot be synthesised for the measure {', '.join(unknown)}.", hint)
         return {one.name: AXES[one.measure] for one in self.declaration.parameters}
 
 
 def trained(plugins: Plugins) -> list[Trained]:
-    """Every skill with a recipe. Raises PluginError for the recipe of a skill that is not there."""
+    """Return every skill with a recipe. Raises PluginError for a recipe without a skill."""
     recipes = [one.value for one in plugins.registered("recipes")]
     return [Trained(recipe, plugins.skill(recipe.name).declaration, plugins.measures) for recipe in recipes]
 
@@ -84,11 +86,12 @@ _GAIT: Final = tuple(one.name for one in fields(GaitParameters))
 
 @dataclass(frozen=True)
 class Commands:
-    """One command for each of N bodies, all (N,), metres and radians.
+    """One command for each of N bodies. All (N,), metres and radians.
 
-    x, z: travel to the left and ahead; yaw: turn to the left; NaN where the command leaves them open. rise: of the
-    floor. height: of the pelvis at the end, NaN where that is to stand. feet: index into FEET. stays_seated: a body
-    that sits goes on sitting. gait: the skills' gait parameters, by name.
+    * x, z: travel to the left and ahead. yaw: turn to the left. NaN where the command leaves them open.
+    * rise: of the floor. height: of the pelvis at the end; NaN for standing.
+    * feet: index into FEET. stays_seated: whether a seated body remains seated.
+    * gait: the skills' gait parameters, by name.
     """
 
     x: Array
@@ -102,8 +105,7 @@ class Commands:
 
     @classmethod
     def of(cls, commands: Sequence[tuple[Trained, Mapping[str, float]]]) -> Commands:
-        """Turn calls into commands. Raises HumanclawError for a parameter that a skill does not have and for a skill
-        without gait."""
+        """Turn calls into commands. Raises HumanclawError for unknown parameters and for skills without gait."""
         rows = [_row(skill, given) for skill, given in commands]
         numbers = {key: np.array([row[key] for row in rows], float) for key in ("x", "z", "yaw", "rise", "height")}
         gaits = [skill.recipe.gait for skill, _ in commands]
@@ -116,13 +118,13 @@ class Commands:
 
     @classmethod
     def standing(cls, count: int) -> Commands:
-        """Nothing is asked of `count` bodies."""
+        """Return commands that ask nothing of `count` bodies."""
         nan, zero = np.full(count, np.nan), np.zeros(count)
         gait = {name: np.full(count, getattr(GaitParameters(), name)) for name in _GAIT}
         return cls(nan, nan, nan, zero, nan, np.full(count, FEET.index("settle")), np.ones(count, bool), gait)
 
     def does(self, feet: Feet) -> Mask:
-        """(N,) whose feet do so."""
+        """Return which skills move the feet in this way (N,)."""
         return np.asarray(self.feet == FEET.index(feet))
 
     @property
@@ -131,7 +133,7 @@ class Commands:
 
     @property
     def sits(self) -> Mask:
-        """(N,) who is told a height of the pelvis."""
+        """(N,) Whether the command sets a height of the pelvis."""
         return np.isfinite(self.height)
 
 
@@ -149,5 +151,5 @@ def _row(skill: Trained, given: Mapping[str, float]) -> dict[str, float]:
 
 
 def named(skills: Iterable[Trained]) -> dict[str, Trained]:
-    """By name."""
+    """Return skills by name."""
     return {skill.name: skill for skill in skills}

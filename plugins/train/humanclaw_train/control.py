@@ -1,9 +1,9 @@
-"""Skills as ControlNet branches on the frozen base (paper, section 3.3):
+"""Skills as ControlNet branches on the frozen base (paper, section 3.3).
 
     z_{l+1} = B_l(z_l, tau) + W_l C_l(z_l + e_s(c), tau)
 
-B_l are the base's blocks, frozen; C_l their trainable copies; W_l begins at zero, so that an untrained adapter changes
-nothing; e_s encodes the skill's parameters c, which are the outcome that the chunk should have. This is the definition;
+B_l are the base's frozen blocks and C_l their trainable copies. W_l begins at zero, so an untrained adapter changes
+nothing. e_s encodes the skill's parameters c: the outcome that the chunk should have. This is the definition;
 `humanclaw.motion.control` follows it in numpy.
 """
 
@@ -29,24 +29,27 @@ class Adapter(nn.Module):
         super().__init__()
         self.config = config
         hidden = base.config.hidden
-        self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)
+        self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)  # The base is frozen, and so is its copy.
         self.weights = nn.ModuleList(_zeros(hidden) for _ in self.blocks)
         self.encode = _encoder(config, hidden)
+        # Not persistent: the header has both numbers.
         self.register_buffer("centre", torch.tensor(config.centre), persistent=False)
         self.register_buffer("scale", torch.tensor(config.scale), persistent=False)
 
     def condition(self, values: Tensor) -> Tensor:
-        """e_s(c): (B, k) parameters in SI to (B, 1, hidden)."""
+        """Encode parameters in SI (B, k) as e_s(c) (B, 1, hidden)."""
         encoded: Tensor = self.encode((values - self.centre) / self.scale)
         return encoded[:, None]
 
     def modulations(self, base: DiT, tau: Tensor) -> Tensor:
-        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is
-        the base's."""
+        """Return the modulations of the copied blocks (layers, 6, B, 1, hidden) at flow times tau (B,).
+
+        The embedding of tau is the base's.
+        """
         return modulate_blocks(self.blocks, F.silu(base.time(tau)))
 
     def residual(self, condition: Tensor, modulations: Tensor) -> Residual:
-        """Return what this branch adds to each layer of the base."""
+        """Return the function that gives this branch's addition to each layer of the base."""
 
         def add(layer: int, z: Tensor) -> Tensor:
             added: Tensor = self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))
@@ -56,7 +59,7 @@ class Adapter(nn.Module):
 
 
 class Fourier(nn.Module):
-    """Values, and sines and cosines of their first octaves: fine differences of a displacement become large ones."""
+    """Values with sines and cosines of their first octaves, which make small differences in displacement visible."""
 
     frequencies: Tensor
 
@@ -65,7 +68,7 @@ class Fourier(nn.Module):
         self.register_buffer("frequencies", torch.from_numpy(FOURIER_FREQUENCIES), persistent=False)
 
     def forward(self, values: Tensor) -> Tensor:
-        """(B, k) to (B, k * (1 + 2 * octaves))."""
+        """Map (B, k) to (B, k * (1 + 2 * octaves))."""
         angles = (values[..., None] * self.frequencies).flatten(-2)
         return torch.cat([values, angles.sin(), angles.cos()], -1)
 
@@ -78,7 +81,7 @@ class Token(nn.Module):
         self.vector = nn.Parameter(0.02 * torch.randn(hidden))
 
     def forward(self, values: Tensor) -> Tensor:
-        """(B, 0) to (B, hidden)."""
+        """Map (B, 0) to (B, hidden)."""
         return self.vector.expand(len(values), -1)
 
 

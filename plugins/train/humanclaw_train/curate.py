@@ -1,7 +1,6 @@
-"""Curation: from retargeted clips to the real chunks of each skill and of the skill-agnostic base (paper, section 3.3).
+"""Curation: from retargeted clips to the real chunks of each skill and of the base (paper, section 3.3).
 
-A window belongs to a skill where the clip's spans name the skill and the window's own geometry agrees. Needs numpy
-alone.
+A window belongs to a skill if the clip's spans name the skill and the window's geometry agrees. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -20,22 +19,21 @@ from humanclaw.body import (
     FUTURE,
     HISTORY,
     JOINT_INDEX,
-    SOLE,
     STANDING_HEIGHT,
     TOE_SOLE,
     Array,
     forward_kinematics,
     heading,
+    support_height,
 )
 from humanclaw.skills import WindowTravel
 from humanclaw_train.chunks import Chunks, Clip, cut
-from humanclaw_train.commands import Trained
+from humanclaw_train.commands import Mask, Trained
 
-Mask = NDArray[np.bool_]
 WINDOW_STRIDE: Final = 3
-"""Frames between windows."""
+"""Frames between the starts of windows."""
 IDLE_SHARE: Final = 0.25
-"""Most of the base set that may be standing still: the mocap at hand is four fifths idling."""
+"""Largest share of standing still in the base set. Four fifths of our motion capture is idling."""
 
 _FEET, _HANDS, _SHOULDERS = (
     [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("foot", "hand", "shoulder")
@@ -44,7 +42,7 @@ _FEET, _HANDS, _SHOULDERS = (
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
 def travel(root: Array, rotations: Array) -> WindowTravel:
-    """Return what recipes judge windows by. Canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
+    """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3), for the rules of recipes."""
     moved = root[:, -1] - root[:, HISTORY - 1]
     joints = forward_kinematics(root, rotations)[0]
     feet = joints[:, HISTORY - 1 :, _FEET][..., [0, 2]]
@@ -59,15 +57,14 @@ def travel(root: Array, rotations: Array) -> WindowTravel:
 # -- sanity ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Limits:
-    """What a sane chunk keeps to; measured on clean clips, with room to spare."""
+    """Limits of a plausible chunk, measured on clean clips with a margin."""
 
     speed: float = 7.0
-    """Any joint relative to the pelvis, m/s."""
+    """Largest speed of a joint relative to the pelvis, m/s."""
     turn: float = 1.0
-    """Any number of a rotation vector, radians a frame: a flip, or the vector's own wrap at half a turn, which cannot
-    be learnt."""
+    """Largest change of a rotation vector's numbers, radians a frame: excludes flips and the wrap at half a turn."""
     acceleration: float = 120.0
-    """Any joint, m/s^2: a glitch moves a joint for one frame and back."""
+    """Largest acceleration of a joint, m/s^2: excludes glitches, which move a joint for one frame and back."""
     sunk: float = 0.05
     """Depth of a sole under the floor, metres, on flat ground."""
     lowest_pelvis: float = 0.25
@@ -75,33 +72,28 @@ class Limits:
 
 
 def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None) -> Mask:
-    """Which canonical chunks have no leap, no glitch, nobody lying down, and (on flat ground) no foot under the
-    floor."""
+    """Return which canonical chunks are plausible (N,): no jump, no glitch, no lying down.
+
+    flat: on flat ground, where no foot may be under the floor.
+    """
     limits = limits or Limits()
     joints = forward_kinematics(root, rotations)[0]
     relative = np.diff(joints - joints[:, :, :1], axis=1) * FPS
     fast = np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed
     flips = np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn
     jerky = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2 > limits.acceleration
+    # On stairs the floor of the canonical frame may lie above the lower tread, so the pelvis may be low.
     low = root[..., 1].min(axis=1) < (limits.lowest_pelvis if flat else 0.0)
-    sunk = _depth(joints) > limits.sunk
+    sunk = -support_height(joints).min(axis=1) > limits.sunk
     return np.asarray(~(fast | flips | jerky | low | (flat & sunk)))
-
-
-def _depth(joints: Array) -> Array:
-    soles = [
-        joints[..., JOINT_INDEX[f"{side}_{joint}"], 1] - drop for side in ("left", "right") for joint, drop in _DROPS
-    ]
-    return np.asarray(-np.min(soles, axis=0).min(axis=1))
-
-
-_DROPS: Final = (("ankle", SOLE), ("foot", TOE_SOLE))
 
 
 # -- building ----------------------------------------------------------------------------------------------------------
 def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Chunks]:
-    """Return the real chunks of every skill that the clips show, and `base`: everything sane, with idling capped at
-    IDLE_SHARE."""
+    """Return the real chunks of every skill that the clips show, and `base`: all plausible chunks.
+
+    Idling makes up at most IDLE_SHARE of the base.
+    """
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
@@ -123,7 +115,7 @@ def _of_clip(clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]) ->
     found = {}
     for skill in skills:
         mask = good & skill.shown(windows) & covered(clip, skill.tag, starts)
-        if uneven and not skill.declaration.climbs:  # a step onto the next block is neither a walk nor a turn
+        if uneven and not skill.declaration.climbs:  # A step onto the next block is neither a walk nor a turn.
             mask &= windows.level
         parameters = skill.declaration.parameters
         found[skill.name] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, skill.measures)
@@ -133,7 +125,7 @@ def _of_clip(clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]) ->
 
 
 def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3) -> Mask:
-    """(N,) whether spans of the tag cover at least `share` of the future of the chunk that begins at each start."""
+    """Return whether spans of the tag cover at least `share` of the future of the chunk at each start (N,)."""
     inside = np.zeros(len(clip.motion) + 1)
     for first, last in clip.spans.get(tag, ()):
         inside[first + 1 : last + 2] = 1.0
@@ -142,7 +134,7 @@ def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3
 
 
 def _less_idle(base: Chunks) -> Chunks:
-    """Evenly spaced idle chunks are kept until they make up IDLE_SHARE of the set."""
+    """Keep evenly spaced idle chunks until they make up IDLE_SHARE of the set."""
     still = travel(base.root.astype(float), base.rotations.astype(float)).idle
     moving, idling = np.flatnonzero(~still), np.flatnonzero(still)
     most = int(len(moving) * IDLE_SHARE / (1 - IDLE_SHARE)) if len(moving) else len(idling)
@@ -154,20 +146,18 @@ def _less_idle(base: Chunks) -> Chunks:
 # -- statistics --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Statistics:
-    """One skill's data: chunks, how many are real, clips they come from, and (min, 5 %, median, 95 %, max) of each
-    parameter."""
+    """One skill's data: chunks, real chunks, source clips, and (min, 5 %, median, 95 %, max) of each parameter."""
 
     chunks: int
     real: int
     clips: int
     seconds: float
-    """Real motion that the chunks' futures cover, each frame counted once."""
+    """Seconds of real motion in the chunks' futures; each frame counts once."""
     params: Mapping[str, tuple[float, ...]]
 
 
 def statistics(chunks: Mapping[str, Chunks], stride: int = WINDOW_STRIDE) -> dict[str, Statistics]:
-    """Return what each skill's chunks hold. `stride` is the number of frames between windows, from which seconds are
-    counted."""
+    """Return the statistics of each skill. stride: frames between windows, to count seconds."""
     return {skill: _statistics(found, stride) for skill, found in chunks.items()}
 
 

@@ -1,7 +1,7 @@
-"""Chunks as tensors: reading them, spoiling their histories, and bringing them to the state that the model sees.
+"""Training data as tensors: read chunks, add errors to their histories, normalise states.
 
-A chunk folder holds one `NAME.npz` a skill, and `base.npz` for the prior, each with root (N, 20, 3) and rotations (N,
-20, 24, 3) in the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
+A folder of chunks has one `NAME.npz` per skill and `base.npz` for the prior. Each holds root (N, 20, 3) and rotations
+(N, 20, 24, 3) in the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from humanclaw import HumanclawError
 from humanclaw.body import CHUNK, FPS, HISTORY, JOINT_INDEX, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
+from humanclaw_train.chunks import EACH
 
-# The least deviation by which a number is divided: a joint that hardly moves must not have its noise blown up.
+Arrays = Mapping[str, NDArray[Any]]
+"""Content of a file of chunks, by name."""
+# Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
-_EACH: Final = ("root", "rotations", "params", "real", "source")
-"""What a file holds of every chunk."""
 _SETTLED: Final = 10
-"""Frames after which a noisy history is forgotten."""
+"""Frames after which the error of a history has faded."""
 
 
 @dataclass(frozen=True)
@@ -39,67 +41,72 @@ class ChunkTensors:
     params: Tensor
     statistics: dict[str, Any]
     names: tuple[str, ...] = ()
-    """Of the parameters (k,),"""
+    """Names of the parameters (k,)."""
     measures: tuple[str, ...] = ()
-    """and what they command."""
+    """Measures that they command (k,)."""
 
     def __len__(self) -> int:
         return len(self.root)
 
     def to(self, device: torch.device) -> ChunkTensors:
-        """Return the same chunks on another device."""
+        """Move to another device."""
         moved = (self.root.to(device), self.rotations.to(device), self.params.to(device))
         return replace(self, root=moved[0], rotations=moved[1], params=moved[2])
 
 
 def load(folders: Sequence[Path], name: str) -> ChunkTensors:
-    """All chunks of one skill, or of `base`, from every folder that has some; what is real once, since folders that
-    were drawn by other seeds hold the same clips.
+    """Load the chunks of one skill, or of `base`, from every folder that has some.
 
-    Raises HumanclawError when no folder has any.
+    Real chunks count once, because folders built with different seeds contain the same clips. Raises HumanclawError if
+    no folder has any.
     """
     files = [folder / f"{name}.npz" for folder in folders if (folder / f"{name}.npz").is_file()]
     if not files:
         listed = ", ".join(map(str, folders))
-        raise HumanclawError(f"There is no {name}.npz in {listed}.", "Make chunks first with: humanclaw data build DIR")
+        raise HumanclawError(
+            f"There is no {name}.npz in {listed}.", "Build chunks first with: humanclaw data build DIR"
+        )
     parts = [_read(file) for file in files]
     kept = np.concatenate(list(_new(parts)))
-    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in _EACH}
-    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in _EACH[:3])
+    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in EACH}
+    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
     names, measures = (tuple(parts[0][key].tolist()) for key in ("names", "measures"))
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures)
 
 
-def _new(parts: Sequence[Mapping[str, np.ndarray[Any, Any]]]) -> Iterator[np.ndarray[Any, Any]]:
-    """Yield for each part which of its chunks (N,) are no real ones of a part before."""
+def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
+    """Yield for each part a mask (N,) without the real chunks that an earlier part has."""
     before = set[bytes]()
     for part in parts:
-        told = [root.tobytes() + turns.tobytes() for root, turns in zip(part["root"], part["rotations"], strict=True)]
-        yield np.array([not real or one not in before for real, one in zip(part["real"], told, strict=True)])
-        before |= set(told)
+        keys = [root.tobytes() + turns.tobytes() for root, turns in zip(part["root"], part["rotations"], strict=True)]
+        yield np.array([not real or one not in before for real, one in zip(part["real"], keys, strict=True)])
+        before |= set(keys)
 
 
-def _read(file: Path) -> dict[str, np.ndarray[Any, Any]]:
+def _read(file: Path) -> Arrays:
     with np.load(file, allow_pickle=False) as content:
-        found = {key: content[key] for key in (*_EACH, "names", "measures")}
+        found = {key: content[key] for key in (*EACH, "names", "measures")}
     if found["root"].shape[1:] != (CHUNK, 3):
-        raise HumanclawError(f"{file} holds root {found['root'].shape}, not (N, {CHUNK}, 3).", "Make the chunks again.")
+        raise HumanclawError(
+            f"{file}: expected root (N, {CHUNK}, 3); got {found['root'].shape}.", "Build the chunks again."
+        )
     return found
 
 
-def _statistics(whole: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+def _statistics(whole: Arrays) -> dict[str, Any]:
     params, sources = whole["params"], Counter(str(source).split(":")[0] for source in whole["source"])
     return {
         "chunks": len(whole["real"]),
         "real": int(whole["real"].sum()),
         "sources": dict(sorted(sources.items())),
+        # Four digits: these numbers go into headers and cards, where float32 noise would only distract.
         "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
         "params_high": [round(float(value), 4) for value in params.max(0)] if params.size else [],
     }
 
 
 def normaliser(chunks: ChunkTensors) -> Normaliser:
-    """Mean and deviation of each of the 219 numbers over these chunks."""
+    """Return mean and standard deviation of each of the 219 numbers over these chunks."""
     states = kinematics.encode(chunks.root, chunks.rotations).reshape(-1, STATE_SIZE)
     std = states.std(0)
     blocks = (kinematics.ROOT, kinematics.ROTATIONS, kinematics.POSITIONS, kinematics.VELOCITIES)
@@ -109,30 +116,28 @@ def normaliser(chunks: ChunkTensors) -> Normaliser:
 
 
 def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
-    """Of chunks that stand, the history that moves least and stands most typically: root (5, 3), rotations (5, 24,
-    3)."""
+    """Return the calmest and most typical history of standing: root (5, 3), rotations (5, 24, 3)."""
     root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     positions = kinematics.joints(root, rotations)
     moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2)) + (chunks.root[:, -1] - chunks.root[:, 0]).norm(dim=-1)
-    upright = positions[:, -1, 15, 1]
+    upright = positions[:, -1, JOINT_INDEX["head"], 1]
     calm = moving <= moving.quantile(0.1)
     still = calm & (upright > upright[calm].quantile(0.5) - 0.05)
     typical = positions[still, -1].median(0).values
     far = (positions[:, -1] - typical).norm(dim=-1).mean(-1)
     usual_far, usual_moving = (values[still].median().clamp(min=1e-6) for values in (far, moving))
+    # The large summand excludes bodies that do not stand.
     best = int((far / usual_far + moving / usual_moving + 1e3 * ~still).argmin())
     return root[best], rotations[best]
 
 
 _HIPS: Final = (JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"])
-
-
 _BRISK: Final = 0.5
-"""m/s: who moves so fast has errors of full strength."""
+"""Speed from which errors have full strength, m/s."""
 
 
 def _pace(root: Tensor) -> Tensor:
-    """(B,) m/s over the floor in the history of root (B, 20, 3)."""
+    """Return the speed over the floor in the history (B,), m/s, for root (B, 20, 3)."""
     way: Tensor = (root[:, HISTORY - 1] - root[:, 0])[:, [0, 2]].norm(dim=-1)
     return way * FPS / (HISTORY - 1)
 
@@ -140,16 +145,18 @@ def _pace(root: Tensor) -> Tensor:
 def noisy_history(
     root: Tensor, rotations: Tensor, generator: torch.Generator, strength: float = 1.0
 ) -> tuple[Tensor, Tensor]:
-    """Chunks whose histories are off, as those are that the model wrote itself, and whose futures find back.
+    """Add errors to the histories of chunks, like those in the model's own motion; the futures recover from them.
 
-    Each chunk gets its own share of: a pose offset, a drift that comes to a stop at the last history frame, and jitter;
-    and another share of a lean over legs that stay as they are. People lean in ways of their own, and go on doing so;
-    were that all, a body would keep what its own errors made it lean.
-    A strength over 1 is for those who move: standing is what a model's errors do least to, and were the feet of who
-    stands off by more, none could tell which of them sets out.
-    The future starts where the noisy history ends and returns to the clean one within ten frames, so that what is
-    learned is a smooth recovery and never a jump. The lowest sole of the history stays at height 0, as the canonical
-    frame demands.
+    Each chunk gets its own strength of a pose offset, of a drift that stops at the last history frame, and of jitter.
+    A second strength scales a lean of the trunk over unchanged legs. In real data people keep their lean, so without
+    this a body would also keep a lean that its own errors caused.
+
+    strength: a factor over 1 applies only to moving bodies. A model's errors are smallest in standing, and larger
+    errors of standing feet would hide which foot goes first.
+
+    The future begins where the noisy history ends and returns to the clean future within ten frames, so the model
+    learns a smooth recovery and no jump. The lowest sole of the history stays at height 0, as the canonical frame
+    demands. Shapes: root (B, 20, 3), rotations (B, 20, 24, 3).
     """
     device = root.device
     strengths = 1 + (strength - 1) * (_pace(root) / _BRISK).clamp(max=1)[:, None, None] if strength > 1 else strength
@@ -161,28 +168,28 @@ def noisy_history(
 
     width = rotations.shape[2] * 3
     offset = 0.08 * normal(1, width) * pose
-    offset[..., 1] = 0  # the heading of the last history frame is 0 by definition
+    offset[..., 1] = 0  # The heading of the last history frame is 0 by definition.
     turned = share * (offset + 0.08 * normal(1, width) * drift + 0.003 * normal(CHUNK, width) * history)
     lean = 0.08 * strengths * torch.rand(len(root), 1, 1, generator=generator, device=device) * normal(1, 2) * pose
     turned[..., [0, 2]] += lean
-    for hip in _HIPS:  # The legs stay as they are.
+    for hip in _HIPS:  # Undo the lean in the legs.
         turned[..., [3 * hip, 3 * hip + 2]] -= lean
     rotations = rotations + turned.reshape(rotations.shape)
     moved = torch.tensor([0.03, 0.01, 0.03], device=device) * normal(1, 3) * drift + 0.001 * normal(CHUNK, 3) * history
-    moved[:, HISTORY - 1] = 0
+    moved[:, HISTORY - 1] = 0  # The canonical frame puts the last history frame over the origin.
     root = root + share * moved
     lowest = kinematics.support_height(kinematics.joints(root[:, :HISTORY], rotations[:, :HISTORY])).amin(-1)
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
 
 
 _FROM_HISTORY: Final = {"hips.rise": 1.0, "hips.drop": -1.0}
-"""Measures that are told from where the history has the pelvis, and the sign of a rise in them."""
+"""Measures relative to the history's pelvis height, with the sign of a rise in them."""
 
 
 def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tensor) -> Tensor:
-    """(B, k) parameters of chunks after their histories got noise; root (B, 20, 3) before (clean) and after.
+    """Return the parameters (B, k) of chunks whose root (B, 20, 3) was `clean` before their histories got errors.
 
-    Where a body ends is as it was; only a rise is measured from where the noisy history now has the pelvis.
+    The end of the chunk is unchanged, so only a rise changes: it is measured from the pelvis of the history.
     """
     lifted = root[:, HISTORY - 1, 1] - clean[:, HISTORY - 1, 1]
     signs = torch.tensor([_FROM_HISTORY.get(one, 0.0) for one in measures], device=params.device)
@@ -190,8 +197,7 @@ def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tens
 
 
 def _curves() -> tuple[Tensor, Tensor, Tensor]:
-    """Over the 20 frames: a held offset that fades, a drift through the last history frame, and 1 on the history
-    alone."""
+    """Return three curves over the 20 frames: an offset that fades, a drift, and 1 on the history alone."""
     frame = torch.arange(CHUNK) - (HISTORY - 1.0)
     pose = 0.5 + 0.5 * torch.cos(torch.pi * (frame / _SETTLED).clamp(0, 1))
     drift = frame / HISTORY * torch.exp(-frame.clamp(min=0) / 2)
@@ -199,13 +205,16 @@ def _curves() -> tuple[Tensor, Tensor, Tensor]:
 
 
 def load_all(folders: Sequence[Path]) -> ChunkTensors:
-    """Every chunk of every file: what the prior learns from. Parameters are left out.
+    """Load every chunk of every file, without parameters: the prior's training data.
 
-    Raises HumanclawError when the folders hold none.
+    Raises HumanclawError if the folders have none.
     """
     names = sorted({file.stem for folder in folders for file in folder.glob("*.npz")})
     if not names:
-        raise HumanclawError(f"There are no chunks in {', '.join(map(str, folders))}.", "Make chunks first.")
+        raise HumanclawError(
+            f"There are no chunks in {', '.join(map(str, folders))}.",
+            "Build chunks first with: humanclaw data build DIR",
+        )
     parts = [load(folders, name) for name in names]
     root = torch.cat([part.root for part in parts])
     sources = sum((Counter(part.statistics["sources"]) for part in parts), Counter())

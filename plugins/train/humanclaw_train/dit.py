@@ -1,11 +1,10 @@
-"""The motion prior: a diffusion transformer over 20 frame tokens (paper, section 3.3; blocks after Peebles and Xie,
-2023).
+"""The motion prior: a diffusion transformer over 20 frames (paper, section 3.3; blocks after Peebles and Xie, 2023).
 
 Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy future frames. The flow time tau enters
-through adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them
-apart from the rest, once per solver time, whatever the motion.
+through adaLN-Zero alone, so the modulations of a block depend only on tau. `modulations` computes them separately, once
+per solver time.
 
-This is the definition. `humanclaw.motion.dit` follows it line by line in numpy, for who only runs the model.
+This is the definition. `humanclaw.motion.dit` follows it line by line in numpy, to run the model without torch.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ from humanclaw.body import CHUNK, HISTORY, STATE_SIZE
 from humanclaw.motion import ModelConfig, time_frequencies
 
 Residual = Callable[[int, Tensor], Tensor]
-"""What a control branch adds to layer l, given the tokens z_l that enter it."""
+"""Maps a layer l and the tokens z_l that enter it to a control branch's addition."""
 
 
 class Modulations(NamedTuple):
-    """All that the model needs to know of tau. blocks: (layers, 6, B, 1, hidden). final: (2, B, 1, hidden)."""
+    """The flow time as the model uses it. blocks: (layers, 6, B, 1, hidden). final: (2, B, 1, hidden)."""
 
     blocks: Tensor
     final: Tensor
@@ -43,7 +42,7 @@ class TimeEmbedding(nn.Module):
         self.mlp = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, hidden))
 
     def forward(self, tau: Tensor) -> Tensor:
-        """(B,) flow times to (B, hidden)."""
+        """Embed flow times (B,) as (B, hidden)."""
         angles = tau[:, None] * self.frequencies
         embedded: Tensor = self.mlp(torch.cat([angles.sin(), angles.cos()], -1))
         return embedded
@@ -61,6 +60,7 @@ class Block(nn.Module):
         self.out = nn.Linear(hidden, hidden)
         self.up = nn.Linear(hidden, config.mlp_ratio * hidden)
         self.down = nn.Linear(config.mlp_ratio * hidden, hidden)
+        # adaLN-Zero: gates start at zero.
         nn.init.zeros_(self.modulation.weight)
         nn.init.zeros_(self.modulation.bias)
 
@@ -73,7 +73,7 @@ class Block(nn.Module):
         return result
 
     def _attend(self, z: Tensor) -> Tensor:
-        """Written out: on 20 tokens the fused kernel's backward pass is eight times slower on a CPU."""
+        """Attend without the fused kernel, whose backward pass on 20 tokens is eight times slower on a CPU."""
         batch, tokens, hidden = z.shape
         heads = self.qkv(z).view(batch, tokens, 3, self.heads, -1).permute(2, 0, 3, 1, 4).flatten(1, 2)
         query, key, value = heads.unbind(0)
@@ -84,7 +84,7 @@ class Block(nn.Module):
 
 
 class DiT(nn.Module):
-    """The base model G: skill-agnostic continuation of five frames by fifteen."""
+    """The base model G: continues five frames by fifteen, for any skill."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
@@ -101,13 +101,15 @@ class DiT(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def modulations(self, tau: Tensor) -> Modulations:
-        """(B,) flow times to the modulations of every block and of the output."""
+        """Return the modulations of every block and of the output at flow times tau (B,)."""
         embedded = F.silu(self.time(tau))
         return Modulations(modulate_blocks(self.blocks, embedded), _split(self.final_modulation(embedded), 2))
 
     def forward(self, history: Tensor, noisy: Tensor, at: Modulations, residual: Residual | None = None) -> Tensor:
-        """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future
-        tokens."""
+        """Return the output on the future tokens (B, 15, 219).
+
+        history: (B, 5, 219) and noisy: (B, 15, 219), both normalised.
+        """
         z = self.enter(torch.cat([history, noisy], 1)) + self.position
         for layer, block in enumerate(self.blocks):
             entering = z
@@ -116,16 +118,17 @@ class DiT(nn.Module):
                 z = z + residual(layer, entering)
         shift, scale = at.final.unbind(0)
         output: Tensor = self.leave(_modulate(z[:, HISTORY:], shift, scale)).float()
+        # Relative to the last history frame, so that an untrained model holds the pose.
         return output + history[:, -1:] if self.config.prediction == "clean" else output
 
 
 def modulate_blocks(blocks: nn.ModuleList, embedded: Tensor) -> Tensor:
-    """(B, hidden) embedded flow times to the (layers, 6, B, 1, hidden) modulations of a stack of blocks."""
+    """Return the modulations of a stack of blocks (layers, 6, B, 1, hidden) for embedded flow times (B, hidden)."""
     return torch.stack([_split(cast(Block, block).modulation(embedded), 6) for block in blocks])
 
 
 def _split(modulation: Tensor, parts: int) -> Tensor:
-    """(B, parts * hidden) to (parts, B, 1, hidden)."""
+    """Split (B, parts * hidden) into (parts, B, 1, hidden)."""
     return modulation.view(len(modulation), parts, 1, -1).transpose(0, 1)
 
 

@@ -1,14 +1,14 @@
-"""How faithfully the skills do what they are told: achieved over commanded (paper, table 1).
+"""Fidelity of the skills: achieved over commanded motion (paper, table 1).
 
     humanclaw fidelity --rollouts 200 --simulated --baseline CHUNKS
     humanclaw fidelity --skill FOLDER
 
-Generated: what the motion model makes. Every other rollout begins after a chunk of another skill, the rest from
-standing; then come three chunks in a row, each with parameters of its own, drawn uniformly from the middle nine tenths
-of the adapter's range. Simulated: the same in half-physics, on a flat floor, a flight of stairs or a seat that fits the
-command, and measured there. Baseline: the median clip of each verb, whatever the magnitude asked for, as a
-text-to-motion model does it. Uncommanded: how far a call goes and turns on the axes that it does not command, from
-standing and after walking.
+* Generated: the motion model's output. Half of the rollouts begin after a chunk of another skill, the rest from
+  standing. Then come three chunks in a row with parameters drawn uniformly from the middle nine tenths of the
+  adapter's range.
+* Simulated: the same in half-physics, on a flat floor, or on stairs or a seat that fit the command.
+* Baseline: the median clip of each verb, whatever magnitude is commanded, like a text-to-motion model.
+* Uncommanded: travel and turn on axes that the skill does not command, from standing and after walking.
 """
 
 from __future__ import annotations
@@ -27,10 +27,9 @@ from tqdm import tqdm
 
 from humanclaw import CheckpointError, HumanclawError
 from humanclaw.body import Array, wrap_angle
-from humanclaw.cli import show_markdown
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
 from humanclaw.skills import MEASURES, Declaration, Measure, find, outcomes
-from humanclaw_train.chunks import Chunks
+from humanclaw_train.chunks import Chunks, of_skill
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import (
     Command,
@@ -45,33 +44,32 @@ from humanclaw_train.rollouts import (
 )
 from humanclaw_train.simulated import Actor, roll_simulated
 from humanclaw_train.tables import as_json, cell, numbers, save, table
-from humanclaw_train.travel import Uncommanded, uncommanded, uncommanded_table, walker
+from humanclaw_train.uncommanded import Uncommanded, uncommanded, uncommanded_table
+from humanclaw_train.walks import walker
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
-NAN: Final = float("nan")
 REPORT: Final = "fidelity.json"
-"""Where the report lies: beside the base, or beside the adapter of a skill of your own."""
+"""File name of the report: beside the base, or beside the adapter of a skill of your own."""
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """Achieved over commanded, of one skill."""
+    """Achieved over commanded motion of one skill."""
 
     mean: float
     std: float
     after_other: float
-    """The mean over chunks that follow another skill's; NaN where there are none."""
+    """Mean over chunks that follow another skill; NaN if there are none."""
     error: float
-    """Mean absolute error over all parameters, centimetres and degrees alike."""
+    """Mean absolute error over all parameters; centimetres and degrees count alike."""
     chunks: int
 
 
 @dataclass(frozen=True)
 class Row:
-    """One skill's line of the table. NaN in `generated` for a skill without parameters; None for what was not
-    measured."""
+    """One skill's row. `generated` is NaN for a skill without parameters; None stands for not measured."""
 
     skill: str
     generated: Ratio
@@ -80,25 +78,26 @@ class Row:
     adapter: str = ""
     """Digest of the adapter's file."""
     paper: tuple[float, float] | None = None
-    """Mean and deviation of the ratio in the paper's table 1, on its own data and body."""
+    """Mean and standard deviation of the ratio in the paper's table 1, on its data and body."""
     paper_baseline: tuple[float, float] | None = None
-    """The same of the paper's baseline, MoMask, which ignores the magnitude."""
+    """The same for the paper's baseline, MoMask, which ignores the magnitude."""
     uncommanded: Uncommanded = field(default_factory=dict)
-    """How far it goes and turns though nobody commands it."""
+    """Travel and turn that the skill does not command."""
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
 def achieved(command: Command, rollouts: Rollouts) -> Ratio:
-    """Outcomes of rollouts against their commands, each parameter by the measure that it commands."""
+    """Compare outcomes of rollouts with their commands, each parameter by its measure."""
     found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
     if not found.shape[1]:
-        return Ratio(NAN, NAN, NAN, NAN, len(found))
+        return Ratio(np.nan, np.nan, np.nan, np.nan, len(found))
     primary = command.primary
     difference = found - rollouts.commands
     angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
+    # Angles in degrees, lengths in centimetres, so that both kinds of error have a similar size.
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
-    # Data, unlike commands, may hold a displacement of exactly nothing.
+    # Chunks of data, unlike commands, may have a displacement of exactly zero.
     wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
     ratio = found[:, primary] / wanted
     error = float(np.abs(difference).mean())
@@ -106,7 +105,7 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
 
 
 def _mean(values: Array) -> float:
-    return float(np.nanmean(values)) if np.isfinite(values).any() else NAN
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
 
 
 def fidelity(
@@ -117,7 +116,7 @@ def fidelity(
     before: Sequence[Command] = (),
     measures: Mapping[str, Measure] = MEASURES,
 ) -> list[Row]:
-    """One row a skill, in the order given. before: further skills that one may follow.
+    """Measure one row per skill, in the order given. before: further skills that may come before one.
 
     Raises CheckpointError for an adapter that does not fit the base.
     """
@@ -134,7 +133,7 @@ def live(
     rollouts: int = 24,
     measures: Mapping[str, Measure] = MEASURES,
 ) -> Callable[[Path], str]:
-    """Make what tells, in one line, how an adapter does as it grows: achieved over commanded of a few rollouts."""
+    """Return a function that describes an adapter in one line: achieved over commanded of a few rollouts."""
 
     def look(adapter: Path) -> str:
         command = Command.declared(declaration, adapter, measures)
@@ -161,7 +160,7 @@ def simulated(
     before: Sequence[Command] = (),
     measures: Mapping[str, Measure] = MEASURES,
 ) -> dict[str, Ratio]:
-    """Skill to its ratio in half-physics, for skills with parameters. before: further skills that one may follow."""
+    """Measure skills with parameters in half-physics. before: further skills that may come before one."""
     commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
@@ -175,13 +174,12 @@ def simulated(
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
-    """Return what the median clip of the verb achieves of commands drawn as in the rollouts; None without a clip of
-    this skill.
+    """Measure the median clip of the verb against commands drawn as in the rollouts. None without a clip.
 
-    The clip is the chunk whose parameters are nearest to the median of their magnitudes, among the real chunks where
-    there are any. The verb tells left from right, so the clip is mirrored to the side that is asked for.
+    The clip is the chunk whose parameters are closest to the median magnitudes, a real chunk if there is one. A verb
+    contains the side, so the clip is mirrored to the commanded side.
     """
-    chunks = _of_skill(folders, command.skill)
+    chunks = of_skill(folders, command.skill)
     if chunks is None or not chunks.params.shape[1]:
         return None
     magnitudes = np.abs(chunks.params.astype(float))
@@ -189,22 +187,15 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
     clip = chunks[np.array([int(far.argmin())])]
     commands = command.draw(count, np.random.default_rng(seed))
+    # Magnitudes lose the sign, so put the clip on the commanded side by mirroring.
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
     both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
     rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
     return achieved(command, rollouts)
 
 
-def _of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
-    if not files:
-        return None
-    chunks = Chunks.join(Chunks.load(file) for file in files)
-    return chunks[chunks.real] if chunks.real.any() else chunks
-
-
 def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float], times: int = 10) -> float:
-    """Least wall time of one generated chunk of one body, after a first call that reads the adapter."""
+    """Return the least wall time of one chunk of one body, after a first call that reads the adapter."""
     history = generator.start()
     generator.generate(history, adapter, values, (0,))
     taken = []
@@ -218,7 +209,7 @@ def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, fl
 # -- the table ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class FidelityReport:
-    """The table with what it was measured on: what `--save` writes and model cards quote."""
+    """The table and the weights that it was measured on. `--save` writes it and model cards quote it."""
 
     base: str
     """Digest of the base."""
@@ -234,7 +225,7 @@ class FidelityReport:
 
     @classmethod
     def load(cls, path: Path) -> FidelityReport:
-        """Read what `save` wrote. Raises CheckpointError for anything else."""
+        """Read a file that `save` wrote. Raises CheckpointError for anything else."""
         try:
             content = json.loads(path.read_text("utf-8"))
             rows = tuple(Row(**row | {key: _ratio(row[key]) for key in _RATIOS}) for row in content["rows"])
@@ -248,19 +239,19 @@ class FidelityReport:
 _RATIOS: Final = ("generated", "simulated", "baseline")
 
 
-def _ratio(content: Mapping[str, Any] | None) -> Any:
+def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
     return None if content is None else Ratio(**numbers(content))
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the rows as a Markdown table, the paper's beside them."""
+    """Return the rows as a Markdown table, with the paper's results."""
     heads = (
         "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
         "paper's baseline",
     )  # fmt: skip
     return table(heads, [
         (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.error),
-         _spread(row.simulated), cell(row.simulated.error if row.simulated else NAN), _spread(row.baseline),
+         _spread(row.simulated), cell(row.simulated.error if row.simulated else np.nan), _spread(row.baseline),
          _pair(row.paper), _pair(row.paper_baseline))
         for row in rows
     ])  # fmt: skip
@@ -281,10 +272,10 @@ def main(
     installed: Installed | None = None,
     measures: Measures = lambda: MEASURES,
 ) -> int:
-    """Run the command line.
+    """Run the command line. The caller passes in plugins, because this module runs without a plugin host.
 
-    simulator: makes what `--simulated` runs in. installed: finds the skills that are measured, or that one of your own
-    may follow. measures: finds what they command. This module itself knows of no plugins.
+    simulator: makes the simulator for `--simulated`. installed: returns the adapters of the installed skills.
+    measures: returns the known measures.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -297,6 +288,8 @@ def main(
     if options.json:
         print(as_json(report))
         return 0
+    from humanclaw.cli import show_markdown  # Not at the top: training imports this module on machines without click.
+
     show_markdown(markdown(report.rows))
     show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
     show_markdown(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
@@ -319,10 +312,12 @@ def _measure(
         rows = [replace(row, baseline=baseline(options.baseline, asked[row.skill])) for row in rows]
     if options.simulated:
         if simulator is None:
-            raise HumanclawError("Nothing here simulates.", "Use the command: humanclaw fidelity --simulated")
+            raise HumanclawError(
+                "--simulated needs a simulator from the plugin host.", "Use the command: humanclaw fidelity --simulated"
+            )
         ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before, measures)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
-    first = next(iter(paths))
+    first = next(iter(paths))  # All adapters have the same size, so any of them gives the time.
     command = Command.of(first, paths[first], measures)
     values = command.named(command.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, paths[first], values)
@@ -332,35 +327,35 @@ def _measure(
 
 
 def made_generator(options: argparse.Namespace) -> DiTGenerator:
-    """Return the generator that `generator_options` describe. Raises CheckpointError."""
+    """Make the generator that the options of `generator_options` describe. Raises CheckpointError."""
     solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
     return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
 
 
 def generator_options(parser: argparse.ArgumentParser) -> None:
-    """Options that name weights, skills and solver."""
-    parser.add_argument("--skills", nargs="*", default=[], help="which skills (default: all that have an adapter)")
+    """Add the options that choose weights, skills and solver."""
+    parser.add_argument("--skills", nargs="*", default=[], help="skills to measure (default: all that have an adapter)")
     parser.add_argument(
         "--adapters",
         type=Path,
         nargs="*",
-        help="folders searched for adapters (default: the installed skills)",
+        help="folders to search for adapters (default: the installed skills)",
     )
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
-    parser.add_argument("--rollouts", type=int, default=200, help="a skill")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--profile", choices=list(PROFILES), default="default")
-    parser.add_argument("--method", choices=("euler", "midpoint"), default="midpoint")
-    parser.add_argument("--steps", type=int, default=0, help="solver steps, in place of the profile's")
+    parser.add_argument("--rollouts", type=int, default=200, help="rollouts per skill (default: 200)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
+    parser.add_argument("--profile", choices=list(PROFILES), default="default", help="profile of the solver")
+    parser.add_argument("--method", choices=("euler", "midpoint"), default="midpoint", help="with --steps")
+    parser.add_argument("--steps", type=int, default=0, help="solver steps instead of the profile")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--simulated", action="store_true", help="measure in half-physics as well (minutes)")
+    parser.add_argument("--simulated", action="store_true", help="also measure in half-physics (takes minutes)")
     parser.add_argument(
-        "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders to take median clips from"
+        "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders of chunks for the baseline"
     )
     parser.add_argument("--save", type=Path, metavar="FILE", help="also write the table as JSON, for `humanclaw cards`")
     parser.add_argument(
@@ -369,7 +364,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="FOLDER",
-        help="a skill of your own, after those that are installed; the table is saved beside it",
+        help="folder of a skill of your own; the table is saved in it",
     )
     return parser
 

@@ -1,6 +1,6 @@
-"""First steps: how far both feet of a body that stands slide as it sets out.
+"""First steps: how far both feet slide when a standing body starts to move.
 
-A history of standing does not tell which foot goes first; a model that averages the two glides on both.
+A history of standing does not show which foot moves first. A model that averages both cases slides on both feet.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from humanclaw_train.rollouts import Command, extend
 from humanclaw_train.tables import cell, table
 
 BODIES: Final = 1200
-"""Bodies whose first steps are measured: a 99th percentile rests on a hundredth of them."""
+"""Bodies per skill. Only a hundredth of them decides the 99th percentile."""
 GLIDES: Final = 2.0
-"""A first step in which both toes slide further than this glides, cm."""
+"""A body glides if both toes slide further than this in its first step, cm."""
 
 
 @dataclass(frozen=True)
 class FirstSteps:
-    """How far the slower toe slides in first chunks from standing, cm."""
+    """Slide of the slower toe in first chunks from standing, cm."""
 
     bodies: int
     p95: float
     p99: float
     most: float
     gliding: int
-    """Bodies that glide."""
+    """Number of bodies that glide."""
 
     @classmethod
     def of(cls, slides: Array) -> FirstSteps:
-        """slides: (bodies,) cm."""
+        """Summarise slides (bodies,), cm."""
         p95, p99 = (float(np.percentile(slides, share)) for share in (95, 99))
         return cls(len(slides), p95, p99, float(slides.max()), int((slides > GLIDES).sum()))
 
@@ -44,7 +44,7 @@ class FirstSteps:
 def first_steps(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = BODIES, seed: int = 0
 ) -> dict[str, FirstSteps]:
-    """Return what the first steps of each skill are like, over the whole ranges of its schema."""
+    """Measure the first steps of each skill over the whole ranges of its schema."""
     found = {}
     for command in commands:
         motions = [generator.start() for _ in range(bodies)]
@@ -56,11 +56,15 @@ def first_steps(
 
 
 def _first_commands(command: Command, bodies: int, random: np.random.Generator) -> Array:
-    """(bodies, k) over the whole range. Every other one is straight: whatever can be nought but what the skill is for
-    is nought; that is what is called most, and where either foot might go first. Every third is small: of what the
-    skill is for, from the lowest fifth of the range."""
+    """Draw commands over the whole ranges (bodies, k).
+
+    Every second command is straight: all parameters that can be zero are, except the primary one. Models call these
+    most, and in them either foot might move first. In every third command the primary parameter is small: it is drawn
+    from the lowest fifth of its range.
+    """
     low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
     values = random.uniform(low, high, (bodies, len(low)))
+    # The value closest to zero that each range allows.
     least, primary = np.clip(0.0, low, high), np.arange(len(low)) == command.primary
     values[::3, primary] = (least + 0.2 * (values[::3] - least))[:, primary]
     values[::2, (least == 0) & ~primary] = 0.0

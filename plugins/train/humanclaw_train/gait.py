@@ -1,10 +1,9 @@
-"""Walking whose steps do not wait for chunks: the phase of the step cycle, the feet, and what the pelvis does over it.
+"""The gait of synthetic walks: phase of the step cycle, feet and pelvis, for steps that do not wait for chunks.
 
-The phase counts steps: at an even number the right foot passes the left one, at an odd number the left foot passes the
-right one, as in humanclaw_train.augment. A chunk advances it by what real walkers do at that speed, so that chunks
-begin anywhere in a cycle; a foot in the air is led on towards a landing that is planned anew from each command. Numbers
-were read off the real walks of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s), the last of which is held out since.
-Needs numpy alone.
+The phase counts steps as in humanclaw_train.augment: at even numbers the right foot passes the left one, at odd numbers
+the left foot passes the right one. A chunk advances it at the cadence of real walkers at that speed, so chunks begin
+anywhere in a cycle. A foot in the air goes on to a landing that each command plans anew. The numbers were measured on
+real walks of CMU subjects 2, 5, 6, 7 and 12 (0.9 to 1.65 m/s); subject 12 is held out from training. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -13,28 +12,27 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from humanclaw.body import FPS, FUTURE, smoothstep
-from humanclaw_train.curves import Array, bump, cubic, smoother
+from humanclaw.body import FPS, FUTURE, Array, smoothstep
+from humanclaw_train.commands import Ints
+from humanclaw_train.curves import GRID, bump, cubic, smoother
 
-Ints = NDArray[np.int_]
-GRID: Final = np.arange(FUTURE + 1) / FUTURE
 LIFT: Final = 0.42
-"""Steps before the feet pass at which the toes leave the ground,"""
+"""Phase before the feet pass, in steps, at which the toes leave the ground."""
 LAND: Final = 0.39
-"""and after it at which the heel comes down."""
+"""Phase after the feet pass, in steps, at which the heel comes down."""
 SWING: Final = LIFT + LAND
+"""Duration of a swing, in steps."""
 
 
 # -- what speed decides ------------------------------------------------------------------------------------------------
 def cadence(speed: Array) -> Array:
-    """Return the steps a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6."""
+    """Return the steps in a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6 m/s."""
     return np.asarray(1.57 * np.clip(speed, 0.3, 2.0) ** 0.45 * FUTURE / FPS)
 
 
 def amplitudes(speed: Array) -> Array:
-    """(N, 3) metres by which the pelvis swings to the side, to the front and up, as the coefficients of `pelvis`."""
+    """Return how far the pelvis swings to the side, ahead and up, metres (N, 3): the coefficients of `pelvis`."""
     side = np.clip(0.062 - 0.028 * (speed - 0.9), 0.03, 0.065)
     ripple = np.clip(0.26 - 0.1 * (speed - 0.9), 0.12, 0.28)
     ahead = ripple * speed / (2 * np.pi * cadence(speed) * FPS / FUTURE)
@@ -44,26 +42,27 @@ def amplitudes(speed: Array) -> Array:
 
 
 def pelvis_height(speed: Array) -> Array:
-    """Mean height of a walker's pelvis: long steps lower it."""
+    """Return the mean height of a walker's pelvis, metres. Long steps lower it."""
     return np.asarray(0.949 - 0.034 * np.clip(speed, 0.0, 1.8))
 
 
 def pelvis(phase: Array) -> Array:
-    """(..., 3) to the side, ahead and up, each between -1 and 1: over the standing foot, fastest and lowest between two
-    steps."""
+    """Return the swing of the pelvis to the side, ahead and up (..., 3), each between -1 and 1.
+
+    It is over the standing foot, and fastest and lowest between two steps.
+    """
     return np.stack([np.cos(np.pi * phase), -np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)], -1)
 
 
 def pinned(values: Array) -> Array:
-    """(N, 16, ...) with the difference to a smooth passage from first to last instant alone left: nought at both
-    ends."""
+    """Subtract a smooth passage from first to last instant (N, 16, ...), so that both ends are zero."""
     ease = smoother(GRID).reshape(-1, *(1 for _ in values.shape[2:]))
     return np.asarray(values - values[:, :1] * (1 - ease) - values[:, -1:] * ease)
 
 
 def _curve(points: Array, width: float = 0.07) -> tuple[Array, Array]:
-    """Straight lines between points (K, 2), their corners rounded."""
-    at = np.linspace(-1.5, 1.5, 601)
+    """Return straight lines between points (K, 2) with rounded corners, sampled over the phase."""
+    at = np.linspace(-1.5, 1.5, 601)  # Beyond [-1, 1), so that smoothing has no edges inside.
     kernel = np.hanning(max(3, int(width / 0.005)) * 2 + 1)
     values = np.interp(at, points[:, 0], points[:, 1])
     padded = np.pad(values, len(kernel) // 2, mode="edge")
@@ -78,24 +77,23 @@ _PITCH: Final = _curve(
         ]
     )
 )  # fmt: skip
-"""Heel pitch of a foot over the phase since it passed the other one, radians at 1.1 m/s."""
+"""Heel pitch of a foot, radians at 1.1 m/s, over the phase since it passed the other foot."""
 
 
 def pitch(since: Array, speed: Array) -> Array:
-    """(...) heel pitch, radians, at a phase in [-1, 1) and a speed."""
+    """Return the heel pitch in radians at a phase in [-1, 1) and a speed in m/s."""
     return np.interp(since, *_PITCH) * np.clip(0.6 + 0.37 * speed, 0.6, 1.25)
 
 
 def swing_height(progress: Array) -> Array:
-    """0 to 1: the toes go up at once and sink before the heel lands."""
+    """Return the height of the toes, 0 to 1: they rise at once and sink before the heel lands."""
     return bump(np.sqrt(np.clip(progress, 0.0, 1.0)))
 
 
 # -- the feet of a chunk -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Cycle:
-    """The step cycle over a chunk: phase (N, 16), the rates at its ends (N,) steps a chunk, and how fast the body
-    walks."""
+    """The step cycle over a chunk: phase (N, 16), rates at its ends (N,) in steps a chunk, speed (N,) in m/s."""
 
     phase: Array
     rate: Array
@@ -104,32 +102,34 @@ class Cycle:
 
     @classmethod
     def of(cls, start: Array, rate: Array, end_rate: Array, speed: Array) -> Cycle:
-        """Return the rate changes evenly."""
+        """Return the cycle whose rate changes linearly over the chunk."""
         moved = rate[:, None] * GRID + (end_rate - rate)[:, None] * GRID**2 / 2
         return cls(start[:, None] + moved, rate, end_rate, speed)
 
     @property
     def first(self) -> Ints:
-        """(N,) the passing of the first foot that is in the air, or that leaves next."""
+        """(N,) Number of the passing of the foot that is in the air, or that leaves next."""
         return np.ceil(self.phase[:, 0] - LAND).astype(int)
 
     def since(self, foot: int) -> Array:
-        """(N, 16) phase since a foot passed the other one, in [-1, 1)."""
+        """(N, 16) Phase since a foot passed the other one, in [-1, 1)."""
         return (self.phase + foot) % 2 - 1
 
     def progress(self, passing: Ints) -> Array:
-        """(N, 16) of a swing: 0 as the toes leave, 1 as the heel lands, and beyond."""
+        """(N, 16) Progress of a swing: 0 as the toes leave, 1 as the heel lands, and beyond."""
         return (self.phase - passing[:, None] + LIFT) / SWING
 
 
 def foot_of(passing: Ints) -> Ints:
-    """Return the foot that swings: left 0, right 1."""
+    """Return the foot that swings at a passing: left 0, right 1."""
     return (passing + 1) % 2
 
 
 def reached(cycle: Cycle, path: Array, velocity: Array, phase: Array) -> Array:
-    """(N, k) of a path (N, 16, k) when the cycle gets to a phase (N,), beyond its end at the velocity (N, k) that it
-    ends with."""
+    """Return the point (N, k) of a path (N, 16, k) at which the cycle reaches a phase (N,).
+
+    Beyond the chunk's end the path goes on at its last velocity (N, k).
+    """
     order = np.array([np.interp(at, row, GRID) for at, row in zip(phase, cycle.phase, strict=True)]) * FUTURE
     low = np.clip(order.astype(int), 0, FUTURE - 1)
     share = (order - low)[:, None]
@@ -140,17 +140,16 @@ def reached(cycle: Cycle, path: Array, velocity: Array, phase: Array) -> Array:
 
 @dataclass(frozen=True)
 class Leg:
-    """One foot at the start of a chunk: value (N, k) and its rate a chunk."""
+    """One foot at the start of a chunk: value (N, k) and its change per chunk."""
 
     value: Array
     rate: Array
 
 
 def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
-    """(N, 16, k) from where a foot is, or stood, to its target (N, k) at the landing; the same curve whenever it is
-    planned.
+    """Return the track of a foot (N, 16, k) from where it is to its target (N, k) at the landing.
 
-    Shortly before the landing there is no time left for another target.
+    The curve is the same in whichever chunk it is planned. Shortly before the landing the target no longer changes.
     """
     progress = cycle.progress(passing)
     begun = np.clip(progress[:, 0], 0.0, 0.995)
@@ -164,8 +163,7 @@ def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
 
 
 def settled(value: Array, rate: Array, goal: Array, span: Array | float = 0.5) -> Array:
-    """(N, 16) a goal (N, 16), with the difference to the value and rate (N,) that a chunk begins with faded out over
-    `span`."""
+    """Return a goal (N, 16) that begins at the chunk's first value and rate (N,); the difference fades over `span`."""
     gap = (value - goal[:, 0])[:, None]
     drift = (rate - (goal[:, 1] - goal[:, 0]) * FUTURE)[:, None]
     return goal + cubic(GRID / span, gap, drift * span, np.zeros_like(gap), 0.0)

@@ -1,5 +1,4 @@
-"""Forward kinematics and the 219-number state on batches of torch tensors: the differentiable twin of
-humanclaw.pose."""
+"""Forward kinematics and the 219-number state on torch tensors: the differentiable counterpart of humanclaw.pose."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ _SOLES: Final = (SOLE, SOLE, TOE_SOLE, TOE_SOLE)
 
 
 def _levels() -> tuple[tuple[int, ...], ...]:
-    """Joints by their distance from the root: those of one level are turned together."""
+    """Group joints by their distance from the root; the joints of one level are computed together."""
     depth = [0] * N_JOINTS
     for joint in range(1, N_JOINTS):
         depth[joint] = depth[PARENTS[joint]] + 1
@@ -28,14 +27,15 @@ def _levels() -> tuple[tuple[int, ...], ...]:
 
 
 _LEVELS: Final = _levels()
+# Joints in the order in which levels append them, and the way back.
 _ORDER: Final = (0, *(joint for level in _LEVELS for joint in level))
 _PLACE: Final = {joint: place for place, joint in enumerate(_ORDER)}
 _BACK: Final = tuple(_PLACE[joint] for joint in range(N_JOINTS))
 
 
 def matrices(vectors: Tensor) -> Tensor:
-    """(..., 3) rotation vectors to (..., 3, 3) matrices. Smooth at zero, so that its gradient is too."""
-    square = (vectors * vectors).sum(-1) + 1e-12
+    """Turn rotation vectors (..., 3) into matrices (..., 3, 3). The gradient is finite at zero."""
+    square = (vectors * vectors).sum(-1) + 1e-12  # The square root has no gradient at zero.
     angle = square.sqrt()
     sin = (angle.sin() / angle)[..., None]
     cos = ((1 - angle.cos()) / square)[..., None]
@@ -47,7 +47,7 @@ def matrices(vectors: Tensor) -> Tensor:
 
 
 def joints(root: Tensor, rotations: Tensor) -> Tensor:
-    """(..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) joint positions."""
+    """Compute joint positions (..., 24, 3) from root positions (..., 3) and local rotations (..., 24, 3)."""
     offsets = torch.as_tensor(OFFSETS, dtype=root.dtype, device=root.device)
     local = matrices(rotations)
     positions, turns = root[..., None, :], local[..., :1, :, :]
@@ -61,13 +61,13 @@ def joints(root: Tensor, rotations: Tensor) -> Tensor:
 
 
 def support_height(positions: Tensor) -> Tensor:
-    """(..., 24, 3) joint positions to the height of the lowest sole, metres."""
+    """Return the height of the lowest sole, metres, for joint positions (..., 24, 3)."""
     soles = torch.tensor(_SOLES, device=positions.device)
     return (positions[..., list(FEET), 1] - soles).amin(-1)
 
 
 def encode(root: Tensor, rotations: Tensor) -> Tensor:
-    """(B, T, 3) and (B, T, 24, 3) to (B, T, 219), as pose.encode."""
+    """Encode (B, T, 3) and (B, T, 24, 3) as states (B, T, 219), like pose.encode."""
     positions = joints(root, rotations)
     steps = positions.diff(dim=1)
     velocity = torch.cat([steps[:, :1], steps], 1)

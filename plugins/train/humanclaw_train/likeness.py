@@ -1,4 +1,4 @@
-"""How like people a skill's motion is, in rows: feet, joints, and Frechet distances to real motion."""
+"""Likeness of a skill's motion to human motion, in rows: feet, joints, and Frechet distances to real motion."""
 
 from __future__ import annotations
 
@@ -14,41 +14,40 @@ from humanclaw.body import FUTURE, HISTORY, Array, forward_kinematics
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Declaration
 from humanclaw_train import measures
-from humanclaw_train.chunks import Chunks, canonical
+from humanclaw_train.chunks import Chunks, canonical, of_skill, stacked
 from humanclaw_train.measures import Features
 from humanclaw_train.rollouts import Command, extend, others, roll
 from humanclaw_train.tables import cell, table
 
-_NAN: Final = float("nan")
 PRIOR: Final = "(the prior alone)"
 _MOST: Final = 600
-"""Chunks of one kind that a measure looks at."""
+"""Largest number of chunks of one kind that a measure uses."""
 
 
 @dataclass(frozen=True)
 class NaturalnessRow:
-    """One skill's motion in numbers, generated or from the data."""
+    """Measures of one skill's motion, generated or from the data."""
 
     skill: str
     source: str
     """generated, real or synthetic."""
     chunks: int
     skate: float
-    """Horizontal speed of toes on the ground, cm/s; NaN on stairs, whose ground is not at 0."""
+    """Horizontal speed of toes on the ground, cm/s; NaN on stairs, where the ground is not at 0."""
     slower_toe: float
     """Horizontal speed of the slower toe, cm/s."""
     sunk: float
     """Depth of the lowest sole, cm; NaN on stairs."""
     jerk: float
-    """Of all joints, m/s^3."""
+    """Mean jerk of all joints, m/s^3."""
     beyond: float
     """Share of frames with a leg joint beyond its limits."""
-    frechet: float = _NAN
-    """To held-out chunks of the skill, whose histories and parameters the model is given."""
-    free: float = _NAN
-    """To real chunks of the skill, from standing, on its own motion and with their parameters alone."""
+    frechet: float = np.nan
+    """Frechet distance to held-out chunks of the skill; the model gets their histories and parameters."""
+    free: float = np.nan
+    """Frechet distance to real chunks; the model starts from standing and gets only their parameters."""
     unseen: tuple[str, ...] = ()
-    """The held-out clips, which nothing was trained on. None: `frechet` is the distance to half of what was."""
+    """The held-out clips. If empty, `frechet` is the distance to half of the training chunks."""
 
 
 def naturalness_of(skill: Declaration, source: str, root: Array, rotations: Array) -> NaturalnessRow:
@@ -61,8 +60,8 @@ def _row(name: str, source: str, root: Array, rotations: Array, stairs: bool) ->
     future = joints[:, HISTORY - 1 :]
     return NaturalnessRow(
         name, source, len(root),
-        _NAN if stairs else measures.skate(future), measures.slower_toe(future),
-        _NAN if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
+        np.nan if stairs else measures.skate(future), measures.slower_toe(future),
+        np.nan if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
         float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
     )  # fmt: skip
 
@@ -70,8 +69,7 @@ def _row(name: str, source: str, root: Array, rotations: Array, stairs: bool) ->
 def skills(
     generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
 ) -> list[NaturalnessRow]:
-    """For the prior and every skill what is generated and, where the folders have it, what the data show: real chunks,
-    else synthetic ones."""
+    """Measure the prior and every skill: generated motion and, where there are any, real or else synthetic chunks."""
     features = _features(folders)
     rows = prior(generator, folders, features, seed) if features else []
     for command in commands:
@@ -91,7 +89,7 @@ def _compared(
     generator: DiTGenerator, command: Command, data: Chunks, folders: Sequence[Path], features: Features, seed: int,
     made: NaturalnessRow, true: NaturalnessRow,
 ) -> list[NaturalnessRow]:  # fmt: skip
-    """Return the rows of a skill with their distances."""
+    """Add the Frechet distances to a skill's rows."""
     apart = held_out(folders, command.skill)
     held, rest = apart or halves(data)
     distance, least = likeness(generator, command, held, rest, features, seed)
@@ -101,7 +99,7 @@ def _compared(
 
 
 def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[NaturalnessRow]:
-    """Return what the prior alone makes of the histories of held-out clips, whatever they show, and what these show."""
+    """Measure the prior alone, which continues histories of held-out clips, beside those clips."""
     found = held_out(folders, "base")
     if found is None:
         return []
@@ -120,17 +118,15 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
 def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
     if isinstance(motions, Chunks):
         return motions.root.astype(float), motions.rotations.astype(float)
-    root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))
-    return root, rotations
+    return stacked(motions)
 
 
 def likeness(
     generator: DiTGenerator, command: Command, held: Chunks, rest: Chunks, features: Features, seed: int
 ) -> tuple[float, float]:
-    """Frechet distances to held-out chunks: of what the model makes of their histories and parameters, and of the other
-    chunks.
+    """Return two Frechet distances to held-out chunks: of generated motion, and of the other chunks.
 
-    NaN for too few chunks.
+    The model gets the histories and parameters of the held-out chunks. NaN for too few chunks.
     """
     held, rest = _some(held, _MOST, seed), _some(rest, _MOST, seed)
     motions = [held.motion(index)[:HISTORY] for index in range(len(held))]
@@ -141,7 +137,7 @@ def likeness(
 
 
 def _asked(command: Command, chunks: Chunks) -> Array:
-    """(N, k) the parameters that chunks realise, as far as the adapter knows them."""
+    """Return the parameters that chunks achieve (N, k), clipped to the adapter's range."""
     values = chunks.params.astype(float)
     return np.clip(values, command.low, command.high) if len(command.low) else values
 
@@ -149,10 +145,9 @@ def _asked(command: Command, chunks: Chunks) -> Array:
 def free_running(
     generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
 ) -> float:
-    """Frechet distance to real chunks of motion that begins from standing and feeds on itself; the first call is not
-    looked at.
+    """Return the Frechet distance to real chunks of motion that starts from standing and continues itself.
 
-    Nothing real is given but parameters, drawn from those that the chunks realise.
+    The model gets only parameters, drawn from those of the chunks. The first call does not count.
     """
     some = _some(data, _MOST // 3, seed)
     motions = [generator.start() for _ in range(len(some))]
@@ -167,14 +162,13 @@ def free_running(
 
 
 def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | None:
-    """Chunks of clips that nothing learnt from, and real ones of the others; None where there are too few for a
-    distance."""
+    """Return chunks of held-out clips and real chunks of the other clips; None if they are too few for a distance."""
     held, rest = of_skill([folder / "held_out" for folder in folders], skill), of_skill(folders, skill)
     return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
 
 
 def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
-    """Two halves of about the same size without a clip in common; of a single clip its first and its second half."""
+    """Split chunks into halves without a common clip; a single clip into its first and second half."""
     names, counts = np.unique(chunks.source, return_counts=True)
     if len(names) == 1:
         middle = len(chunks) // 2
@@ -190,21 +184,13 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
     return chunks[mask], chunks[~mask]
 
 
-def of_skill(folders: Sequence[Path], skill: str) -> Chunks | None:
-    """Return the real chunks of a skill, and synthetic ones where there is none."""
-    files = [folder / f"{skill}.npz" for folder in folders if (folder / f"{skill}.npz").is_file()]
-    if not files:
-        return None
-    chunks = Chunks.join(Chunks.load(file) for file in files)
-    return chunks[chunks.real] if chunks.real.any() else chunks
-
-
 def _features(folders: Sequence[Path]) -> Features | None:
     base = of_skill(folders, "base")
     return Features.of(base.root[:4000].astype(float), base.rotations[:4000].astype(float)) if base else None
 
 
 def _some(chunks: Chunks, most: int, seed: int) -> Chunks:
+    # Sorted, so that chunks stay in the order of their clips.
     return chunks[np.sort(np.random.default_rng(seed).permutation(len(chunks))[:most])]
 
 
@@ -229,5 +215,5 @@ def skills_table(rows: Sequence[NaturalnessRow]) -> str:
 
 
 def _distance(row: NaturalnessRow) -> str:
-    """Mark a distance to what was trained on with a star."""
+    """Format the distance, with a star if it is to training chunks."""
     return cell(row.frechet) + "*" * (not np.isnan(row.frechet) and not row.unseen)

@@ -1,8 +1,6 @@
-"""Measures of motion, on joint positions and poses alone: contact with the ground, smoothness, joint limits, and
-likeness.
+"""Measures of motion from joint positions and poses: ground contact, smoothness, joint limits, likeness and gait.
 
-Shapes: T frames at 30 a second, ... any number of leading axes; joints (..., T, 24, 3) in metres, Y up. Needs numpy
-alone.
+Shapes: T frames at 30 fps, ... any number of leading axes; joints (..., T, 24, 3) in metres, Y up. Needs only numpy.
 """
 
 from __future__ import annotations
@@ -17,13 +15,13 @@ from humanclaw import Motion
 from humanclaw.body import FPS, HISTORY, JOINT_INDEX, TOE_SOLE, Array, forward_kinematics, support_height
 
 _TOUCH: Final = 0.02
-"""A sole lower than this counts as being on the ground, metres."""
+"""A sole below this height touches the ground, metres."""
 _TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 
 # -- contact with the ground -------------------------------------------------------------------------------------------
 def skate(joints: Array) -> float:
-    """Mean horizontal speed of toes on a floor at 0, centimetres a second; NaN where none touches it."""
+    """Return the mean horizontal speed of toes that touch a floor at 0, cm/s; NaN if none does."""
     low = joints[..., _TOES, 1] - TOE_SOLE < _TOUCH
     both = low[..., 1:, :] & low[..., :-1, :]
     speed = _toe_speed(joints)
@@ -31,17 +29,15 @@ def skate(joints: Array) -> float:
 
 
 def slower_toe(joints: Array) -> float:
-    """Mean horizontal speed of whichever toe is the slower one, centimetres a second.
+    """Return the mean horizontal speed of the slower toe, cm/s.
 
-    Who steps has one foot in stance at any time, so this is the skate of the stance foot, whatever the height of its
-    ground.
+    In steps one foot always stands, so this is the skate of the standing foot at any height of the ground.
     """
     return float(_toe_speed(joints).min(-1).mean())
 
 
 def slide(joints: Array) -> Array:
-    """(..., T, 24, 3) to (...) path that the slower toe slides over the T frames, centimetres: nought for whoever steps
-    cleanly."""
+    """Return how far the slower toe slides over T frames (...), cm: zero for clean steps."""
     return np.asarray(_toe_speed(joints).min(-1).sum(-1) / FPS)
 
 
@@ -51,37 +47,29 @@ def _toe_speed(joints: Array) -> Array:
 
 
 def penetration(joints: Array) -> float:
-    """Mean depth of the lowest sole under a floor at 0, centimetres."""
+    """Return the mean depth of the lowest sole under a floor at 0, cm."""
     return float(100 * np.clip(-support_height(joints), 0, None).mean())
 
 
 # -- smoothness --------------------------------------------------------------------------------------------------------
 def acceleration(joints: Array) -> Array:
-    """(..., T - 2) acceleration of the fastest accelerating joint, m/s^2; entry t is about frame t + 1."""
+    """Return the largest acceleration of any joint (..., T - 2), m/s^2; entry t is that at frame t + 1."""
     return np.asarray(np.linalg.norm(np.diff(joints, n=2, axis=-3), axis=-1).max(-1) * FPS**2)
 
 
 SEAM: Final = slice(HISTORY - 2, HISTORY)
-"""Of a chunk's 18 accelerations, those that reach over the seam of history and future."""
-INSIDE: Final = slice(HISTORY, None)
-
-
-def seam_and_inside(joints: Array) -> tuple[float, float]:
-    """(N, 20, 24, 3) chunks: medians of the peak acceleration where history and future meet and within the future,
-    m/s^2."""
-    size = acceleration(joints)
-    return float(np.median(size[:, SEAM].max(1))), float(np.median(size[:, INSIDE].max(1)))
+"""The accelerations across the seam of history and future, of a chunk's 18."""
 
 
 def joint_jerk(joints: Array) -> float:
-    """Mean third derivative of all joint positions, m/s^3, from one-frame differences."""
+    """Return the mean third derivative of all joint positions, m/s^3, from one-frame differences."""
     return float(np.linalg.norm(np.diff(joints, n=3, axis=-3), axis=-1).mean() * FPS**3)
 
 
 # -- joint limits ------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Limit:
-    """Degrees that a joint's rotation vector may have about one axis of its rest frame (X left, Y up, Z ahead)."""
+    """Allowed range of a joint's rotation vector about one axis of its rest frame (X left, Y up, Z ahead), degrees."""
 
     joint: str
     axis: int
@@ -92,22 +80,21 @@ class Limit:
 LIMITS: Final = tuple(
     Limit(f"{side}_{joint}", axis, low, high)
     for joint, axis, low, high in (
-        ("knee", 0, -15, 155),  # bending carries the shin back: positive about X
+        ("knee", 0, -15, 155),  # Bending moves the shin back: positive about X.
         ("knee", 1, -45, 45),
         ("knee", 2, -30, 30),
-        ("ankle", 0, -40, 60),  # toes up is negative
+        ("ankle", 0, -40, 60),  # Toes up is negative.
         ("ankle", 1, -45, 45),
         ("ankle", 2, -40, 40),
-        ("hip", 0, -135, 45),  # the thigh to the front is negative
+        ("hip", 0, -135, 45),  # The thigh to the front is negative.
     )
     for side in ("left", "right")
 )
-"""What the legs of a healthy adult do, give or take ten degrees for what a skeleton of 24 joints makes of it."""
+"""Ranges of a healthy adult's legs, with ten degrees of tolerance for a skeleton of 24 joints."""
 
 
 def beyond_limits(rotations: Array) -> Array:
-    """(..., 24, 3) rotation vectors to (...) degrees by which the worst joint of LIMITS is beyond its range; 0
-    within."""
+    """Return by how many degrees the worst joint of LIMITS exceeds its range (...); 0 within all ranges."""
     over = [_over(np.degrees(rotations[..., JOINT_INDEX[limit.joint], limit.axis]), limit) for limit in LIMITS]
     return np.asarray(np.max(over, axis=0))
 
@@ -118,15 +105,16 @@ def _over(angle: Array, limit: Limit) -> Array:
 
 # -- likeness ----------------------------------------------------------------------------------------------------------
 COMPONENTS: Final = 16
+"""Principal components of the Frechet distance. A distance needs twice as many chunks."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """What the Frechet distance compares: joint positions (m) and velocities (m/s) of a chunk's 15 future frames,
-    canonical.
+    """Features for the Frechet distance: canonical joint positions (m) and velocities (m/s) of 15 future frames.
 
-    Each of the 2160 numbers is brought to mean 0 and deviation 1 over real motion, then projected on the first 16
-    principal components of real motion, in units of their own deviation. mean, scale: (2160,). axes: (2160, 16).
+    Each of the 2160 numbers is scaled to mean 0 and standard deviation 1 over real motion. Then they are projected on
+    the first 16 principal components of real motion, in units of each component's standard deviation. mean, scale:
+    (2160,). axes: (2160, 16).
     """
 
     mean: Array
@@ -143,7 +131,7 @@ class Features:
         return cls(mean, scale, axes[:kept].T * (np.sqrt(len(raw)) / spread[:kept]))
 
     def __call__(self, root: Array, rotations: Array) -> Array:
-        """Canonical chunks to (N, 16) features."""
+        """Return the features of canonical chunks (N, 16)."""
         return np.asarray((_raw(root, rotations) - self.mean) / self.scale @ self.axes)
 
 
@@ -154,14 +142,14 @@ def _raw(root: Array, rotations: Array) -> Array:
 
 
 def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Frechet distance between the normal distributions of two samples, (N, k) and (M, k); NaN for fewer than 2 k of
-    either.
+    """Return the Frechet distance of two samples, (N, k) and (M, k), as normal distributions.
 
-    |m_a - m_b|^2 + tr(C_a + C_b - 2 (C_a C_b)^(1/2)).
+    NaN if either has fewer than 2 k rows. |m_a - m_b|^2 + tr(C_a + C_b - 2 (C_a C_b)^(1/2)).
     """
     if min(len(a), len(b)) < 2 * a.shape[1]:
         return float("nan")
     first, second = np.cov(a.T), np.cov(b.T)
+    # tr (C_a C_b)^(1/2) by the symmetric C_a^(1/2) C_b C_a^(1/2), which has the same eigenvalues.
     values, vectors = np.linalg.eigh(first)
     root = vectors * np.sqrt(values.clip(0)) @ vectors.T
     cross = np.sqrt(np.linalg.eigvalsh(root @ second @ root).clip(0)).sum()
@@ -171,10 +159,10 @@ def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 # -- gait --------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Gait:
-    """A straight walk in numbers, over the whole steps that it shows."""
+    """Measures of a straight walk over its whole steps."""
 
     speed: float
-    """Of the pelvis over the floor, m/s."""
+    """Speed of the pelvis over the floor, m/s."""
     cadence: float
     """Steps a second."""
     sway: float
@@ -182,13 +170,13 @@ class Gait:
     bob: float
     """Peak to peak of the pelvis' height, cm."""
     knee: float
-    """98th percentile of the knees' bend, degrees: that of the swing."""
+    """98th percentile of the knees' bend, degrees: the bend in the swing."""
     ripple: float
-    """Deviation of the speed over its own mean."""
+    """Standard deviation of the speed relative to its trend."""
     arms: float
     """Peak to peak of a wrist ahead of its shoulder, cm."""
     toe: float
-    """Slower toe, cm/s: the stance foot's slide."""
+    """Speed of the slower toe, cm/s."""
 
     @property
     def step(self) -> float:
@@ -197,7 +185,7 @@ class Gait:
 
     @classmethod
     def of(cls, walk: Motion) -> Gait | None:
-        """Measure a walk; None where it shows less than two steps."""
+        """Measure a walk; None for less than two steps."""
         joints, facing = walk.joints(), walk.yaw()
         ahead = np.stack([np.sin(facing), np.cos(facing)], -1)
         crossed = _passings(joints, ahead)
@@ -222,7 +210,7 @@ class Gait:
 
 
 def _passings(joints: Array, ahead: Array) -> Array:
-    """(K,) frames, with fractions, at which one ankle passes the other one."""
+    """Return the fractional frames at which one ankle passes the other (K,)."""
     gap = joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]
     lead = np.sum(gap[:, [0, 2]] * ahead, -1)
     crossed = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(np.diff(lead)) > 0.01))

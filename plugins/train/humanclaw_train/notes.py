@@ -1,4 +1,4 @@
-"""What a skill's author knows of it beyond what is measured: limits, and what the paper reports of the same skill."""
+"""Notes of a skill's author for its model card: known limits, and the paper's results for the same skill."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from pathlib import Path
 from humanclaw import PluginError
 
 FILE = "card.toml"
-"""Beside schema.json: `limits`, a list of sentences; `[paper]` with `ratio` and `baseline`, each mean and deviation."""
+"""File beside schema.json: `limits`, a list of sentences; `[paper]` with `ratio` and `baseline`, mean and deviation."""
 
 
 @dataclass(frozen=True)
 class Notes:
-    """The content of a skill's card.toml; nothing where there is none."""
+    """Content of a skill's card.toml; empty if there is no such file."""
 
     limits: tuple[str, ...] = ()
     paper: tuple[float, float] | None = None
-    """Mean and deviation of achieved over commanded in the paper's table 1, on its own data and body."""
+    """Mean and standard deviation of achieved over commanded in the paper's table 1, on its data and body."""
     baseline: tuple[float, float] | None = None
-    """The same of the paper's baseline, MoMask, which ignores the magnitude."""
+    """The same for the paper's baseline, MoMask, which ignores the magnitude."""
 
     @classmethod
     def read(cls, folder: Path) -> Notes:
-        """Read the card.toml of a skill's folder. Raises PluginError for one that cannot be read."""
+        """Read the card.toml of a skill's folder. Raises PluginError if it is broken."""
         path = folder / FILE
         if not path.is_file():
             return cls()
@@ -33,7 +33,9 @@ class Notes:
             paper = content.get("paper", {})
             return cls(tuple(content.get("limits", ())), _pair(paper.get("ratio")), _pair(paper.get("baseline")))
         except (OSError, ValueError, TypeError) as error:
-            raise PluginError(f"{path} cannot be read: {error}.", f"Write it as {FILE} of a shipped skill.") from error
+            raise PluginError(
+                f"{path} cannot be read: {error}.", f"See the {FILE} of a shipped skill for the format."
+            ) from error
 
 
 def _pair(values: list[float] | None) -> tuple[float, float] | None:

@@ -1,10 +1,10 @@
-"""Chunks of one skill of your own from a folder of motion: what its adapter learns from.
+"""Chunks of a skill of your own, from a folder of motion.
 
     humanclaw data chunks --skill FOLDER --clips DIR
 
-FOLDER holds the skill's schema.json, which says what each parameter commands: every window of every clip is measured by
-that, and those within the bounds are kept. A recipe.py beside it may narrow down which windows show the skill.
-DIR holds .bvh files, .amc files with their .asf, AMASS .npz files, or the motion.npz of recorded episodes.
+FOLDER contains the skill's schema.json, which names the measure of each parameter. Every window of every clip is
+measured, and windows within the schema's bounds are kept. A recipe.py beside it may narrow down the windows. DIR
+contains .bvh files, .amc files with their .asf, AMASS .npz files, or motion.npz files of recorded episodes.
 """
 
 from __future__ import annotations
@@ -27,38 +27,35 @@ from humanclaw.motion import load_base, shipped_base
 from humanclaw.skills import MEASURES, Declaration, Measure, Parameter, Recipe, from_si, outcomes
 from humanclaw_train import mocap
 from humanclaw_train.build import histograms, table
-from humanclaw_train.chunks import Chunks, Clip, cut, load_pack
+from humanclaw_train.chunks import CHUNKS, Chunks, Clip, cut, load_pack
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import WINDOW_STRIDE, sane, statistics, travel
-from humanclaw_train.mocap import MocapError
 from humanclaw_train.retarget import retarget
 from humanclaw_train.retimed import retimed
 from humanclaw_train.rollouts import Measures
+from humanclaw_train.source_motion import MocapError
 from humanclaw_train.tables import as_json
 
-CHUNKS: Final = Path(".data/chunks")
-"""Where chunks are kept, and looked for."""
 RETIMED: Final = "retimed"
-"""The source of chunks that are a clip's poses at another pace."""
+"""Source name of chunks that are a clip's poses at another pace."""
 _ROW: Final = 16
-"""Half seconds in a row that a clip is passed through."""
+"""Half seconds in one row of retimed motion."""
 _BEGUN: Final = 8
-"""Rows of two half seconds, begun as the prior stands, to each of those."""
+"""Rows of two half seconds from the prior's standing pose, for each row of _ROW."""
 _SHOWN: Final = (0.01, 0.99)
-"""Quantiles between which a parameter lies that an adapter is trained on."""
+"""Quantiles of a parameter that bound the range of an adapter."""
 _MISSED: Final = 0.025
-"""Share of that range by which bounds may reach beyond it."""
+"""Share of that range by which bounds may exceed it."""
 _BEYOND: Final = 0.15
-"""Share of its range by which a parameter of a chunk may lie outside the schema's bounds: at the very edge of what it
-has seen, a model is least true."""
+"""Share of its range by which a chunk's parameter may exceed the schema's bounds. A model is least accurate at the edge
+of its data."""
 
 
 # -- what is given -----------------------------------------------------------------------------------------------------
 def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Trained:
-    """Read a skill's declaration and recipe from its folder; where there is no recipe.py, every window may show it.
+    """Read a skill's declaration and recipe from its folder. Without a recipe.py, every window may show it.
 
-    measures: what its parameters may command.
-    Raises PluginError for a schema.json that cannot be read, HumanclawError for a recipe.py without RECIPE.
+    Raises PluginError for a broken schema.json, HumanclawError for a recipe.py without RECIPE.
     """
     folder = folder.resolve()
     declaration, path = Declaration.read(folder), folder / "recipe.py"
@@ -76,9 +73,9 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
 
 
 def clips_of(folder: Path) -> list[Clip]:
-    """Load every clip of a folder and of those in it, retargeted to our body. What cannot be read is told and left out.
+    """Load and retarget every clip of a folder and its subfolders. Unreadable files are reported and left out.
 
-    Raises MocapError if there is none that can be read.
+    Raises MocapError if no clip can be read.
     """
     if (folder / "clips.csv").is_file():
         return load_pack(folder)
@@ -102,30 +99,30 @@ def _clip(file: Path, folder: Path) -> Clip:
 
 
 def _recorded(file: Path) -> Motion | None:
-    """Return what the body did in a recorded episode, or None for another kind of file. Nobody was captured for it."""
+    """Return the body's motion in a recorded episode, which is not captured motion, or None for other files."""
     try:
         with np.load(file, allow_pickle=False) as arrays:
             if "simulated_root" not in arrays:
                 return None
             return Motion(arrays["simulated_root"].astype(float), arrays["simulated_rotations"].astype(float))
     except (OSError, ValueError) as error:
-        raise MocapError(f"{file} cannot be read: {error}.", "Is it complete?") from error
+        raise MocapError(f"{file} cannot be read: {error}.", "Check that the file is complete.") from error
 
 
 # -- what is made of it ------------------------------------------------------------------------------------------------
 def chunks_of(
     skill: Trained, clips: Sequence[Clip], seconds: float, seed: int, standing: Motion | None = None
 ) -> Chunks:
-    """Cut the skill's chunks: windows of the clips and their mirror images, with the parameters that they realise.
+    """Cut the skill's chunks: windows of the clips and their mirror images, with the parameters that they achieve.
 
-    seconds: of clips at other paces besides, where the recipe asks for them. standing: of the prior.
-    Raises HumanclawError if no window shows the skill, PluginError for a measure that nothing here measures.
+    seconds: of retimed motion to add, if the recipe asks for it. standing: the prior's standing pose.
+    Raises HumanclawError if no window shows the skill, PluginError for an unknown measure.
     """
     shown = [part for clip in clips if len(part := _of_windows(skill, clip))]
     if not shown:
         raise HumanclawError(
             f"None of the {len(clips)} clips shows {skill.name} within the bounds of its schema.json.",
-            "Widen the bounds, mend x-measure, or give other clips.",
+            "Widen the bounds, correct x-measure, or give other clips.",
         )
     parts = list(shown)
     if skill.recipe.retimed and standing is not None:
@@ -153,7 +150,7 @@ def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool
 
 
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
-    """Return (N,) whether what a chunk realises of each parameter is about within the schema's bounds."""
+    """Return which chunks are within the schema's bounds (N,), with a tolerance of _BEYOND."""
     parameters = skill.declaration.parameters
     found = outcomes(parameters, root, rotations, skill.measures)
     low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))
@@ -162,10 +159,10 @@ def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
 
 
 def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: float, seed: int) -> Iterator[Chunks]:
-    """Cut a third of the chunks from one call to the next, a third from anywhere in between, and a third from the first
-    two calls of somebody who stands."""
+    """Cut retimed chunks: a third at the calls, a third anywhere in between, a third in the first two calls after
+    standing."""
     random = np.random.default_rng(seed)
-    wanted = int(seconds * 2 / 2)  # two a second, and as many again by mirroring
+    wanted = int(seconds * 2 / 2)  # Two a second; mirroring doubles them.
     for index in tqdm(range(-(-wanted // (2 * _ROW + 2 * _BEGUN))), unit="row", disable=None):
         clip = clips[index % len(clips)].motion
         motion = retimed(clip, standing, _ROW, random)
@@ -178,8 +175,10 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
 
 
 def too_wide(skill: Trained, chunks: Chunks) -> list[str]:
-    """Tell of every parameter whose bounds reach beyond what the chunks show: an adapter does not learn that, and
-    `humanclaw check` will refuse it."""
+    """Return a warning for every parameter whose bounds exceed the chunks' range.
+
+    An adapter does not learn beyond that range, and `humanclaw check` will refuse it.
+    """
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
     return [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
 
@@ -199,10 +198,7 @@ def _reach(parameter: Parameter, low: float, high: float) -> str:
 
 # -- the command line --------------------------------------------------------------------------------------------------
 def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
-    """Run the command line.
-
-    measures: gives what parameters may command; this module itself knows of no plugins.
-    """
+    """Run the command line. measures: returns the known measures."""
     options = _parser().parse_args(arguments)
     try:
         skill = of_folder(options.skill, measures())
@@ -225,13 +221,17 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw data chunks", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--skill", type=Path, required=True, metavar="FOLDER", help="folder that holds schema.json")
+    parser.add_argument(
+        "--skill", type=Path, required=True, metavar="FOLDER", help="folder with the skill's schema.json"
+    )
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of motion")
     parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
-    parser.add_argument("--seconds", type=float, default=4000.0, help="of clips at other paces, for a posture")
+    parser.add_argument(
+        "--seconds", type=float, default=4000.0, help="retimed motion to add, for a posture (default: 4000)"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--base", type=Path, help="base checkpoint, for how it stands (default: the shipped one)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the retimed motion")
+    parser.add_argument("--base", type=Path, help="base checkpoint, for its standing pose (default: the shipped one)")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""The commands of this distribution. Apart from the package itself, which must import where there is no plugin host."""
+"""Hooks of this distribution. A module of its own, because the package must import without a plugin host."""
 
 from __future__ import annotations
 
@@ -14,8 +14,5 @@ if TYPE_CHECKING:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw_train import cli as commands
 
-    for command in (
-        commands.train, commands.fidelity, commands.naturalness, commands.speed, commands.cards, commands.data,
-        commands.show,
-    ):  # fmt: skip
+    for command in commands.COMMANDS:
         cli.add_command(command)

@@ -1,11 +1,10 @@
-"""Real clips of a posture, played at other paces: faster, slower, backwards and with halts, over planted feet.
+"""Retimed motion: real clips of a posture at other paces, faster, slower, backwards and with halts.
 
-A clip of somebody who squats goes down once and up once, at one pace. A skill has to go from any height to any other
-one in half a second, so the poses of the clip, which are real, are passed through in another time. The feet stand
-still, the legs follow by two-bone inverse kinematics, and whoever stands upright does so as the prior stands, so that
-every other skill can follow. What is `begun` begins exactly as the prior stands, as the first call of an episode does,
-and passes over into any pose of the clip in its first half second. Chunks made so are not marked as real. Needs numpy
-and scipy alone.
+A clip of a squat goes down once and up once, at one pace. A skill has to go from any height to any other in half a
+second, so the clip's real poses are played back in another time. The feet stand still and the legs follow by two-bone
+inverse kinematics. Upright poses blend into the prior's standing pose, so that every other skill can follow. Motion
+that is `begun` starts exactly in the prior's standing pose, like an episode, and blends into the clip in its first half
+second. The resulting chunks are not marked as real. Needs only numpy and scipy.
 """
 
 from __future__ import annotations
@@ -33,23 +32,23 @@ from humanclaw_train.augment import UPPER
 from humanclaw_train.ik import Feet
 
 PACE: Final = 1.5
-"""Most frames of the clip that pass in one."""
+"""Highest pace: frames of the clip per frame."""
 HALTS: Final = 0.2
-"""Share of the half seconds in which the body holds still."""
+"""Share of half seconds in which the body holds still."""
 _QUIET: Final = 0.02
-"""Metres from where it begins and ends within which a clip has not begun or has ended."""
+"""Distance of the root from its first or last position, metres, within which a clip counts as at rest."""
 _DOWN: Final = 0.5
-"""Share of its height by which a body is down for the pose of its trunk to be wholly the clip's,"""
+"""Drop of the root, as a share of its height, from which the trunk's pose is entirely the clip's."""
 _ARMS: Final = 0.35
-"""and how much of the clip's arms there is in it then: from overhead to hanging, half a second is too short."""
+"""Share of the clip's arms in that pose, because half a second is too short from overhead to hanging."""
 _ANKLES: Final = [JOINT_INDEX[f"{side}_ankle"] for side in SIDES]
 _LIKENESS: Final = np.array([_ARMS if JOINTS[joint].startswith(("left", "right")) else 1.0 for joint in UPPER])
 
 
 def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generator, *, begun: bool = False) -> Motion:
-    """Pass through the poses of a clip for `chunks` half seconds, after one history at rest; 5 + 15 chunks frames.
+    """Play the poses of a clip for `chunks` half seconds after a history at rest: 5 + 15 * chunks frames.
 
-    standing: the prior's, of which the last frame is taken. begun: whether the rest is exactly that.
+    standing: the prior's standing pose; its last frame counts. begun: whether to start exactly in that pose.
     """
     clip = clip[_moving(clip)]
     passed = _sampled(clip, _clock(len(clip), chunks, rng))
@@ -60,14 +59,14 @@ def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generato
 
 
 def _moving(clip: Motion) -> slice:
-    """Leave out the quiet beginning and end, in which time would be spent for nothing."""
+    """Return the clip's frames without rest at the beginning and the end."""
     away = [np.linalg.norm(clip.root - clip.root[end], axis=-1) > _QUIET for end in (0, -1)]
     first, last = (int(one.argmax()) if one.any() else 0 for one in (away[0], away[1][::-1]))
     return slice(max(first - 1, 0), len(clip) - max(last - 1, 0))
 
 
 def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
-    """Return (T,) frame of the clip that each frame shows: a walk with halts, turned back at either end, no jerk."""
+    """Draw the clip's frame to show at each time (T,): a smooth random walk with halts, reflected at both ends."""
     steps = rng.uniform(-PACE * FUTURE, PACE * FUTURE, chunks) * (rng.random(chunks) >= HALTS)
     last = length - 1.0
     marks = np.empty(chunks + 1)
@@ -75,6 +74,7 @@ def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
     for index, step in enumerate(steps):
         onward = marks[index] + step
         marks[index + 1] = onward if 0 <= onward <= last else np.clip(marks[index] - step, 0.0, last)
+    # Monotone between marks (PCHIP), so that a halt stays a halt.
     times = HISTORY - 1 + FUTURE * np.arange(chunks + 1)
     frames = np.arange(HISTORY + FUTURE * chunks).clip(HISTORY - 1)
     return np.asarray(PchipInterpolator(times, marks)(frames))
@@ -84,22 +84,22 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
     """Sample the clip between its frames."""
     frames = np.arange(len(clip))
     matrices = CubicSpline(frames, matrix_from_vector(clip.rotations))(clock)
-    left, _, right = np.linalg.svd(matrices)  # the nearest rotation
+    left, _, right = np.linalg.svd(matrices)  # The nearest rotation.
     return Motion(CubicSpline(frames, clip.root)(clock), vector_from_matrix(left @ right))
 
 
 def _upright(motion: Motion, standing: Motion, height: float) -> Motion:
-    """Hold trunk, arms and head as in the clip where the body is down, as in standing where it is up."""
+    """Blend trunk, arms and head from the standing pose, when the body is up, to the clip's, when it is down."""
     down = smoothstep((1 - motion.root[:, 1] / height).clip(0) / _DOWN)
     rotations = motion.rotations.copy()
-    # Of rotation vectors, which no joint but the root turns half round: an arm from overhead to hanging has no jump.
+    # Blend rotation vectors: only the root turns by half a turn, so no joint jumps.
     stood = standing.rotations[-1:, UPPER]
     rotations[:, UPPER] = stood + (down[:, None] * _LIKENESS)[..., None] * (rotations[:, UPPER] - stood)
     return Motion(motion.root, rotations)
 
 
 def _from_standing(motion: Motion, standing: Motion) -> Motion:
-    """Stand as the prior does for one history, and be wholly in the motion half a second later."""
+    """Begin with one history in the prior's standing pose, and blend into the motion within half a second."""
     middle, turn = _place(motion, standing)
     stood, vectors = standing.root[-1], standing.rotations[-1].copy()
     vectors[0] = vector_from_matrix(turn @ matrix_from_vector(vectors[0]))
@@ -112,7 +112,7 @@ def _from_standing(motion: Motion, standing: Motion) -> Motion:
 
 
 def _replanted(motion: Motion, feet: Feet) -> Motion:
-    """Bend the legs so that both feet are where they are said to be."""
+    """Bend the legs so that both feet are at `feet`."""
     pelvis, yaw = matrix_from_vector(motion.rotations[:, 0]), heading(motion.rotations[:, 0])
     root = motion.root.copy()
     lift = np.full(feet.pitch.shape, 0.0)
@@ -125,8 +125,7 @@ def _replanted(motion: Motion, feet: Feet) -> Motion:
 
 
 def _stance(motion: Motion, standing: Motion, share: float) -> Feet:
-    """Return feet still on the floor: where those of the clip are on the whole, moved by a share towards where those
-    of standing are."""
+    """Return feet that stand still: at the clip's median position, moved by a share towards the standing pose's."""
     shown = np.median(motion.joints()[:, _ANKLES], axis=0)
     middle, turn = _place(motion, standing)
     stood = standing[-1:].joints()[0, _ANKLES]
@@ -140,7 +139,7 @@ def _stance(motion: Motion, standing: Motion, share: float) -> Feet:
 
 
 def _place(motion: Motion, standing: Motion) -> tuple[Array, Array]:
-    """Return the point of the floor between the feet (3,), and the rotation (3, 3) from how standing faces."""
+    """Return the floor point between the feet (3,), and the rotation (3, 3) from the standing pose's facing."""
     middle = np.median(motion.joints()[:, _ANKLES], axis=0).mean(0) * [1, 0, 1]
     facing = float(np.median(motion.yaw()))
     return middle, matrix_from_vector(np.array([0.0, facing - standing.yaw()[-1], 0.0]))

@@ -1,5 +1,4 @@
-"""Generated rollouts of a skill, from standing and after other skills: what the measures of the motion model look
-at."""
+"""Generated rollouts of a skill, from standing and after other skills, for the measures of the motion model."""
 
 from __future__ import annotations
 
@@ -7,30 +6,32 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import CheckpointError, Motion
-from humanclaw.body import FUTURE, HISTORY, Array
-from humanclaw.motion import DiTGenerator, read_header
+from humanclaw.body import CHUNK, HISTORY, Array
+from humanclaw.motion import read_header
 from humanclaw.skills import MEASURES, Declaration, Measure, Parameter
-from humanclaw_train.chunks import canonical
+from humanclaw_train.chunks import canonical, stacked
+
+if TYPE_CHECKING:
+    from humanclaw.motion import DiTGenerator
 
 Installed = Callable[[], Mapping[str, Path]]
-"""Gives the adapters of the skills that are installed, by skill."""
+"""Returns the adapters of the installed skills, by skill."""
 Measures = Callable[[], Mapping[str, Measure]]
-"""Gives the measures that are installed, by name."""
+"""Returns the known measures, by name."""
 CHUNKS_IN_A_ROW: Final = 3
 _LEAST: Final = 0.25
-"""Commands smaller than this share of the largest are not asked for: a ratio to nothing says nothing."""
+"""Smallest command, as a share of the largest. A ratio to almost zero has no meaning."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """What one skill can be asked: the range of each parameter, SI. names (k,), low (k,), high (k,): as in the
-    adapter's header."""
+    """The commands that one skill takes. names, low, high (k,): of the parameters, SI, in the adapter's order."""
 
     declaration: Declaration
     adapter: Path
@@ -41,15 +42,15 @@ class Command:
 
     @classmethod
     def of(cls, skill: str, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
-        """Return the range that the adapter was trained on, less a twentieth at either end.
+        """Read the range that the adapter was trained on, without a twentieth at each end.
 
-        Raises CheckpointError and PluginError for an adapter and a schema.json that do not fit.
+        Raises CheckpointError and PluginError if adapter and schema.json do not match.
         """
         return cls.declared(Declaration.read(declared(skill, adapter)), adapter, measures)
 
     @classmethod
     def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
-        """Do the same for a skill whose declaration is at hand, wherever its adapter lies."""
+        """Do the same with a given declaration, for an adapter in any folder."""
         config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
@@ -62,20 +63,20 @@ class Command:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """(k,) in the order of the values."""
+        """(k,) Parameters in the order of the values."""
         return self.declaration.order(self.names)
 
     @property
     def primary(self) -> int:
-        """Which of the values the ratio of achieved over commanded is told of."""
+        """Index of the value whose ratio of achieved over commanded is reported."""
         return self.parameters.index(self.declaration.primary) if self.declaration.primary else 0
 
     def named(self, values: Array) -> dict[str, float]:
-        """One command (k,) by name, as the generator takes it."""
+        """Return one command (k,) by name, as the generator takes it."""
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def draw(self, count: int, random: np.random.Generator) -> Array:
-        """(count, k) commands; the parameter that the ratio is of is never close to zero."""
+        """Draw commands (count, k). The primary parameter is never close to zero."""
         values = random.uniform(self.low, self.high, (count, len(self.low)))
         if len(self.low):
             primary = self.primary
@@ -88,16 +89,15 @@ class Command:
 def adapters(
     roots: Sequence[Path] | None, wanted: Sequence[str] = (), installed: Installed | None = None
 ) -> dict[str, Path]:
-    """Return the adapters below some folders by skill, or of them the wanted ones in that order. Raises
-    CheckpointError.
+    """Return adapters by skill: all, or the wanted ones in that order. Raises CheckpointError if one is missing.
 
-    roots: None for those of the installed skills, or, where nothing tells which are installed, of the repository.
+    roots: folders to search. None for the installed skills or, without `installed`, for the repository's.
     """
     found = dict(installed()) if roots is None and installed else _below(roots or [Path("skills")])
     missing = [skill for skill in wanted if skill not in found]
     if missing or not found:
         known = ", ".join(found) or "none"
-        raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"There are: {known}.")
+        raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"Known: {known}.")
     return {skill: found[skill] for skill in wanted or found}
 
 
@@ -107,7 +107,7 @@ def _below(roots: Sequence[Path]) -> dict[str, Path]:
 
 
 def own(folders: Sequence[Path]) -> dict[str, Path]:
-    """Find the adapters of skill folders by skill. Raises CheckpointError for a folder without one."""
+    """Return the adapters in folders of skills, by skill. Raises CheckpointError for a folder without one."""
     paths = {folder.resolve().name: folder.resolve() / "adapter.safetensors" for folder in folders}
     for skill, path in paths.items():
         if not path.is_file():
@@ -118,42 +118,38 @@ def own(folders: Sequence[Path]) -> dict[str, Path]:
 
 
 def declared(skill: str, adapter: Path) -> Path:
-    """Return the folder that declares a skill: that of its adapter, or for one just trained that of the skill in the
-    repository."""
+    """Return the folder that declares a skill: its adapter's, or else the skill's in the repository."""
     if (adapter.parent / "schema.json").is_file():
         return adapter.parent
     return next((file.parent for file in sorted(Path("skills").glob(f"**/{skill}/schema.json"))), adapter.parent)
 
 
 def file_digest(path: Path) -> str:
-    """Names the content of a file."""
+    """Return the digest of a file's content."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
-    """Return the skills that may come before one. Who steps onto a stair out of a seat rises by both; that ratio would
-    be of the two."""
+    """Return the skills that may come before one. Seats never come before stairs: the pelvis would rise by both."""
     seats = command.declaration.climbs
     return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
 
 
 @dataclass(frozen=True)
 class Rollouts:
-    """What became of one skill's commands (N, k): root (N, 20, 3) and rotations (N, 20, 24, 3), each chunk in its
-    canonical frame.
+    """Results of one skill's commands (N, k): canonical root (N, 20, 3) and rotations (N, 20, 24, 3).
 
-    after_other (N,): whether the chunk before was another skill's. whole: the motions that the chunks were cut from.
+    after_other (N,): whether the chunk before was another skill's.
     """
 
     root: Array
     rotations: Array
     commands: Array
     after_other: NDArray[np.bool_]
-    whole: tuple[Motion, ...] = ()
 
 
 def roll(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Rollouts:
-    """Run one skill `rollouts` times for three chunks in a row; every second time after one chunk of another skill."""
+    """Run one skill `rollouts` times for three chunks in a row, every second time after a chunk of another skill."""
     random = np.random.default_rng(seed)
     motions = [generator.start() for _ in range(rollouts)]
     strange = np.zeros(rollouts, bool)
@@ -162,16 +158,16 @@ def roll(generator: DiTGenerator, command: Command, before: Sequence[Command], r
         for index, other in enumerate(before):
             chosen = np.flatnonzero(strange)[index :: len(before)]
             extend(generator, other, motions, chosen, other.draw(len(chosen), random), (seed, 0))
-    roots, rotations, commands = [], [], []
+    chunks: list[Motion] = []
+    commands = []
     for turn in range(CHUNKS_IN_A_ROW):
         values = command.draw(rollouts, random)
         extend(generator, command, motions, np.arange(rollouts), values, (seed, turn + 1))
-        roots.append(np.stack([motion.root[-HISTORY - FUTURE :] for motion in motions]))
-        rotations.append(np.stack([motion.rotations[-HISTORY - FUTURE :] for motion in motions]))
+        chunks += [motion[-CHUNK:] for motion in motions]
         commands.append(values)
-    local = canonical(np.concatenate(roots), np.concatenate(rotations))
+    local = canonical(*stacked(chunks))
     after = np.concatenate([strange, *[np.zeros(rollouts, bool)] * (CHUNKS_IN_A_ROW - 1)])
-    return Rollouts(*local, np.concatenate(commands), after, tuple(motions))
+    return Rollouts(*local, np.concatenate(commands), after)
 
 
 def extend(
@@ -182,7 +178,10 @@ def extend(
     values: Array,
     key: tuple[int, ...],
 ) -> None:
-    """Let the chosen bodies go on, in place, by one chunk of a skill with their values (len(chosen), k)."""
+    """Continue the chosen bodies, in place, by one chunk of a skill with values (len(chosen), k).
+
+    key: start of the noise key. Callers use different numbers, so that no two measures share noise.
+    """
     if len(chosen):
         histories = [motions[index][-HISTORY:] for index in chosen]
         keys = [(*key, int(index)) for index in chosen]

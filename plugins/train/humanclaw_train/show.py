@@ -1,8 +1,8 @@
-"""What a skill's motion looks like: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
+"""Pictures of a skill: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
 
-A strip and a moving picture: the body in half-physics, the same call several times in a row, and beside it the person
-of the clips who did most nearly what is asked. The body has the flight or the seat that the command is for; what a
-person of a clip stood on is not known.
+A GIF and a strip show the body in half-physics, doing the same call several times in a row. Beside it stands the person
+of the clips whose motion is most similar. The body gets the stairs or the seat that the command needs; the ground under
+a person in a clip is unknown.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_h
 from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, to_si
 from humanclaw.storage import gif
 from humanclaw.world import Camera, WorldState
-from humanclaw_train.chunks import Clip, canonical, load_pack
+from humanclaw_train.chunks import Clip, canonical, load_pack, stacked
 from humanclaw_train.simulated import flat, stage
 
 if TYPE_CHECKING:
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 Picture = NDArray[np.uint8]
 SIZE: Final = (240, 320)
-"""Of one body in one moment, pixels."""
+"""Height and width of one picture, pixels."""
 MOMENTS: Final = 8
-"""In a strip."""
+"""Pictures in a strip."""
 _EVERY: Final = 2
-"""Frames of motion a frame of the moving picture."""
+"""Frames of motion per frame of the GIF."""
 _BESIDE: Final = np.array([-3.4, 0.35, 1.1])
-"""From the body to the camera: to its right and a little ahead, metres;"""
+"""From the body to the camera, metres: to its right and slightly ahead."""
 _BEFORE: Final = np.array([1.1, 0.35, 3.4])
-"""and before it and a little to its left, for who goes sideways."""
+"""The same for a body that moves sideways: ahead and slightly to its left."""
 _MARGIN: Final = 8
-"""Of a title, pixels."""
+"""Margin of a title, pixels."""
 _TILE: Final = 0.5
-"""Side of a tile of the floor, metres; feet that slide show against it."""
+"""Side of a floor tile, metres. Tiles make sliding feet visible."""
 
 
 def show(
@@ -56,19 +56,18 @@ def show(
     out: Path,
     renderer: str,
 ) -> tuple[Path, Path]:
-    """Write a moving picture and a strip of a skill; their paths. params: checked. beside: folder of clips to compare
-    with.
+    """Write a GIF and a strip of a skill and return their paths.
 
-    Raises HumanclawError.
+    params: checked against the schema. beside: folder of clips to compare with. Raises HumanclawError.
     """
     if out.suffix.lower() != ".gif":
-        raise HumanclawError(f"--out is {out}, and what is written is a GIF.", "Name a file that ends in .gif.")
+        raise HumanclawError(f"Expected a GIF file for --out; got {out}.", "Name a file that ends in .gif.")
     skill = plugins.skill(name)
     values = {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
-    told = ", ".join(f"{key} {value}" for key, value in params.items())
+    asked = ", ".join(f"{key} {value}" for key, value in params.items())
     scene = stage(skill.declaration, {one.name: values.get(one.name, 0.0) for one in skill.parameters}, calls)
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
-        shown = [(f"{skill.name} {told}", acted(body, skill, params, calls), scene)]
+        shown = [(f"{skill.name} {asked}", acted(body, skill, params, calls), scene)]
     clips = load_pack(beside) if beside else []
     if found := nearest(clips, skill.declaration, values, calls):
         shown.append((f"a person: {found[0]}", on_floor(found[1]), flat()))
@@ -80,7 +79,7 @@ def show(
 
 
 def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:
-    """Return what becomes of the same call several times in a row, from where the body stands."""
+    """Execute the same call several times in a row and return the simulated motion."""
     whole = body.history
     for _ in range(calls):
         for chunk in body.execute(Call(skill.name, params)).chunks:
@@ -95,11 +94,10 @@ def nearest(
     calls: int,
     measures: Mapping[str, Measure] = MEASURES,
 ) -> tuple[str, Motion] | None:
-    """Return the name and the motion of the clip that does most nearly what is asked, for at most as long as the calls;
-    None where no clip shows the skill.
+    """Return name and motion of the clip closest to the command, cut to the length of the calls; None without a clip.
 
-    Nearest is the mean of the windows' differences, each parameter in units of its range; a span that is too short for
-    all the calls is as far off as it lacks of them.
+    The distance is the mean difference of the windows' parameters, in units of their ranges. A span that is too short
+    for all calls also gets the missing share as distance.
     """
     spans = [
         (clip.name, clip.motion[start : min(end + 1, start + HISTORY + calls * FUTURE)])
@@ -116,14 +114,14 @@ def nearest(
 
 
 def _stretches(spans: Sequence[tuple[int, int]], calls: int) -> Iterator[tuple[int, int]]:
-    """Cut long spans into overlapping ones of the length that is shown."""
+    """Cut long spans into overlapping spans of the length to show."""
     for first, last in spans:
         for start in range(first, max(first + 1, last + 2 - HISTORY - calls * FUTURE), FUTURE):
             yield start, last
 
 
 def on_floor(motion: Motion) -> Motion:
-    """Let a person begin at the origin, facing +Z, with the lowest sole of all on the floor."""
+    """Move a person to the origin, facing +Z, with the lowest sole of the motion on the floor."""
     return Pose2D.of(motion, 0, float(support_height(motion.joints()).min())).to_local(motion)
 
 
@@ -131,7 +129,7 @@ def _difference(
     motion: Motion, skill: Declaration, values: Mapping[str, float], measures: Mapping[str, Measure]
 ) -> float:
     starts = range(0, len(motion) - CHUNK + 1, FUTURE)
-    windows = canonical(*(np.stack([part[i : i + CHUNK] for i in starts]) for part in (motion.root, motion.rotations)))
+    windows = canonical(*stacked([motion[i : i + CHUNK] for i in starts]))
     found = outcomes(skill.parameters, *windows, measures)
     asked = np.array([values[one.name] for one in skill.parameters])
     spread = np.array([one.high - one.low for one in skill.parameters])
@@ -140,7 +138,7 @@ def _difference(
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
-    """Yield the body at each frame, seen across the way that it goes, on a floor of tiles of half a metre."""
+    """Yield a picture of each frame, seen across the direction of travel, on a tiled floor."""
     renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
     last, eye = len(motion) - 1, _eye(motion)
     for frame in frames:
@@ -150,7 +148,7 @@ def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[in
 
 
 def _eye(motion: Motion) -> Array:
-    """(3,) from the body, which faces +Z at first, to the camera."""
+    """Return the vector from the body, which first faces +Z, to the camera (3,)."""
     across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
     return _BEFORE if across > ahead else _BESIDE
 
@@ -163,10 +161,11 @@ def _camera(centre: Array, eye: Array) -> Camera:
 
 
 def _tiled(asset: Asset) -> Asset:
-    """Lay tiles, seen from above, on all that is horizontal."""
+    """Texture a mesh with tiles, projected from above."""
     floor = asset.mesh.vertices[:, [0, 2]]
     low, high = floor.min(0), floor.max(0)
     counts = np.maximum(1, np.round((high - low) / _TILE)).astype(int)
+    # One texel per tile, enlarged so that filtering blurs the edges less.
     light = np.add.outer(np.arange(counts[1]), np.arange(counts[0])) % 2
     texture = np.repeat((150 + 45 * light[:, :, None]).astype(np.uint8), 3, axis=2).repeat(4, 0).repeat(4, 1)
     uv = ((floor - low) / (high - low)).astype(np.float32)
@@ -174,7 +173,7 @@ def _tiled(asset: Asset) -> Asset:
 
 
 def strip(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Picture:
-    """Put a row of moments below another, each with its title."""
+    """Stack rows of pictures, each with its title."""
     return np.concatenate([_titled(np.concatenate(pictures, axis=1), title) for title, pictures in rows])
 
 
@@ -187,7 +186,7 @@ def _titled(picture: Picture, title: str) -> Picture:
 
 
 def pictures(shown: Sequence[tuple[str, Motion, Scene]], renderer: Renderer, out: Path) -> tuple[Path, Path]:
-    """Write `out` (GIF), the bodies side by side, and a strip of them beside it (PNG); the two paths."""
+    """Write `out` (GIF), the bodies side by side, and a strip beside it (PNG). Returns both paths."""
     length = max(len(motion) for _, motion, _ in shown)
     moments = np.linspace(HISTORY - 1, length - 1, MOMENTS).astype(int)
     strips, films = [], []

@@ -1,9 +1,8 @@
-"""Rollouts as half-physics realises them: on a flat floor, on flights of stairs and on seats that fit the command.
+"""Rollouts in half-physics: on a flat floor, and on stairs and seats that fit the command.
 
-The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body. The
-body meets a flight or a seat in the pose in which the skill before left it: that skill is run on a flat floor, then the
-body is put in front of the stage, made to take up its last pose, and goes on from there. Half-physics commands
-velocities from pose to pose, so the pose is all that a body carries over.
+The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body. Before
+stairs or a seat, the previous skill runs on a flat floor. Then the body is put in front of the stage, takes up its last
+pose and goes on from there. Half-physics drives velocities from pose to pose, so the pose is the whole state.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from humanclaw.body import CHUNK, HISTORY, JOINT_INDEX, LINKS, OFFSETS, Array, B
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Declaration
 from humanclaw.world import Asset, Mesh, SceneObject
-from humanclaw_train.chunks import canonical
+from humanclaw_train.chunks import canonical, stacked
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
 _HOLD: Final = 10
-"""Frames in which a body that was put down takes up the pose of its history."""
+"""Frames in which a body that was moved takes up the pose of its history."""
 
 
 # -- stages ------------------------------------------------------------------------------------------------------------
@@ -34,7 +33,7 @@ def _shape(joint: str) -> Capsule | Box:
 
 
 def _toe_reach() -> tuple[float, float]:
-    """How far the shoe reaches behind and ahead of the ankle, metres."""
+    """Return how far the shoe reaches behind and ahead of the ankle, metres."""
     heel, toe = _shape("left_ankle"), _shape("left_foot")
     assert isinstance(heel, Box)
     assert isinstance(toe, Box)
@@ -49,23 +48,24 @@ def _hips_below() -> float:
 
 HEEL, TOE = _toe_reach()
 HIPS: Final = _hips_below()
-"""From the pelvis joint down to what touches a seat, metres."""
+"""Distance from the pelvis joint down to the surface that touches a seat, metres."""
 _SEAT_FRONT: Final = -0.13
-"""A seat begins just behind the hips of who stands before it, metres."""
+"""Front of a seat, metres along the facing: just behind the hips of a standing body."""
 _CLEAR: Final = 0.01
+"""Clearance of the toes from a riser, metres."""
 _TREAD, _SEATED = 0.28, 0.5
-"""Depth of a stair step and height of seated hips for a skill that cannot be told them, metres."""
+"""Depth of a tread and height of seated hips, metres, for skills without such a parameter."""
 
 
 def flat() -> Scene:
-    """Return a floor and nothing else."""
+    """Return a scene with a flat floor alone."""
     return _scene("flat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0))])
 
 
 def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
-    """Return what a skill with these parameters needs around it, the body at the origin facing +Z on a floor at 0.
+    """Return the scene that a skill with these parameters needs. The body is at the origin, facing +Z, floor at 0.
 
-    A skill that commands a rise or a drop of the hips gets stairs, one that sits a seat of the commanded height.
+    Skills that command a rise or drop of the hips get stairs. Skills that sit get a seat of the commanded height.
     """
     asked = {one.measure: values[one.name] for one in skill.parameters}
     tread = asked.get("hips.forward", _TREAD)
@@ -87,8 +87,7 @@ _Boxes = list[tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
 
 def _ascent(h: float, d: float, chunks: int) -> _Boxes:
-    # The foot that lands has its ankle over the nosing, as who climbs has; the toes of the standing one stay clear of
-    # the riser.
+    # As in real climbing, the landing foot has its ankle over the edge; the standing toes stay clear of the riser.
     riser = max(TOE + _CLEAR, d + 2 * _CLEAR)
     treads: _Boxes = [("stairs", (2.0, h * (k + 1), d), (0.0, 0.0, riser + d * (k + 0.5))) for k in range(chunks)]
     landing = ("floor", (2.0, h * (chunks + 1), 4.0), (0.0, 0.0, riser + d * chunks + 2.0))
@@ -96,7 +95,7 @@ def _ascent(h: float, d: float, chunks: int) -> _Boxes:
 
 
 def _descent(h: float, d: float, chunks: int) -> _Boxes:
-    # Who goes down has the middle of the foot over the nosing, so that the heel that comes next clears it.
+    # Downstairs the middle of the foot is over the edge, so that the next heel clears it.
     edge, low = (TOE - HEEL) / 2, -h * (chunks + 2)
     treads: _Boxes = [("stairs", (2.0, -h * (k + 1) - low, d), (0.0, low, edge + d * (k + 0.5))) for k in range(chunks)]
     upper = ("floor", (2.0, -low, 4.0), (0.0, low, edge - 2.0))
@@ -112,7 +111,7 @@ def _scene(name: str, boxes: _Boxes) -> Scene:
 
 
 def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
-    """Return a box on y = 0."""
+    """Return a box that stands on y = 0."""
     corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0.0, 1.0) for z in (-0.5, 0.5)]) * size
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
     faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
@@ -124,19 +123,18 @@ def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
 
 # -- a body in a simulator ---------------------------------------------------------------------------------------------
 class Actor:
-    """A body that a generator moves and a simulator carries. `simulated`: what became of it since it was last put
-    down."""
+    """A body that a generator moves in a simulator. `simulated`: its motion since it was last placed."""
 
     def __init__(self, generator: DiTGenerator, simulator: Simulator) -> None:
         self._generator, self._simulator = generator, simulator
         self.simulated = self._history = generator.start()
 
     def stand(self, scene: Scene) -> None:
-        """Stand at the origin as an episode begins, in the stance that motion goes on from."""
+        """Stand at the origin, as an episode begins."""
         self.simulated = self._history = stand(self._simulator, self._generator, scene, scene.start)
 
     def move_to(self, scene: Scene) -> None:
-        """Go on at the origin of another scene, in the pose of the history."""
+        """Move to the origin of another scene and take up the pose of the history."""
         self._put(scene)
         origin = Pose2D.of(self.simulated, floor=0.0)
         pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
@@ -145,7 +143,7 @@ class Actor:
         self._history = re_rooted(self._history, self.simulated)
 
     def act(self, command: Command, values: Array, key: Sequence[int]) -> None:
-        """One chunk of a skill."""
+        """Execute one chunk of a skill."""
         commanded = self._generator.generate(self._history, command.adapter, command.named(values), key)
         execution = self._simulator.execute(commanded)
         self.simulated = self.simulated.then(execution.simulated)
@@ -165,12 +163,13 @@ def roll_simulated(
     seed: int,
     tick: Callable[[], object] = lambda: None,
 ) -> Rollouts:
-    """As rollouts.roll, in half-physics. A flight is climbed with one command, its own; a seat is sat on once."""
+    """Do the same as rollouts.roll in half-physics. On stairs the command stays the same; a seat is used once."""
     random = np.random.default_rng(seed)
     chunks: list[Motion] = []
     commands: list[Array] = []
     strange: list[bool] = []
     for index in range(rollouts):
+        # Every second rollout follows another skill, each of them in turn.
         other = before[index // 2 % len(before)] if before and index % 2 else None
         asked = _commands(command, random)
         actor.stand(flat() if other else stage(command.declaration, command.named(asked[0])))
@@ -184,8 +183,7 @@ def roll_simulated(
             commands.append(values)
             strange.append(other is not None and turn == 0)
         tick()
-    root, rotations = (np.stack([getattr(chunk, part) for chunk in chunks]) for part in ("root", "rotations"))
-    return Rollouts(*canonical(root, rotations), np.stack(commands), np.array(strange))
+    return Rollouts(*canonical(*stacked(chunks)), np.stack(commands), np.array(strange))
 
 
 def _commands(command: Command, random: np.random.Generator) -> Array:

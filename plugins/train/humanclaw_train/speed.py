@@ -1,11 +1,10 @@
-"""How long one chunk takes: sizes, solvers and runtimes (numpy, PyTorch, ONNX Runtime, OpenVINO), one body and many.
+"""Time of one chunk by size, solver and runtime (numpy, PyTorch, ONNX Runtime, OpenVINO), for one body and many.
 
     humanclaw speed --threads 1 2
 
-The field of the flow, base with adapter, is what is timed inside its solver, at batch 1 unless a row says otherwise.
-What depends on tau alone, the modulations, is computed beforehand for every runtime. Weights are random: they do not
-change the time. ONNX Runtime and OpenVINO are measured where they are installed (`pip install onnx onnxscript
-onnxruntime openvino`).
+The solver is timed with the velocity field of base and adapter, at batch 1 unless a row says otherwise. The modulations
+depend only on tau and are computed beforehand for every runtime. Weights are random, which does not change the time.
+ONNX Runtime and OpenVINO are measured if installed (`pip install onnx onnxscript onnxruntime openvino`).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
@@ -38,19 +37,18 @@ from humanclaw_train.dit import DiT, Modulations
 from humanclaw_train.fidelity import milliseconds
 from humanclaw_train.flow import velocity
 from humanclaw_train.rollouts import Command, Installed, adapters
-from humanclaw_train.tables import as_json
+from humanclaw_train.tables import as_json, table
 
 SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
-"""Milliseconds a chunk that the default solver may take."""
+"""Limit of the default solver's time per chunk, ms."""
 _TIMED: Final = AdapterConfig("timed", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 _ENOUGH: Final = 3.0
-"""Seconds for one measurement, one call at least."""
+"""Duration of one measurement, seconds; at least one call."""
 
 
 class VelocityField(nn.Module):
-    """Base and adapter as one function of the noisy future; modulations come in, so that one export serves every
-    solver."""
+    """Base and adapter as one function. Modulations are arguments, so that one export serves every solver."""
 
     def __init__(self, base: DiT, adapter: Adapter) -> None:
         super().__init__()
@@ -59,19 +57,22 @@ class VelocityField(nn.Module):
     def forward(
         self, history: Tensor, noisy: Tensor, values: Tensor, tau: Tensor, blocks: Tensor, final: Tensor, branch: Tensor
     ) -> Tensor:
-        """history (B, 5, 219), noisy (B, 15, 219), values (B, k), tau (1,), and the modulations of that tau."""
+        """Return the velocity (B, 15, 219).
+
+        history (B, 5, 219), noisy (B, 15, 219), values (B, k), tau (1,), and the modulations of that tau.
+        """
         residual = self.adapter.residual(self.adapter.condition(values), branch)
         output = self.base(history, noisy, Modulations(blocks, final), residual)
         return velocity(self.base.config.prediction, output, noisy, tau)
 
 
 Evaluate = Callable[[tuple[Tensor, ...]], Tensor]
-"""The arguments of VelocityField.forward to its result."""
+"""Maps the arguments of VelocityField.forward to its result."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What one chunk for one body takes, milliseconds, the least of several calls."""
+    """Time of one chunk for one body, milliseconds: the least of several calls."""
 
     size: str
     runtime: str
@@ -81,7 +82,7 @@ class Timing:
     milliseconds: float
     """Wall time."""
     cpu: float
-    """Processor time, all threads together: what else the machine does hardly adds to it."""
+    """Processor time of all threads. Other load on the machine hardly changes it."""
 
 
 # -- runtimes ----------------------------------------------------------------------------------------------------------
@@ -92,7 +93,7 @@ def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> E
 
     def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
         history, noisy, values, tau, blocks, final, branch = (part.numpy() for part in arguments)
-        with limit():
+        with limit():  # BLAS alone: numpy has no setting of its own.
             residual = adapter.residual(adapter.condition(values), branch)
             output = base(history, noisy, inference.Modulations(blocks, final), residual)
         return torch.from_numpy(inference.velocity(base.config.prediction, output, noisy, float(tau[0])))
@@ -140,9 +141,9 @@ _NAMES: Final = ("history", "noisy", "values", "tau", "blocks", "final", "branch
 
 
 def _exported(field: VelocityField, example: tuple[Tensor, ...]) -> bytes:
-    """Return the field as ONNX for the batch size of the example."""
+    """Export the field as ONNX for the batch size of the example."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of constants in the trace, which are meant, and of the exporter's age
+        warnings.simplefilter("ignore")  # About constants in the trace, which are intended, and the old exporter.
         path = Path(folder) / "field.onnx"
         torch.onnx.export(
             field, example, str(path), input_names=list(_NAMES), output_names=["v"], opset_version=17, dynamo=False
@@ -156,11 +157,11 @@ RUNTIMES: Final[dict[str, tuple[tuple[str, ...], Callable[[VelocityField, tuple[
     "onnxruntime": (("onnx", "onnxruntime"), _onnx),
     "openvino": (("onnx", "openvino"), _openvino),
 }
-"""Name to the packages that it needs and how a field is made ready in it."""
+"""Name to the packages that the runtime needs and the function that prepares a field for it."""
 
 
 def installed() -> list[str]:
-    """Return the runtimes that can be measured here."""
+    """Return the runtimes that are installed."""
     return [name for name, (needs, _) in RUNTIMES.items() if all(map(importlib.util.find_spec, needs))]
 
 
@@ -168,7 +169,7 @@ def installed() -> list[str]:
 def measure(
     size: str, threads: int, bodies: int, solvers: Sequence[Solver], runtimes: Sequence[str]
 ) -> Iterator[Timing]:
-    """Time each runtime and solver. Restores torch's own number of threads."""
+    """Time each runtime and solver. Afterwards torch has its former number of threads."""
     before = torch.get_num_threads()
     torch.manual_seed(0)
     base = DiT(SIZES[size])
@@ -211,8 +212,8 @@ def _solve(solver: Solver, evaluate: Evaluate, arguments: Sequence[tuple[Tensor,
     return future
 
 
-def _least(call: Callable[[], Any]) -> tuple[float, float]:
-    """Milliseconds of wall and of processor time of the fastest calls, after one that warms up."""
+def _least(call: Callable[[], object]) -> tuple[float, float]:
+    """Return the least wall and processor time of several calls, ms, after one call to warm up."""
     call()
     wall: list[float] = []
     cpu: list[float] = []
@@ -221,24 +222,22 @@ def _least(call: Callable[[], Any]) -> tuple[float, float]:
         call()
         wall.append(time.perf_counter() - started)
         cpu.append(time.process_time() - spent)
+    # Other load only ever adds time, so the least is closest to the truth.
     return 1000 * min(wall), 1000 * min(cpu)
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
 def markdown(timings: Sequence[Timing]) -> str:
-    """Milliseconds a chunk and body, wall time and (processor time): a row a size, runtime, threads and batch."""
+    """Format ms per chunk and body, wall time and (processor time), by size, runtime, threads and batch."""
     solvers = list(dict.fromkeys(timing.solver for timing in timings))
-    rows = {(t.size, t.runtime, t.threads, t.bodies): "" for t in timings}
+    rows = dict.fromkeys((t.size, t.runtime, t.threads, t.bodies) for t in timings)
     found = {(t.size, t.runtime, t.threads, t.bodies, t.solver): f"{t.milliseconds:.1f} ({t.cpu:.1f})" for t in timings}
     heads = ["size", "runtime", "threads", "bodies", *(f"{solver.method} {solver.steps}, ms" for solver in solvers)]
-    lines = [heads, ["---"] * len(heads)]
-    for row in rows:
-        lines.append([*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return table(heads, [[*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)] for row in rows])
 
 
 def verdict(timings: Sequence[Timing]) -> str:
-    """Return the best of each size with the default solver, against its goal."""
+    """Compare the best time of each size and runtime with the size's limit, for the default solver."""
     lines = []
     for size, goal in GOALS.items():
         fits = [t for t in timings if t.size == size and t.bodies == 1 and t.solver == SOLVERS[0]]
@@ -251,26 +250,23 @@ def verdict(timings: Sequence[Timing]) -> str:
     return "\n".join(lines)
 
 
-def _told(timings: Iterator[Timing]) -> Iterator[Timing]:
-    """Yield the same, each told on the way: the whole takes minutes."""
+def _printed(timings: Iterator[Timing]) -> Iterator[Timing]:
+    """Yield the same timings, but print each at once, because the whole takes minutes."""
     for timing in timings:
         print(timing, file=sys.stderr, flush=True)
         yield timing
 
 
 def main(arguments: Sequence[str] | None = None, skills: Installed | None = None) -> int:
-    """Run the command line.
-
-    skills: finds the skills that are installed, of which the first is timed.
-    """
+    """Run the command line. skills: returns the adapters of the installed skills; the first is timed."""
     options = _parser().parse_args(arguments)
     runtimes = installed()
     timings: list[Timing] = []
     for size in options.sizes:
         for threads in options.threads:
-            timings += _told(measure(size, threads, 1, SOLVERS, runtimes))
+            timings += _printed(measure(size, threads, 1, SOLVERS, runtimes))
         for bodies in options.bodies:
-            timings += _told(measure(size, options.threads[0], bodies, SOLVERS[:1], runtimes))
+            timings += _printed(measure(size, options.threads[0], bodies, SOLVERS[:1], runtimes))
     if options.json:
         print(as_json(timings))
         return 0
@@ -293,10 +289,14 @@ def main(arguments: Sequence[str] | None = None, skills: Installed | None = None
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw speed", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["lite", "paper"])
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--bodies", type=int, nargs="*", default=[8, 64], help="batches, timed with the default solver")
-    parser.add_argument("--adapters", type=Path, nargs="*", help="folders of adapters (default: the installed skills)")
+    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["lite", "paper"], help="sizes of the base")
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of CPU threads")
+    parser.add_argument(
+        "--bodies", type=int, nargs="*", default=[8, 64], help="batch sizes, timed with the default solver"
+    )
+    parser.add_argument(
+        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
 

@@ -1,5 +1,4 @@
-"""The synthetic part of the training data: chunks of synthetic motion for every skill (see
-humanclaw_train.synthesis)."""
+"""The synthetic part of the training data: chunks of synthetic motion for every skill (humanclaw_train.synthesis)."""
 
 from __future__ import annotations
 
@@ -16,32 +15,36 @@ from humanclaw.skills import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
 from humanclaw_train.commands import Commands, Ints, Trained
-from humanclaw_train.synthesis import SECONDS, play
+from humanclaw_train.state import SECONDS
+from humanclaw_train.synthesis import play
 
 LENGTHS: Final = (16, 4, 1)
-"""Commands in a series, by turns. Who has just begun to stand is rare in long ones, and first steps are what bodies are
-seen to do most."""
+"""Commands in a series, in turn. Short series provide first steps from standing, which are rare in long ones."""
 CHUNKS_A_BATCH: Final = 2048
+"""Chunks that are synthesised at once."""
 PLAIN: Final = 0.3
-"""Share of the calls that ask for one thing alone, such as a short step straight ahead: what is asked for most, and by
-parameters drawn each by itself seldom comes about."""
+"""Share of calls with one parameter other than zero, such as a short step straight ahead.
+
+Models call these most, but independent draws of the parameters rarely produce them.
+"""
 STEADY: Final = 0.3
-"""Share of the bodies that go on with one skill at about the same values: only after a dozen fast steps in a row has a
-walker's phase against the chunks been everywhere, and by chance alone hardly one goes on for so long."""
+"""Share of bodies that continue one skill at about the same values.
+
+A walker's phase takes every value at the start of a chunk only after about a dozen fast steps, and chance alone rarely
+produces such long runs.
+"""
 
 
 @dataclass(frozen=True)
 class Call:
-    """One command for each of N bodies: the skills (N,) as indices, and the values (N, k) as far as each has
-    parameters."""
+    """One command for each of N bodies: skill (N,) as index, and values (N, k), 0 beyond a skill's parameters."""
 
     skill: Ints
     values: Array
 
 
 def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.Generator) -> list[Call]:
-    """Natural series of commands for n bodies: runs of one skill at about the same values, and every change of
-    skill."""
+    """Draw series of commands for n bodies: runs of one skill at similar values, and all changes of skill."""
     share = np.array([one.recipe.share for one in skills])
     repeats = np.array([one.recipe.repeats for one in skills])
     skill = rng.choice(len(skills), n, p=share / share.sum())
@@ -58,7 +61,7 @@ def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.
 
 
 def commands(skills: Sequence[Trained], call: Call) -> Commands:
-    """Return the call as synthesis takes it."""
+    """Convert the call for synthesis."""
     pairs = zip(call.skill.tolist(), call.values.tolist(), strict=True)
     return Commands.of([(skills[index], dict(zip(_names(skills[index]), row, strict=False))) for index, row in pairs])
 
@@ -68,8 +71,7 @@ def _names(skill: Trained) -> tuple[str, ...]:
 
 
 def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> Array:
-    """(N, k) over the whole ranges of the recipes, half of them near what is asked for most; 0 beyond a skill's
-    parameters."""
+    """Draw values over the whole ranges of the recipes, half of them near the usual value (N, k)."""
     values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
@@ -81,7 +83,7 @@ def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> 
 
 
 def _draw(how: Draw, n: int, rng: np.random.Generator) -> Array:
-    """Each parameter by itself, so that a short step is also practised straight ahead, and a long one aside."""
+    """Draw one parameter independently, so that short steps also go straight ahead and long ones aside."""
     even = rng.uniform(how.low, how.high, n)
     if how.usual is None:
         return even
@@ -90,7 +92,7 @@ def _draw(how: Draw, n: int, rng: np.random.Generator) -> Array:
 
 
 def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.random.Generator) -> Array:
-    """Return the same command again, give or take; what is exactly nought stays so."""
+    """Vary commands slightly. Values of exactly zero stay zero."""
     values = values.copy()
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
@@ -109,11 +111,10 @@ def synthetic_chunks(
     progress: Callable[[float], object] | None = None,
     base_share: float = 4.0,
 ) -> dict[str, Chunks]:
-    """Composed chunks of every skill, and of `base` at any offset, half of them mirrored, with the parameters that they
-    realise.
+    """Synthesise chunks of every skill, and of `base` at any offset. Half of them are mirrored.
 
-    seconds_per_skill: of future frames, so 2 chunks a second; base gets base_share times as much. progress hears 0 to
-    1.
+    seconds_per_skill: of future frames, so 2 chunks a second. base_share: chunks of the base per chunk of a skill.
+    progress: called with the share done, 0 to 1.
     """
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     rng = np.random.default_rng(seed)
@@ -142,16 +143,17 @@ def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generat
     values = np.stack([call.values for call in series], 1).reshape(len(skill), -1)
     found = {}
     for index, one in enumerate(skills):
-        rows = (skill == index) & (lacking.ravel() < 0.01)  # whose feet cut no edge of a stair
+        rows = (skill == index) & (lacking.ravel() < 0.01)  # Feet that cut no edge of a stair.
         chunks = Chunks.of(one.declaration.parameters, root[rows], rotations[rows], "composed", False)
         found[one.name] = _as_asked(chunks, values[rows]) if one.declaration.climbs else chunks
+    # The base also learns from chunks that begin between two commands.
     starts = rng.integers(0, len(motions[0]) - FUTURE - HISTORY + 1, (bodies, 2 * length))
     loose = _stacked(cut(motion, at) for motion, at in zip(motions, starts, strict=True))
     return found | {"base": Chunks.of((), *loose, "composed", False)}
 
 
 def _as_asked(chunks: Chunks, values: Array) -> Chunks:
-    """Who rises from a seat rises by more than the stair; what was asked for is the stair."""
+    """Keep the commanded rise for stairs out of a seat, where the pelvis rises by more than the stair."""
     seated = chunks.root[:, HISTORY - 1, 1] < 0.8
     asked = values[:, : chunks.params.shape[1]]
     return replace(chunks, params=np.where(seated[:, None], asked, chunks.params).astype(np.float32))

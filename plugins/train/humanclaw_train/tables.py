@@ -20,23 +20,23 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def cell(value: float, digits: int = 1) -> str:
-    """Return a number, or a dash for what is not there."""
+    """Format a number; a dash for NaN."""
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
-def save(path: Path, content: Mapping[str, Any]) -> None:
+def save(path: Path, content: Mapping[str, object]) -> None:
     """Write a report as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, (as_json(content) + "\n").encode())
 
 
-def as_json(content: Any) -> str:
+def as_json(content: object) -> str:
     """Return a report as JSON."""
     return json.dumps(_plain(content), indent=1)
 
 
-def _plain(value: Any) -> Any:
-    """JSON has no NaN: null stands for it. Six digits are plenty."""
+def _plain(value: object) -> object:
+    """Turn values into plain JSON: null for NaN, which JSON lacks, and six digits."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, np.ndarray):
@@ -51,5 +51,5 @@ def _plain(value: Any) -> Any:
 
 
 def numbers(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Read numbers back: null is not a number."""
+    """Turn null back into NaN."""
     return {key: float("nan") if value is None else value for key, value in content.items()}

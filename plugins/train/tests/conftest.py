@@ -1,4 +1,4 @@
-"""A motion model that does nothing, for tests of what is measured on motion."""
+"""Fixtures: a motion model that stands still, and a real walk."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from humanclaw.motion import Base
 
 @pytest.fixture(scope="session")
 def still_base() -> Callable[[Path], Base]:
-    """Writes a base that holds the last pose to a path, and reads it."""
+    """A function that writes a base which holds the last pose, and reads it."""
     return partial(write_base, scale=0.0)
 
 
 @pytest.fixture(scope="session")
 def humanoid3d() -> Path:
-    """A walk of a real person that PyBullet brings, which has no wheel for the newest Pythons."""
+    """A real walk that PyBullet contains. PyBullet has no wheel for the newest Pythons."""
     data = pytest.importorskip("pybullet_data", reason="PyBullet has no wheel for this Python")
     return Path(data.getDataPath()) / "data/motions/humanoid3d_walk.txt"

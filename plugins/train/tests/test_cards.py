@@ -1,4 +1,4 @@
-"""Model cards: what they say is what the checkpoint's header and the fidelity report say."""
+"""Model cards: their facts are those of the checkpoint's header and of the reports."""
 
 import json
 from dataclasses import replace
@@ -73,7 +73,7 @@ def test_a_card_tells_the_figures_of_the_header(weights):
         assert fact in text
     assert f"`{read_header(weights / 'base.safetensors')['digest']}`" in text
     assert "Documentation Mocap Database HDM05" in text
-    assert "mocap.cs.cmu.edu" not in text  # no word on data that were not used
+    assert "mocap.cs.cmu.edu" not in text  # Data that was not used.
 
 
 def test_a_card_counts_the_parameters_of_the_model(weights):
@@ -91,7 +91,7 @@ def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
     assert "Not measured for these weights" in card(path)
 
 
-def test_a_card_quotes_how_like_people_its_own_weights_move_and_what_nobody_commands(weights):
+def test_a_card_quotes_likeness_and_uncommanded_travel_of_its_own_weights(weights):
     path = weights / "sit_in_place" / "adapter.safetensors"
     row = NaturalnessRow("sit_in_place", "generated", 600, 1.0, 0.1, 0.0, 96.0, 0.005, frechet=3.25)
     other = replace(row, skill=PRIOR, frechet=7.75)
@@ -122,11 +122,11 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
         )
 
     apart = of(replace(row, unseen=("CMU: 03_04", "CMU: 12_01")))
-    assert "to chunks of CMU: 03_04; CMU: 12_01, **which nothing was trained on**" in apart
+    assert "to chunks of CMU: 03_04; CMU: 12_01, **which were held out from training**" in apart
     assert "were trained on" not in apart
     assert "| 3.2 |" in apart
     assert "**which were trained on**" in of(row)
-    assert "nothing was trained on**" not in of(row)
+    assert "held out from training" not in of(row)
     assert "| 3.2* |" in of(row)
 
 
@@ -155,7 +155,7 @@ def test_without_folders_the_cards_are_those_of_the_installed_skills(weights, ca
     assert written == [str(weights / CARD), str(path.with_name(CARD))]
 
 
-def test_a_broken_report_is_told_and_nothing_is_written(weights):
+def test_a_broken_report_is_an_error_and_nothing_is_written(weights):
     (weights / REPORT).write_text(json.dumps([]))
     assert main(["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]) == 2
     assert not (weights / CARD).exists()

@@ -1,4 +1,4 @@
-"""The definition of the motion model in torch, and that what runs without torch follows it."""
+"""The definition of the motion model in torch; the runtime without torch computes the same."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ SHIPPED = adapters([Path(__file__).parents[3] / "skills"])
 
 
 def _shaken(module, seed: int):
-    """Random numbers in every weight, so that no branch is silenced by its zero initialisation."""
+    """Add random numbers to every weight, so that no branch is silent because it starts at zero."""
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in module.parameters():
@@ -52,7 +52,7 @@ def test_only_the_control_branch_learns():
     before = {name: value.clone() for name, value in base.state_dict().items()}
     optimiser = torch.optim.SGD(adapter.parameters(), lr=0.1)
     history, noisy, tau = _inputs()
-    for _ in range(2):  # the zero weights move first, what lies behind them after that
+    for _ in range(2):  # The zero weights move first; the layers behind them follow.
         residual = adapter.residual(adapter.condition(torch.randn(2, 3)), adapter.modulations(base, tau))
         base(history, noisy, base.modulations(tau), residual).square().mean().backward()
         optimiser.step()
@@ -84,7 +84,7 @@ def test_an_untrained_clean_model_holds_the_last_pose():
 
 
 def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float], key: int, solver: Solver) -> Motion:
-    """What the definition generates. history: five frames at the origin facing +Z."""
+    """Generate with the definition. history: five frames at the origin, facing +Z."""
     base, times = load_base(shipped_base()), torch.tensor(solver.times)
     own, branch = base.model.modulations(times), None
     if adapter_file is not None:

@@ -1,5 +1,4 @@
-"""The fidelity table: what bodies achieve of what they are told, generated, in half-physics, and as a clip that ignores
-it."""
+"""The fidelity table: achieved over commanded motion, generated, in half-physics and by the median clip."""
 
 import json
 from dataclasses import replace
@@ -45,7 +44,7 @@ def test_commands_stay_in_the_range_of_the_data_and_away_from_nothing(still):
 
 
 def _gliding(distances: np.ndarray) -> Chunks:
-    """Chunks of gliding backwards, evenly."""
+    """Chunks that glide backwards evenly."""
     rest = pose.rest_pose(20)
     share = np.clip(np.arange(20) - 4, 0, None) / 15
     root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]
@@ -72,7 +71,7 @@ def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):
     _gliding(np.array([0.1, 0.2, 0.4])).save(tmp_path / "step_back.npz")
     command = replace(Command.of("step_back", still[1]), low=np.array([0.2]), high=np.array([0.4]))
     ratio = baseline([tmp_path], command, count=4000)
-    # The mean of 0.2 / c for c even in 0.2 to 0.4 is 0.2 ln 2 / 0.2.
+    # The mean of 0.2 / c for c uniform in 0.2 to 0.4 is 0.2 ln 2 / 0.2.
     assert ratio.mean == pytest.approx(np.log(2), abs=0.01)
     assert baseline([tmp_path], replace(command, declaration=declaration("walk"))) is None
 
@@ -90,7 +89,7 @@ def test_the_baseline_knows_left_from_right(tmp_path):
 
 
 def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(still, tmp_path):
-    """It is to go 20 cm ahead and not to turn; it goes 30 and turns by 0.1 rad: 10 cm and 5.73 degrees off."""
+    """Commanded: 20 cm ahead, no turn. Achieved: 30 cm and 0.1 rad. Errors: 10 cm and 5.73 degrees."""
     folder = tmp_path / "stroll"
     declare(folder, STROLL)
     base = load_base(still[1].parents[1] / "base.safetensors")
@@ -105,7 +104,7 @@ def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(sti
     assert ratio.error == pytest.approx((10 + np.degrees(0.1)) / 2)
 
 
-def test_an_adapter_and_a_schema_that_name_other_parameters_are_told_apart(still, tmp_path):
+def test_an_adapter_and_a_schema_with_different_parameters_are_refused(still, tmp_path):
     folder = tmp_path / "stroll"
     declare(folder, STROLL)
     (folder / "adapter.safetensors").write_bytes(still[1].read_bytes())
@@ -134,7 +133,7 @@ def simulator():
 
 
 def _backwards(metres: float):
-    """A generator whose body glides backwards by so much a chunk, whatever it is told."""
+    """A generator whose body glides backwards by `metres` a chunk, whatever the command."""
 
     class Gliding:
         def start(self):
@@ -155,7 +154,7 @@ def test_what_the_body_glides_on_a_flat_floor_is_what_it_achieves(simulator, sti
     rolled = roll_simulated(Actor(_backwards(0.15), simulator), command, [], rollouts=1, seed=0)
     ratio = achieved(command, rolled)
     assert ratio.chunks == 3
-    # Soles that are dragged over the floor lose some of it to friction.
+    # Friction of the soles takes some of it.
     assert 0.45 < ratio.mean <= 0.5
 
 
@@ -163,7 +162,7 @@ def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
     scene = stage(declaration("sit_in_place"), {"h": 0.5})
     _, high = scene.aabb(2)
     assert high[1] == pytest.approx(0.5 - HIPS)
-    assert high[2] < -0.11  # behind the hips of who stands in front of it
+    assert high[2] < -0.11  # Behind the hips of a body that stands before it.
 
 
 @pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])

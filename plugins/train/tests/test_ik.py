@@ -102,4 +102,4 @@ def test_the_ankle_rolls_over_a_flat_foot_without_a_kink():
     velocity = np.diff(ankle, axis=0) / 0.001
     bend = np.abs(np.diff(velocity, axis=0)).max()
 
-    assert bend < 0.01  # about one pivot the velocity would jump by 0.19 from one side of flat to the other
+    assert bend < 0.01  # With a single pivot the velocity would jump by 0.19.

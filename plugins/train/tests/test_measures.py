@@ -1,4 +1,4 @@
-"""The measures of motion, on motion whose numbers follow by hand."""
+"""Measures of motion, on motion whose measures are known by hand."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,6 @@ from humanclaw_train.measures import (
     frechet,
     joint_jerk,
     penetration,
-    seam_and_inside,
     skate,
     slide,
     slower_toe,
@@ -42,15 +41,7 @@ def test_penetration_is_the_depth_of_the_lowest_sole():
     assert penetration(joints + [0.0, 0.03, 0.0]) == 0
 
 
-def test_a_jump_where_history_and_future_meet_is_seen_there_and_nowhere_else():
-    joints = np.repeat(pose.rest_pose().joints(), 20, 0)
-    joints[5:] += [0.0, 0.0, 0.01]
-    seam, inside = seam_and_inside(joints[None])
-    assert seam == pytest.approx(0.01 * 30**2)
-    assert inside == 0
-
-
-def test_who_slides_on_one_foot_and_stands_on_the_other_skates_with_neither():
+def test_a_body_that_slides_on_one_foot_and_stands_on_the_other_does_not_skate():
     joints = _sliding(0.0).joints()
     joints[:, JOINT_INDEX["left_foot"], 2] += np.arange(20) / 30
     assert slower_toe(joints) == pytest.approx(0)
@@ -98,7 +89,7 @@ def test_the_frechet_distance_of_normal_samples_is_that_of_their_means_and_devia
     assert np.isnan(frechet(a[:3], b))
 
 
-def test_real_motion_has_features_of_mean_nought_and_deviation_one():
+def test_real_motion_has_features_of_mean_zero_and_deviation_one():
     random = np.random.default_rng(0)
     rest = pose.rest_pose(20)
     root = rest.root + random.normal(0, 0.1, (100, 20, 3))
@@ -126,7 +117,7 @@ def test_the_gait_of_a_walk_is_what_its_joints_do():
     assert gait.knee == pytest.approx(np.degrees(0.5), abs=0.1)
 
 
-def test_who_stands_has_no_gait():
+def test_a_standing_body_has_no_gait():
     assert Gait.of(pose.rest_pose(40)) is None
 
 

@@ -1,9 +1,10 @@
-"""Readers of mocap files; every expected number is worked out by hand from the file's few lines."""
+"""Readers of motion capture. Every expected number is computed by hand from the file's few lines."""
 
 import numpy as np
 import pytest
 
-from humanclaw_train.mocap import MocapError, load
+from humanclaw_train.mocap import load
+from humanclaw_train.source_motion import MocapError
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -90,14 +91,14 @@ def test_a_bone_of_an_amc_turns_about_its_own_axes(tmp_path):
     start = np.array([1, 2, 3]) * inch
     assert motion.joints == ("root", "hip", "hip_end")
     np.testing.assert_allclose(motion.positions[0, 2], start + [10 * inch, 0, 0], atol=1e-9)
-    # The bone's X axis is the world's Y (axis 0 0 90): its quarter turn carries +X to -Z, where the root's turn about Z
-    # leaves it.
+    # The bone's X axis is the world's Y (axis 0 0 90): its quarter turn moves +X to -Z, which the root's turn about Z
+    # does not change.
     np.testing.assert_allclose(motion.positions[1, 2], start + [0, 0, -10 * inch], atol=1e-9)
 
 
 def test_an_amass_motion_is_turned_from_z_up_to_y_up(tmp_path):
     poses = np.zeros((3, 156))
-    poses[:, 0] = np.pi / 2  # standing, in a frame whose Z points up
+    poses[:, 0] = np.pi / 2  # Standing, Z up.
     np.savez(tmp_path / "a.npz", poses=poses, trans=np.tile([0.3, -0.2, 0.9], (3, 1)), mocap_framerate=60)
     motion = load(tmp_path / "a.npz")
     np.testing.assert_allclose(motion.positions[0, 0], [0.3, 0.9, 0.2], atol=1e-9)
@@ -125,7 +126,7 @@ def test_the_reference_pose_can_be_a_frame_of_the_motion(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.bvh", BVH.replace("Frames: 2", "Frames: 3"), "27 numbers; the file holds 18"),
+        ("a.bvh", BVH.replace("Frames: 2", "Frames: 3"), "27 numbers; the file has 18"),
         ("a.bvh", BVH.replace("}", ""), "HIERARCHY"),
         ("a.bvh", "hello", "HIERARCHY"),
         ("a.amc", AMC, "No .asf"),

@@ -1,5 +1,4 @@
-"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models whose answers follow by
-hand."""
+"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models that stand still."""
 
 import json
 
@@ -12,6 +11,7 @@ from humanclaw import pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
+from humanclaw_train.life import life
 from humanclaw_train.likeness import (
     PRIOR,
     free_running,
@@ -24,18 +24,12 @@ from humanclaw_train.likeness import (
     skills_table,
 )
 from humanclaw_train.measures import Features
-from humanclaw_train.naturalness import (
-    SEQUENCES,
-    NaturalnessReport,
-    agreement,
-    life,
-    main,
-    real_peak,
-    sequence_jerks,
-    transitions,
-)
+from humanclaw_train.naturalness import NaturalnessReport, main
 from humanclaw_train.rollouts import Command, adapters, file_digest
-from humanclaw_train.travel import drift, uncommanded, walker
+from humanclaw_train.sequences import SEQUENCES, agreement, sequence_jerks
+from humanclaw_train.transitions import real_peak, transitions
+from humanclaw_train.uncommanded import uncommanded
+from humanclaw_train.walks import drift, walker
 
 SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 
@@ -65,7 +59,7 @@ def commands(still):
 
 
 def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
-    """Chunks of a body that stands still in its history, and then drifts at random."""
+    """Chunks of a body that stands still in its history and then drifts at random."""
     random = np.random.default_rng(seed)
     rest = pose.rest_pose(20)
     drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15
@@ -110,7 +104,7 @@ def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generato
     _wobbling(80, 0.1, "never seen", 2).save(tmp_path / "held_out" / "base.npz")
     made, true = prior(generator, [tmp_path], features, seed=0)
     assert (made.skill, made.source, true.source) == (PRIOR, "generated", "held-out")
-    assert made.frechet > 3 * true.frechet  # It stands still, and they do not.
+    assert made.frechet > 3 * true.frechet  # The model stands still; the people do not.
     assert made.unseen == true.unseen == ("never seen",)
 
 
@@ -128,7 +122,7 @@ def test_a_skill_that_held_out_clips_show_too_little_of_is_said_to_be_compared_w
     assert "*" not in skills_table(rows)
 
 
-def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator, commands):
+def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
     found = first_steps(generator, commands[:1], bodies=3)["walk"]
     assert (found.bodies, found.gliding) == (3, 0)
     assert found.most == pytest.approx(0, abs=1e-3)
@@ -137,7 +131,7 @@ def test_the_first_steps_and_the_way_of_a_body_that_stands_are_nought(generator,
 
 
 def test_first_steps_are_asked_for_straight_ahead_too_and_by_little(generator, commands, monkeypatch):
-    """What is called most, and what scatter in the other parameters would hide."""
+    """Models call these most, and scatter in the other parameters would hide their errors."""
     asked = []
     batch = generator.generate_batch
     monkeypatch.setattr(
@@ -148,12 +142,12 @@ def test_first_steps_are_asked_for_straight_ahead_too_and_by_little(generator, c
     first_steps(generator, commands[:1], bodies=40)
     straight = [row["x"] == row["yaw"] == 0 for row in asked]
     assert straight == [True, False] * 20
-    assert all(0 <= row["z"] <= 0.16 for row in asked[::3])  # of 80 cm
+    assert all(0 <= row["z"] <= 0.16 for row in asked[::3])  # Of 80 cm.
     assert max(row["z"] for row in asked) > 0.7
 
 
-def test_who_slides_over_two_centimetres_glides():
-    found = FirstSteps.of(np.arange(100.0) / 25)  # 0 to 3.96 cm
+def test_a_body_that_slides_over_two_centimetres_glides():
+    found = FirstSteps.of(np.arange(100.0) / 25)  # 0 to 3.96 cm.
     assert (found.bodies, found.gliding) == (100, 49)
     assert (found.p95, found.p99, found.most) == pytest.approx((3.762, 3.9204, 3.96))
 
@@ -171,7 +165,7 @@ def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
     assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
 
 
-def test_feet_on_stairs_are_not_measured_against_a_floor_at_nought():
+def test_feet_on_stairs_are_not_measured_against_a_floor_at_zero():
     rest = pose.rest_pose(20)
     row = naturalness_of(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
     assert np.isnan([row.skate, row.sunk]).all()
@@ -209,7 +203,7 @@ def test_the_papers_sequences_are_ten_chunks_long_and_stand_in_its_order():
     assert agreement({name: -jerk for name, jerk in paper.items()}) == (0, 15)
 
 
-def test_who_stands_still_has_no_jerk_in_any_sequence(generator, commands):
+def test_a_standing_body_has_no_jerk_in_any_sequence(generator, commands):
     found = sequence_jerks(generator, commands, bodies=1)
     assert list(found) == list(SEQUENCES)
     assert max(found.values()) < 0.2
@@ -238,7 +232,7 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatc
     )
     printed = capsys.readouterr().out
     assert "| walk | real | 40 |" in printed
-    for words in ("pairs stand in the paper's order", "Peak of real motion", "random calls in a row"):
+    for words in ("pairs are in the paper's order", "Peak of real motion", "random calls in a row"):
         assert words in printed
     report = NaturalnessReport.load(tmp_path / "report.json")
     digest = file_digest(still / "walk" / "adapter.safetensors")

@@ -1,4 +1,4 @@
-"""A skill of one's own, from a folder of motion to a model card: on squats that the test makes, with a small prior."""
+"""A skill of your own, from a folder of motion to a model card: on squats that the test makes, with a small prior."""
 
 import json
 
@@ -11,7 +11,7 @@ from humanclaw.motion import load_base, read_header, shipped_base
 from humanclaw.skills import MEASURES, Measure
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
-from humanclaw_train.mocap import MocapError
+from humanclaw_train.source_motion import MocapError
 
 SCHEMA = {
     "description": "Crouch.",
@@ -26,7 +26,7 @@ SCHEMA = {
 
 
 def squat(seconds: float = 2.0, depth: float = 1.0) -> Motion:
-    """Down and up once: thighs forward, shins back, and level soles on the floor."""
+    """Squat down and up once: thighs forward, shins back, level soles on the floor."""
     still = rest_pose(int(30 * seconds))
     bend = depth * np.sin(np.pi * np.linspace(0, 1, len(still))) ** 2
     for side in ("left", "right"):
@@ -43,7 +43,7 @@ def record(folder, motion: Motion, name: str = "motion.npz") -> None:
 
 
 def amass(folder, motion: Motion) -> None:
-    """The same as somebody else would have captured it: Z up, 60 Hz."""
+    """Write the same motion as a capture: Z up, 60 Hz."""
     folder.mkdir(parents=True, exist_ok=True)
     twice = np.repeat(np.arange(len(motion)), 2)
     poses = motion.rotations[twice].reshape(len(twice), -1).copy()
@@ -98,7 +98,7 @@ def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(skill, tmp_pa
     assert heights.max() < 0.85 + 0.15 * 0.25 + 1e-6
 
 
-def test_bounds_that_no_clip_reaches_are_told_before_anything_is_trained(skill, tmp_path, capsys):
+def test_bounds_that_no_clip_reaches_are_reported_before_training(skill, tmp_path, capsys):
     record(tmp_path / "clips", squat(depth=0.8))
     make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
     assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
@@ -146,7 +146,7 @@ def test_a_recipe_narrows_down_what_shows_the_skill(skill, tmp_path):
     assert own.RETIMED not in chunks.source
 
 
-def test_a_file_that_holds_no_motion_is_told_and_left_out(skill, tmp_path, capsys):
+def test_a_file_without_motion_is_reported_and_left_out(skill, tmp_path, capsys):
     record(tmp_path / "clips", squat())
     np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
     make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
@@ -192,7 +192,7 @@ def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, 
     assert f"| generated | {row.generated.mean:.3f}" in card
     assert "| studio |" in card
     assert "| CC0 |" in card
-    assert "real poses of the real clips in another time" in card
+    assert "real poses of real clips at other paces" in card
     assert "sitting" not in card
     assert "nan" not in card
 
@@ -203,9 +203,9 @@ def test_training_asks_for_a_skill_and_no_more_than_one(skill, capsys):
 
     assert train.main(["adapter"]) == 2
     assert train.main(["adapter", "crouch", "--skill", str(skill)]) == 2
-    assert capsys.readouterr().err.count("Which skill is to be trained?") == 2
+    assert capsys.readouterr().err.count("Expected one skill to train.") == 2
 
 
-def test_a_skill_without_an_adapter_is_told_how_to_get_one(skill, capsys):
+def test_the_error_for_a_skill_without_adapter_says_how_to_train_one(skill, capsys):
     assert fidelity.main(["--skill", str(skill)]) == 2
     assert f"humanclaw train adapter --skill {skill}" in capsys.readouterr().err

@@ -1,5 +1,4 @@
-"""From a captured walk to our body, to clips, to chunks: held against the source, and against numbers worked out by
-hand."""
+"""From a captured walk to our body, to clips and to chunks, compared with the source and with numbers known by hand."""
 
 import tarfile
 from dataclasses import replace
@@ -24,8 +23,9 @@ from humanclaw.body import (
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, mirror, outcome
 from humanclaw_train.commands import trained
 from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
-from humanclaw_train.mocap import MocapError, SourceMotion, load
+from humanclaw_train.mocap import load
 from humanclaw_train.retarget import leg_length, resample, retarget
+from humanclaw_train.source_motion import MocapError, SourceMotion
 
 LEG = 0.405 + 0.415
 SKILLS = trained(Plugins.discover())
@@ -80,7 +80,7 @@ def test_knees_bend_backwards_only_and_elbows_forwards_only(walk):
     for side, sign in (("left", -1), ("right", 1)):
         knee, elbow = (walk.rotations[:, JOINT_INDEX[f"{side}_{name}"]] for name in ("knee", "elbow"))
         assert knee[:, 0].min() > 0
-        assert np.abs(knee[:, 1:]).max() < 0.1  # a hinge: neither twist nor sideways bend
+        assert np.abs(knee[:, 1:]).max() < 0.1  # A hinge: neither twist nor sideways bend.
         assert (sign * elbow[:, 1]).min() > 0
 
 
@@ -171,7 +171,7 @@ def test_a_mirrored_walk_exchanges_left_and_right(walk):
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
 def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
-    """20 frames of a stiff body that stands for 5 and then moves evenly, in a frame that is turned and shifted."""
+    """20 frames of a stiff body that stands for 5 frames and then moves evenly, in a turned and shifted frame."""
     part = np.concatenate([np.zeros(5), np.arange(1, 16) / 15])
     stiff = rest_pose(20)
     rotations = stiff.rotations.copy()
@@ -240,7 +240,7 @@ def test_mirrored_chunks_realise_the_mirrored_parameters(walk):
 
 # -- curation ----------------------------------------------------------------------------------------------------------
 def looped(walk, times):
-    """The walk, over and over; each round goes on from where the last one stopped."""
+    """Repeat the walk; each round continues where the last one stopped."""
     step = walk.root[-1] - walk.root[0]
     rounds = [Motion(walk.root + step * [1, 0, 1] * index, walk.rotations) for index in range(times)]
     motion = rounds[0]
@@ -280,7 +280,7 @@ def test_a_glitch_of_one_frame_drops_the_chunks_that_hold_it(walk):
     rotations[30, JOINT_INDEX["left_hip"], 0] += 0.8
     clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
     broken = replace(clip, motion=Motion(walk.root, rotations))
-    # Windows begin at 0, 3 ... 18; those from 12 on hold frame 30.
+    # Windows begin at 0, 3 ... 18; those from 12 on contain frame 30.
     assert len(build_real([clip], SKILLS)["base"]) == 7
     assert len(build_real([broken], SKILLS)["base"]) == 4
 

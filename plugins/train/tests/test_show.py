@@ -1,4 +1,4 @@
-"""`humanclaw show skill`: pictures of a skill, beside the person who did most nearly the same."""
+"""`humanclaw show skill`: pictures of a skill, beside the most similar person."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def gliding(name: str, speed: float, seconds: float = 2.0) -> Clip:
     return Clip(name, motion, {"walk": [(0, frames - 1)]}, "made", "none")
 
 
-def test_the_person_beside_is_the_one_who_went_most_nearly_as_fast():
+def test_the_person_beside_is_the_one_with_the_most_similar_speed():
     walk = Plugins.discover().skill("walk").declaration
     asked = {"x": 0.0, "z": 0.4, "yaw": 0.0}
     name, motion = nearest([gliding("slow", 0.3), gliding("right", 0.78), gliding("fast", 1.6)], walk, asked, 3)
@@ -32,13 +32,13 @@ def test_the_person_beside_is_the_one_who_went_most_nearly_as_fast():
     assert len(motion) == 5 + 3 * 15
 
 
-def test_a_person_who_walks_on_is_preferred_to_one_who_is_gone_at_once():
+def test_a_long_clip_is_preferred_to_a_short_one():
     walk = Plugins.discover().skill("walk").declaration
     clips = [gliding("brief", 0.8, 0.7), gliding("on and on", 0.7, 3.0)]
     assert nearest(clips, walk, {"x": 0.0, "z": 0.4, "yaw": 0.0}, 4)[0] == "on and on"
 
 
-def test_where_no_clip_shows_the_skill_there_is_nobody_beside():
+def test_without_a_clip_of_the_skill_nobody_is_drawn_beside():
     stop = Plugins.discover().skill("stop").declaration
     assert nearest([gliding("walks", 0.8)], stop, {}, 2) is None
 
@@ -55,7 +55,7 @@ def test_a_skill_is_drawn_as_a_moving_picture_and_a_strip(tmp_path: Path):
     done = CliRunner().invoke(show, ["skill", "walk", "--z-cm", "40", "--calls", "1", "--out", str(out)])
     assert done.exit_code == 0, done.output
     with Image.open(out) as film, Image.open(out.with_suffix(".png")) as still:
-        assert film.n_frames == 10  # 5 frames of standing and 15 of walking, every other one
+        assert film.n_frames == 10  # 5 frames of standing and 15 of walking, every second one.
         assert still.size == (8 * 240, 320)
 
 
@@ -64,7 +64,7 @@ def test_a_long_title_is_read_whole_on_a_narrow_picture():
     titled = strip([("side_step x_cm 30, distance_ahead_cm 0, heading_deg 0", [blank])])
     dark = titled.min(axis=2) < 128
     assert not dark[:, -8:].any()
-    assert dark.any(axis=1)[28:].any()  # a second line
+    assert dark.any(axis=1)[28:].any()  # A second line.
 
 
 @pytest.mark.parametrize(
@@ -74,9 +74,9 @@ def test_a_long_title_is_read_whole_on_a_narrow_picture():
         (["--z_cmm=3"], "z_cmm"),
         (["40"], "It takes: --x-cm NUMBER, --z-cm NUMBER, --yaw-deg NUMBER"),
         (["--z-cm"], "It takes: --x-cm NUMBER"),
-        (["--z-cm", "40", "--out", "walk.mp4"], "walk.mp4, and what is written is a GIF"),
+        (["--z-cm", "40", "--out", "walk.mp4"], "Expected a GIF file for --out; got walk.mp4"),
     ],
 )
-def test_what_the_skill_does_not_take_is_refused_with_what_it_takes(words, told):
+def test_unknown_options_are_refused_with_the_skills_own(words, told):
     with pytest.raises(HumanclawError, match=told):
         show(["skill", "walk", *words], standalone_mode=False)

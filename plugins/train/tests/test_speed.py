@@ -1,4 +1,4 @@
-"""The timing of the motion model: what is timed is the very motion model, and the tables hold what was measured."""
+"""Timing of the motion model, its table and its verdict."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Motion synthesis: what was asked for happens, feet hold, nothing jumps, and nothing knows the future."""
+"""Motion synthesis: commands are met exactly, feet hold, nothing jumps, and no chunk knows the next command."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,7 +23,7 @@ TOES = [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]
 
 @pytest.fixture(scope="module")
 def profiles():
-    """A walker who swings the arms and turns the pelvis, and who sways a little when idle."""
+    """Profiles of a walker that swings the arms, turns the pelvis and sways slightly when idle."""
     stance = channels(rest_pose(4))[0]
     gait = np.zeros((2, 1 + 2 * HARMONICS, CHANNELS))
     gait[:, 0] = stance
@@ -79,7 +79,7 @@ def test_a_command_moves_the_body_by_exactly_what_it_asks_for(profiles, before, 
     np.testing.assert_allclose(_outcome(skill, last), _wanted(skill, given), atol=1e-3)
 
 
-def test_a_skill_that_nobody_here_knows_is_synthesised_from_what_it_declares(profiles):
+def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
     recipe = Recipe(
         "stroll", gait=GaitParameters(exit=1.0), feet="stride", commands={"ahead": Draw(0.1, 0.5), "veer": Draw(0, 0)}
     )
@@ -92,7 +92,7 @@ def test_a_skill_that_nobody_here_knows_is_synthesised_from_what_it_declares(pro
 
 
 @pytest.mark.parametrize("skill", ["walk", "side_step", "turn_in_place"])
-def test_who_rises_from_a_seat_arrives_where_the_command_says(profiles, skill):
+def test_a_body_that_rises_from_a_seat_arrives_where_the_command_says(profiles, skill):
     given = {"walk": {"x": 0.05, "z": 0.5, "yaw": 0.1}, "side_step": {"x": 0.2}, "turn_in_place": {"yaw": 0.6}}[skill]
     motion = compose(profiles, [("sit_in_place", {"h": 0.5}), (skill, given)], 0)
     np.testing.assert_allclose(_outcome(skill, _chunks(motion)[-1]), _wanted(skill, given), atol=1e-3)
@@ -129,7 +129,7 @@ def test_nothing_jumps_where_one_command_follows_another(profiles):
     calls = sample_calls(skills, 1, 40, np.random.default_rng(4))
     series = [_command(skills[call.skill[0]], call.values[0]) for call in calls]
     joints = compose(profiles, series, 5).joints()
-    acceleration = np.linalg.norm(np.diff(joints, 2, axis=0), axis=-1).max(1) * 30**2  # at frames 1, 2, ...
+    acceleration = np.linalg.norm(np.diff(joints, 2, axis=0), axis=-1).max(1) * 30**2  # At frames 1, 2, ...
 
     at = np.arange(HISTORY - 1, len(joints) - 1, FUTURE) - 1
     inside = np.delete(acceleration, np.concatenate([at, at + 1]).clip(0, len(acceleration) - 1))
@@ -152,8 +152,7 @@ def test_a_chunk_knows_nothing_of_the_command_after_it(profiles):
 
 
 def _passings(motion):
-    """Frames at which the left ankle gets ahead of the right one, or falls behind it, along the facing of a walk to
-    +Z."""
+    """Frames at which the ankles pass each other in a walk to +Z."""
     joints = motion.joints()
     lead = joints[:, ANKLES[0], 2] - joints[:, ANKLES[1], 2]
     return np.flatnonzero(lead[:-1] * lead[1:] < 0)
@@ -161,7 +160,7 @@ def _passings(motion):
 
 @pytest.mark.parametrize(("z", "least", "most"), [(0.45, 1.3, 1.65), (0.6, 1.55, 1.85), (0.8, 1.75, 2.1)])
 def test_steps_follow_one_another_at_the_cadence_of_people_at_that_speed(profiles, z, least, most):
-    # Real walks: 1.35 to 1.62 steps a second at 0.91 m/s, 1.68 to 1.81 at 1.2 to 1.3, 1.85 to 2.01 at 1.6.
+    # Real walks: 1.35 to 1.62 steps/s at 0.91 m/s, 1.68 to 1.81 at 1.2 to 1.3 m/s, 1.85 to 2.01 at 1.6 m/s.
     found = [_passings(compose(profiles, [("walk", {"z": z})] * 12, seed)[3 * FUTURE :]) for seed in range(8)]
     rates = [30 * (len(frames) - 1) / (frames[-1] - frames[0]) for frames in found]
     assert least < np.median(rates) < most
@@ -292,7 +291,7 @@ def test_profiles_are_read_off_real_walks(profiles):
     found = Profiles.of([_Clip("02_01", walk), _Clip("010_genuine", idle)])
 
     swing = found.gait[0][1, channel("left_shoulder", 1)]
-    assert 0.2 < swing < 0.4  # 0.3, times what one body differs from another
+    assert 0.2 < swing < 0.4  # 0.3, times the difference between bodies.
     assert found.speed[0] == pytest.approx(1.15, abs=0.05)
     np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
 
@@ -302,8 +301,8 @@ def test_profiles_without_the_clips_they_need_are_refused():
         Profiles.of([_Clip("somebody", rest_pose(40))])
 
 
-def test_who_walks_brakes_where_no_travel_is_commanded(profiles):
-    # At 1 m/s a body that stops within half a second at an even rate goes on for 25 cm.
+def test_a_walker_brakes_where_no_travel_is_commanded(profiles):
+    # From 1 m/s, a body that brakes evenly for half a second travels 25 cm.
     for command in (("stop", {}), ("turn_in_place", {"yaw": 0.8}), ("side_step", {"x": 0.3})):
         last = _chunks(compose(profiles, [("walk", {"z": 0.5})] * 4 + [command], 3))[-1]
         moved = (last.root[-1] - last.root[HISTORY - 1])[2]
@@ -315,7 +314,7 @@ def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_t
     random = np.random.default_rng(0)
     heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
     calls = [(SKILLS[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
-    missing = synthesis.play(profiles, [synthesis.Commands.of(calls)] * 4, random)[2]  # of 2 cm
+    missing = synthesis.play(profiles, [synthesis.Commands.of(calls)] * 4, random)[2]  # Shortfall from 2 cm.
     assert (missing < 0.01).mean() >= share
     assert (missing < 0.0025).mean() >= share - 0.07
 

@@ -1,6 +1,8 @@
-"""Training on a few made chunks: bodies that glide ahead, whose commanded distance is the distance that they cover."""
+"""Training on a few artificial chunks: bodies that glide, commanded by the distance that they cover."""
 
 import hashlib
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +12,16 @@ torch = pytest.importorskip("torch")
 
 from humanclaw import HumanclawError, pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
-from humanclaw_train import data, kinematics, train
+from humanclaw_train import data, kinematics, train, trainer
 from humanclaw_train.data import commanded, noisy_history
-from humanclaw_train.train import Loss, Weights, main
+from humanclaw_train.flow import Loss, Weights
+from humanclaw_train.train import main
 
 COUNT = 64
 
 
 def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Chunks that cover a distance in metres at an even pace, nodding as they go, from standing or already moving."""
+    """Chunks that cover a distance in metres at an even pace while nodding, from standing or already moving."""
     rest = pose.rest_pose(20)
     ahead = (np.arange(20) - 4) / 15
     ahead = ahead if moving else ahead.clip(0)
@@ -42,7 +45,7 @@ def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = F
 def chunks(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("chunks")
     _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
-    # A prior must have seen that bodies move; here the history tells how fast.
+    # A prior must have seen that bodies move; here the history shows how fast.
     _save(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
     return folder
 
@@ -87,7 +90,7 @@ def base_file(chunks, tmp_path_factory) -> Path:
 
 
 def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:
-    """The command line that trains step_back, its options left out."""
+    """The command line that trains step_back, without its options."""
     return ["adapter", "step_back", "--data", str(backwards), "--base", str(base_file), "--out", str(out)]
 
 
@@ -97,7 +100,7 @@ def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
     return out / "adapter.safetensors"
 
 
-def test_an_adapter_learns_to_cover_the_distance_that_it_is_told(backwards, base_file, tmp_path):
+def test_an_adapter_learns_to_cover_the_commanded_distance(backwards, base_file, tmp_path):
     path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--history-noise", "0")
     generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
     start = generator.start()
@@ -143,7 +146,7 @@ def test_training_an_adapter_changes_no_file_but_those_of_its_own_run(backwards,
 
 def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, base_file, tmp_path, monkeypatch):
     whole = _adapter(backwards, base_file, tmp_path / "whole", "--steps", "12")
-    advance, calls = train.Trainer.advance, []
+    advance, calls = trainer.Trainer.advance, []
 
     def cut_short(self, *arguments):
         calls.append(1)
@@ -151,8 +154,8 @@ def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, 
             raise KeyboardInterrupt
         return advance(self, *arguments)
 
-    monkeypatch.setattr(train, "_SAVE_SECONDS", 0)
-    monkeypatch.setattr(train.Trainer, "advance", cut_short)
+    monkeypatch.setattr(trainer, "_SAVE_SECONDS", 0)
+    monkeypatch.setattr(trainer.Trainer, "advance", cut_short)
     with pytest.raises(KeyboardInterrupt):
         _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
     resumed = _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
@@ -183,6 +186,23 @@ def test_missing_chunks_are_an_error_with_a_remedy(base_file, tmp_path, capsys):
     assert "no walk.npz" in capsys.readouterr().err
 
 
+WITHOUT_A_HOST = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("pydantic", "pluggy", "click", "scipy", "jinja2", "rich", "jsonschema", "threadpoolctl"):
+            raise ImportError(name)
+
+sys.meta_path.insert(0, Missing())
+import humanclaw_train.train
+"""
+
+
+def test_training_imports_on_a_machine_that_has_torch_and_no_plugin_host():
+    subprocess.run([sys.executable, "-c", WITHOUT_A_HOST], check=True)
+
+
 # -- histories ---------------------------------------------------------------------------------------------------------
 def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
     clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.linspace(0.05, 0.45, COUNT)))
@@ -208,8 +228,8 @@ def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
     assert jump[:, 4:].max() < 0.1
 
 
-def test_only_who_moves_is_spoilt_by_more_than_usual():
-    """Were the feet of who stands off by more, none could tell which of them sets out."""
+def test_only_moving_bodies_get_larger_errors():
+    """Larger errors of standing feet would hide which foot moves first."""
 
     def most(moving, strength):
         clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.full(COUNT, 0.5), moving))
@@ -273,7 +293,7 @@ def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
     for seed, metres in enumerate((0.1, 0.2)):
         (tmp_path / str(seed)).mkdir()
         distance = np.linspace(0.05, 0.45, COUNT)
-        distance[np.arange(COUNT) % 4 != 0] += metres  # Real is every fourth; the rest is drawn by another seed.
+        distance[np.arange(COUNT) % 4 != 0] += metres  # Every fourth is real; the rest has another seed.
         _save(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
     loaded = data.load([tmp_path / "0", tmp_path / "1"], "step_back")
     assert loaded.statistics["real"] == 16

@@ -1,4 +1,4 @@
-"""What training writes is what the runtime reads."""
+"""Checkpoints: the runtime reads back what training writes."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ NORMALISER = Normaliser(torch.zeros(219), torch.ones(219))
 
 @pytest.fixture
 def base(tmp_path):
-    """A base as training leaves it."""
+    """A base as training writes it."""
     path = tmp_path / "base.safetensors"
     save_base(path, DiT(ModelConfig(32, 2, 4, prediction="clean")), NORMALISER, START, Card())
     return load_base(path)
@@ -47,7 +47,7 @@ def test_an_adapter_comes_back_with_its_numbers_in_half_precision(base, tmp_path
 
 
 def test_the_header_says_what_each_parameter_was_trained_to_command(base, tmp_path):
-    """So that a schema in which two parameters of one unit have changed places is found."""
+    """This finds a schema in which two parameters of one unit have changed places."""
     path, names, measures = tmp_path / "adapter.safetensors", ("x", "z"), ("hips.left", "hips.forward")
     poses = torch.zeros(4, 20, 3), torch.zeros(4, 20, 24, 3)
     params = torch.linspace(0.0, 0.4, 8).reshape(4, 2)

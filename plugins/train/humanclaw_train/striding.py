@@ -1,0 +1,61 @@
+"""Striding: feet and pelvis of a body whose steps do not wait for chunks, from `gait`. Needs only numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanclaw.body import Array, smoothstep
+from humanclaw_train import gait
+from humanclaw_train.commands import Ints
+from humanclaw_train.curves import GRID, floor, raised, smoother, turned
+from humanclaw_train.ik import Feet, Track
+from humanclaw_train.state import TOE_OUT, State, Style
+from humanclaw_train.step_plan import StepPlan
+
+
+def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
+    """Return the step cycle. In bodies that do not stride, what remains of it goes on at its own rate."""
+    end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
+    rate = np.maximum(state.cadence, 0.5)
+    return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
+
+
+def striding_feet(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
+    """Return both feet of striding bodies. Each swings to where the hips will be when the other foot passes it."""
+    whose = np.stack([gait.foot_of(steps.first), gait.foot_of(steps.first + 1)], 1)
+    feet = [_striding_foot(foot, state, p, style, steps, root, yaw, whose) for foot in (0, 1)]
+    return Feet(*(np.stack(pair, 1) for pair in zip(*feet, strict=True)))
+
+
+def _striding_foot(
+    foot: int, state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
+) -> Track:
+    passing = steps.first + (whose[:, 1] == foot)
+    path = np.concatenate([floor(root), yaw[..., None]], -1)
+    velocity = np.concatenate([p.velocity, p.yaw_rate[:, None]], -1)
+    over = gait.reached(steps, path, velocity, passing + 1.0)
+    left = 1.0 if foot == 0 else -1.0
+    aside = np.stack([left * (0.05 + style.width), -0.03 - 0.045 * p.speed], -1)
+    target = np.concatenate([over[:, :2] + turned(aside, over[:, 2]), over[:, 2:] + left * TOE_OUT], -1)
+    value = np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1)
+    rate = np.concatenate([floor(state.foot_velocity[:, foot]), state.foot_yaw_rate[:, foot, None]], -1)
+    track = gait.swung(steps, passing, gait.Leg(value, rate), target)
+    high = 0.07 * style.roll * np.clip(0.6 + 0.35 * p.speed, 0.6, 1.2)
+    height = high[:, None] * gait.swing_height(steps.progress(passing))
+    height = gait.settled(state.foot[:, foot, 1] - state.level, state.foot_velocity[:, foot, 1], height, 0.4)
+    pitch = style.roll[:, None] * gait.pitch(steps.since(foot), p.speed[:, None])
+    pitch = gait.settled(state.foot_pitch[:, foot], state.foot_pitch_rate[:, foot], pitch)
+    bend = np.maximum(pitch, 0.0) * (1 - smoothstep((steps.since(foot) + gait.LIFT) / 0.25))
+    return raised(track[..., :2], state.level[:, None] + np.maximum(height, 0.0)), track[..., 2], pitch, bend
+
+
+def swaying(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> tuple[Array, Array]:
+    """Return the path of the pelvis with its sway (N, 16, 3), and the amplitudes at the end (N, 3).
+
+    At the ends of a chunk the pelvis is exactly where its command puts it; in between it moves over the standing foot.
+    """
+    last = np.where(p.stride[:, None], gait.amplitudes(p.speed) * style.swings, 0.0)
+    size = state.sway[:, None] + (last - state.sway)[:, None] * smoother(GRID)[:, None]
+    swing = size * gait.pelvis(steps.phase)
+    flat = turned(gait.pinned(swing[..., :2]), yaw)
+    return root + raised(flat, swing[..., 2]), last

@@ -1,0 +1,125 @@
+"""The upper body of synthetic motion: pelvis tilt, spine, head and arms, standing, walking and seated.
+
+Needs only numpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body import (
+    FUTURE,
+    JOINT_INDEX,
+    N_JOINTS,
+    SOLE,
+    Array,
+    forward_kinematics,
+    vector_from_matrix as to_vector,
+)
+from humanclaw.motion import Limb, solve
+from humanclaw_train import augment, gait
+from humanclaw_train.augment import UPPER, channel
+from humanclaw_train.commands import Commands, Ints
+from humanclaw_train.curves import GRID, bump, quintic
+from humanclaw_train.state import SECONDS, State, Style
+from humanclaw_train.step_plan import StepPlan, seat_depth
+
+
+def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
+    """Return the pose that the skill asks for at each instant (N, 16, CHANNELS)."""
+    # A turn on the spot swings the arms as slow walking does.
+    pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
+    amplitude = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
+    # Walking backwards is the same poses in reverse.
+    direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[:, None]
+    phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
+    walk = augment.basis(phase) @ style.gait
+    walk[..., 2] = gait.pinned(walk[..., 2])
+    mean, stance = style.gait[:, :1], style.stance[:, None]
+    sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
+    # The mean posture follows the speed only up to that of the clips; the swing about it goes on growing.
+    still = 1 - np.minimum(amplitude, 1.0)
+    standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
+    target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
+    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, c.gait["lean"][:, None])
+    return _bent(target, {"neck": 0.5, "head": 0.5}, 0, c.gait["gaze_pitch"][:, None])
+
+
+def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -> Array:
+    """Add an angle (N, 16) about one axis to the channels (N, 16, CHANNELS), split among joints by their shares."""
+    values = values.copy()
+    for joint, share in shares.items():
+        values[..., 0 if joint == "pelvis" else channel(joint, axis)] += share * angle
+    return values
+
+
+def _to_and_fro(index: Ints, length: int) -> Ints:
+    index = index % (2 * length - 2)
+    return np.where(index < length, index, 2 * length - 2 - index)
+
+
+def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
+    """Return the upper body over the chunk (N, 16, CHANNELS).
+
+    It moves smoothly from the present pose and rate to the targets, and leans and turns with the hips.
+    """
+    gap = (state.pose - target[:, 0])[:, None]
+    rate = (state.pose_rate - (target[:, 1] - target[:, 0]) * FUTURE)[:, None]
+    span = np.where(p.sits | state.seated, 1.0, 0.85)[:, None, None]
+    zero = np.zeros_like(gap)
+    values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
+    # In sitting down and rising the trunk leans forward to keep the weight over the feet; the head stays up.
+    change = np.abs(p.height - (state.root[:, 1] - state.level))
+    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.1, 0.935)
+    shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
+    values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
+    # A turn begins with the head.
+    turn = c.gait["gaze_turn"] * (p.yaw - state.yaw)
+    shares = {"spine2": 0.05, "spine3": 0.08, "neck": 0.1, "head": 0.12}
+    return _bent(values, shares, 1, turn[:, None] * bump(1.1 * GRID))
+
+
+# -- seats -------------------------------------------------------------------------------------------------------------
+_SEATS: Final = np.linspace(0.2, 0.8, 13)
+
+
+def _seat_pose(seats: Array, height: Array) -> Array:
+    """Interpolate seated poses (N, CHANNELS) for pelvis heights (N,)."""
+    place = np.clip((height - _SEATS[0]) / (_SEATS[1] - _SEATS[0]), 0, len(_SEATS) - 1.001)
+    low = place.astype(int)
+    share = (place - low)[:, None]
+    return np.asarray(seats[low] * (1 - share) + seats[low + 1] * share)
+
+
+def seat_table(stance: Array) -> Array:
+    """Return seated poses for pelvis heights 0.20 to 0.80 m (13, CHANNELS): upright, hands on the thighs."""
+    low = np.clip((0.62 - _SEATS) / 0.42, 0, 1)  # Low seats round the back more.
+    pose = np.repeat(stance[None], len(_SEATS), 0)
+    pose[:, 0] = -0.16 - 0.1 * low
+    for joint, amount, more in (
+        ("spine1", 0.16, 0.1),
+        ("spine2", 0.12, 0.1),
+        ("spine3", 0.04, 0.1),
+        ("neck", -0.06, -0.12),
+        ("head", -0.12, -0.12),
+    ):
+        pose[:, channel(joint)] += amount + more * low
+    rotations = np.zeros((len(_SEATS), N_JOINTS, 3))
+    rotations[:, 0, 0], rotations[:, UPPER] = pose[:, 0], pose[:, 3:].reshape(len(_SEATS), -1, 3)
+    position, orientation = forward_kinematics(_SEATS[:, None] * [0.0, 1.0, 0.0], rotations)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        hip, shoulder = (position[:, JOINT_INDEX[f"{side}_{joint}"]] for joint in ("hip", "shoulder"))
+        ankle = np.stack([np.full_like(low, sign * 0.09), np.full_like(low, SOLE), seat_depth(_SEATS) - 0.02], -1)
+        thigh, _ = solve(Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
+        wrist = hip + thigh @ np.array([0.0, -0.27, 0.085]) - [0.0, 0.0, 0.03]
+        upper, fore = solve(Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
+        for joint, parent, own in (
+            ("shoulder", orientation[:, JOINT_INDEX[f"{side}_collar"]], upper),
+            ("elbow", upper, fore),
+        ):
+            at = channel(f"{side}_{joint}")
+            pose[:, at : at + 3] = to_vector(np.swapaxes(parent, -1, -2) @ own)
+    return pose
