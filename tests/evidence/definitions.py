@@ -20,7 +20,7 @@ from humanclaw.body import HISTORY, Pose2D, root_jerk
 from humanclaw.motion import DiTGenerator
 from humanclaw.records import ALIASES, REACHED, RecordedEpisode, in_view
 from humanclaw.world import distance_to_nearest
-from humanclaw_bench.metrics import Scores, disturbed, generated_trajectory, score
+from humanclaw_bench.scores import Scores, disturbed, generated_trajectory, score
 
 NEW_ALIASES = {"sectional", "screen", "commode"}
 NEGATION = re.compile(

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from humanclaw import Backends, RecordError
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, Scores, common, difference_of, estimate
+from humanclaw_bench.metrics import FIND, INTERACT, NAV, Metric, common, difference_of, estimate
+from humanclaw_bench.scores import Scores
 from humanclaw_bench.statistics import Difference, holm
 from humanclaw_bench.worker import Job
 

@@ -18,7 +18,7 @@ from humanclaw.body import Array
 from humanclaw.records import REACHED, Vec3, in_view
 from humanclaw.skills import to_si
 from humanclaw.world import distance_to_nearest
-from humanclaw_bench.metrics import Scores, claims, is_sit, sat_down, score
+from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
 
 Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")

@@ -17,11 +17,13 @@ from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, Recor
 from humanclaw.cli import Deciders, LazyCommand, counted, decider_options, plugin_files, plugin_options
 from humanclaw.records import write_episodes
 from humanclaw.storage import write_atomically
-from humanclaw_bench import submission as submissions
+from humanclaw_bench import leaderboard as leaderboards, submission as submissions
+from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import asked_of, check, is_told, played_again, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
+from humanclaw_bench.results import Result, named
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
     HOUSES,
@@ -34,18 +36,9 @@ from humanclaw_bench.splits import (
     secret_houses,
     summary,
 )  # fmt: skip
-from humanclaw_bench.tables import (
-    WRITERS,
-    Result,
-    all_tables,
-    compare_table,
-    main_table,
-    named,
-    plain,
-    plain_differences,
-    terminal,
-)  # fmt: skip
+from humanclaw_bench.tables import all_tables, main_table
 from humanclaw_bench.worker import Job
+from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
 RUN = click.Path(path_type=Path)
 PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing or may be.")
@@ -291,7 +284,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @click.argument("folder", type=RUN)
 def leaderboard(folder: Path) -> None:
     """Make index.html of the submissions in a folder; a run in a folder of the same name beside one is checked."""
-    click.echo(submissions.leaderboard(folder))
+    click.echo(leaderboards.leaderboard(folder))
 
 
 @bench.command("export")

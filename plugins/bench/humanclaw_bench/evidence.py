@@ -18,9 +18,9 @@ from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
-from humanclaw_bench.metrics import Scores
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
+from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.worker import Job
 

@@ -22,7 +22,7 @@ from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, Rec
 from humanclaw.body import HISTORY
 from humanclaw.storage import write_atomically
 from humanclaw_bench.attribution import Cause, attribute
-from humanclaw_bench.metrics import Extra, Scores, ended, score
+from humanclaw_bench.scores import Extra, Scores, ended, score
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, read_episodes
-from humanclaw_bench.metrics import ended
+from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
 MANIFEST: Final = "run.json"

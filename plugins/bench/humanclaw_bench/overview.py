@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Protocol
 
 from humanclaw import RecordedEpisode, RecordError
+from humanclaw_bench.comparison import bearing, compared
 from humanclaw_bench.export import Scored, metrics_of, scored
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
+from humanclaw_bench.results import Result, named
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import Column, Result, ResultTable, all_tables, bearing, compared, named, texts
+from humanclaw_bench.tables import Column, ResultTable, all_tables
+from humanclaw_bench.writers import texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
 DRAWN = ("funnel", "causes")

@@ -20,7 +20,7 @@ import numpy as np
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
 from humanclaw_bench.attribution import CAUSES, Cause
 from humanclaw_bench.hookspecs import Fault
-from humanclaw_bench.metrics import Scores
+from humanclaw_bench.scores import Scores
 from humanclaw_bench.worker import Job
 
 PATIENCE: Final = 3

@@ -31,7 +31,7 @@ from humanclaw.records import EpisodeRecord, write_episodes
 from humanclaw.storage import within, write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, journal, read_manifest, split_digest
-from humanclaw_bench.metrics import ended
+from humanclaw_bench.scores import ended
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 FORMAT: Final = 1

@@ -1,34 +1,24 @@
-"""A result that others can check: one file with what was run and what came of it, held against the records it is of.
-
-A leaderboard is a folder of such files; where the run lies beside one, in a folder of the same name, its records are
-read again.
-"""
+"""A run's numbers in one file, checked against its records."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
-import html
-import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
-from humanclaw.cli import counted, legible
-from humanclaw.storage import write_atomically
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, faults, known_split, played_again, read_manifest
-from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV, Scores, ended, estimate
+from humanclaw_bench.metrics import FIND, INTERACT, NAV, estimate
+from humanclaw_bench.scores import Scores, ended
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
-from humanclaw_bench.tables import Column
 
 NAME: Final = "submission.json"
 RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
@@ -209,7 +199,7 @@ def contradictions(claimed: Submission, run: Path) -> tuple[str, ...]:
     Raises RecordError if the records themselves are damaged or of another run: humanclaw_bench.integrity.check tells.
     """
     found = submit(run, claimed.who, claimed.model_date)
-    told = [*_inconsistencies(claimed)]
+    told = [*inconsistencies(claimed)]
     told += [f"{key} is {getattr(found, key)!r}, not {getattr(claimed, key)!r}" for key in _differing(claimed, found)]
     ours, theirs = ({one.id: one for one in of.episodes} for of in (found, claimed))
     told += [f"episode {name} is in one of the two alone" for name in sorted(ours.keys() ^ theirs.keys())]
@@ -218,7 +208,7 @@ def contradictions(claimed: Submission, run: Path) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _inconsistencies(claimed: Submission) -> Iterator[str]:
+def inconsistencies(claimed: Submission) -> Iterator[str]:
     """Yield what a submission says against itself, which it takes no records to tell."""
     counts = Counter(one.id for one in claimed.episodes)
     yield from (f"episode {name} is there {count} times" for name, count in sorted(counts.items()) if count > 1)
@@ -301,158 +291,3 @@ def _alike(a: Any, b: Any) -> bool:
 
 AGREE: Final = "agree"
 """What is said of records that lie beside a submission and lead to its numbers."""
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Entry:
-    """A submission on the page."""
-
-    file: str
-    submission: Submission
-    records: str
-    """What its records say of it: agree, not here, or in what they do not."""
-    apart: str = ""
-    """Why it is not ranked; empty if it is."""
-
-
-def leaderboard(folder: Path) -> Path:
-    """Write index.html of all submissions in a folder, the best InteractSR first; returns its path.
-
-    A split has a table of those whose records lie here and agree, and one of those that are only told. One of a partial
-    run, one that its records contradict, and one whose records cannot be read is listed apart. Raises RecordError if
-    there is none.
-    """
-    found, unread = _entries(folder)
-    if not (found or unread):
-        raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
-    ranked: dict[tuple[str, int, bool], list[Entry]] = {}
-    for one in found:
-        if not one.apart:
-            split, told = str(one.submission.run.get("split", "")), one.records != AGREE
-            ranked.setdefault((split, one.submission.asked, told), []).append(one)
-    body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
-    body += _unranked([one for one in found if one.apart], unread)
-    page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
-    write_atomically(folder / "index.html", page.encode())
-    return folder / "index.html"
-
-
-def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
-    """Return the submissions in a folder, and what is wrong with the files that are none."""
-    found, unread = [], []
-    for path in sorted(folder.glob("*.json")):
-        try:
-            found.append(_entry(path, read(path)))
-        except RecordError as error:
-            unread.append(error.message)
-        except Exception as error:  # Whatever a stranger's file or records may do, it stops nobody else's.
-            unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
-    return found, unread
-
-
-def _entry(path: Path, one: Submission) -> Entry:
-    """Hold a submission to its records, if they lie here."""
-    run = path.with_suffix("")
-    try:
-        wrong = contradictions(one, run) if run.is_dir() else (*_inconsistencies(one),)
-    except RecordError as error:
-        return Entry(path.name, one, "damaged, or not of this run", error.message)
-    if wrong:
-        told = f"contradicted: {wrong[0]}" + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else "")
-        return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
-    missing = one.asked - _ended(one)
-    apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
-    return Entry(path.name, one, AGREE if run.is_dir() else "not here", apart)
-
-
-def _ended(one: Submission) -> int:
-    return sum(result.scores.ended for result in one.episodes)
-
-
-def _section(split: str, asked: int, told: bool, entries: Sequence[Entry]) -> str:
-    ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
-    name = known_split(split, asked)[0] or "not one of the benchmark's"
-    how = "as told: nobody here has the records" if told else "scored again from the records"
-    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, map(_cells, ordered))
-
-
-def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
-    """Those that say nothing beside the others, each with the reason."""
-    rows = [(*_cells(entry), entry.file, entry.apart) for entry in entries]
-    table = _table("Not ranked", (*_TITLES, "file", "why"), rows) if rows else ""
-    return table + "".join(f"<p>Not read: {html.escape(legible(reason))}</p>" for reason in unread)
-
-
-def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in titles)
-    body = "".join(f"<tr>{_row(texts)}</tr>" for texts in rows)
-    caption = f"<caption>{html.escape(caption)}</caption>"
-    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _row(texts: Sequence[str]) -> str:
-    first, *rest = (html.escape(legible(text)) for text in texts)
-    return f"<th scope='row'>{first}</th>" + "".join(f"<td>{text}</td>" for text in rest)
-
-
-def _rank(one: Submission) -> tuple[float, ...]:
-    return tuple(one.rates.get(metric.name, (-1.0,))[0] for metric in reversed(RATES))
-
-
-_TITLES: Final = (
-    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "cost ($)",
-    "temperature", "verifier", "engine", "settings", "date", "records",
-)  # fmt: skip
-
-
-def _cells(entry: Entry) -> tuple[str, ...]:
-    one = entry.submission
-    find, nav, interact = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in (FIND, NAV, INTERACT))
-    claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
-    again = f", {one.again} played again" if one.again else ""
-    episodes = f"{_ended(one)} of {one.asked}{again}"
-    warmth = "-" if one.temperature is None else f"{one.temperature:g}"
-    agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
-    return (
-        agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
-        one.verifier or "-", one.engine, _settings(one.run), one.made.isoformat(), entry.records,
-    )  # fmt: skip
-
-
-def _settings(run: Mapping[str, Any]) -> str:
-    """Return what a run was played with that others need not be."""
-    told = {key: _given(run[key]) for key in ("options", "limits", "choice", "plugin files") if key in run}
-    if told.get("options") == {"profile": "default"}:
-        del told["options"]
-    return "; ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value) or "-"
-
-
-def _given(value: object) -> object:
-    """Leave out of a mapping what nothing was given for."""
-    return {key: inner for key, inner in value.items() if inner not in ([], "")} if isinstance(value, dict) else value
-
-
-def _false_claims(one: Submission) -> float:
-    """Return FALSE_CLAIMS of a submission, which has no records."""
-    shares = [e.scores.false_claims for e in one.episodes if e.scores.ended]
-    return float(np.mean([share for share in shares if share is not None] or [np.nan]))
-
-
-def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:
-    found = Estimate(*values) if values else Estimate(float("nan"))
-    return f"{column.number(found.value)} {column.interval(found)}".strip()
-
-
-_PAGE: Final = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>HumanCLAW-Bench</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 110rem; padding: 0 1rem; }}
-table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .8rem; }}
-caption {{ text-align: left; font-weight: 600; }}
-th, td {{ padding: .3rem .4rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
-</style></head><body><h1>HumanCLAW-Bench</h1>
-<p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
-that nobody invented them they cannot say. Rows of different tables are no comparison. Made {made}.</p>
-{body}</body></html>
-"""

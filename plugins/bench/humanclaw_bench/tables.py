@@ -1,24 +1,15 @@
-"""The paper's tables, of one's own runs, each number with its interval; for the terminal, Markdown, CSV and LaTeX."""
+"""The tables of the paper and of this benchmark, as values."""
 
 from __future__ import annotations
 
-import csv
-import io
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
-from humanclaw.cli import counted, legible
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import TIERS
-from humanclaw_bench.integrity import Standing
 from humanclaw_bench.metrics import (
     BODY,
     COLLISIONS,
@@ -28,22 +19,19 @@ from humanclaw_bench.metrics import (
     NAV,
     VARIANTS,
     Metric,
-    Scores,
     clusters,
     estimate,
     extra_metric,
 )
+from humanclaw_bench.results import MARK, Result
+from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import CATEGORIES, repeat_of
-from humanclaw_bench.statistics import CONFIDENCE, FEW, SIGNIFICANT, Difference, Estimate, rate
+from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
 REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
 """Of which metrics it is told how much they vary between repeats."""
-NONE: Final = Estimate(float("nan"))
-MOST_UNASKED: Final = 0.01
-"""Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
 TELLING: Final = 0.1
 """A difference of shares, or of anything else a part of the level of both runs, that "noise" must leave no room for."""
-MARK: Final = "\u2020"
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
     "Its difference from a row of your own is no result."
@@ -118,114 +106,6 @@ class ResultTable:
     def all_notes(self) -> tuple[str, ...]:
         paper = (PAPER_NOTE,) if any(row.paper for row in self.rows) else ()
         return (*self.notes, INTERVAL_NOTE, *paper)
-
-
-# -- which episodes make a row -----------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Result:
-    """The scored episodes of one agent in one run, and why each failed episode did."""
-
-    name: str
-    scores: tuple[Scores, ...]
-    causes: tuple[Cause | None, ...]
-    """One a score; None for an episode that did not fail."""
-    asked: int = 0
-    """Episodes of the run, as its run.json says; 0 if there is none."""
-    faults: tuple[str, ...] = ()
-    """What contradicts its run.json, or leaves it open whether a record was changed."""
-    again: int = 0
-    """Episodes that were played again after they had ended."""
-
-    @property
-    def finished(self) -> tuple[Scores, ...]:
-        return tuple(s for s in self.scores if s.finished)
-
-    @property
-    def total(self) -> int:
-        """Episodes that there should be."""
-        return max(self.asked, len(self.scores))
-
-    @property
-    def partial(self) -> bool:
-        """Whether episodes are missing, or nothing tells that none is: not run yet, cut short by a limit of the run, or
-        broken by the infrastructure."""
-        return not self.asked or len(self.finished) < self.total
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Episodes that the numbers are of, and those that there should be; 0 if nothing tells."""
-        return len(self.finished), self.total if self.asked else 0
-
-    @property
-    def note(self) -> str:
-        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not
-        asked."""
-        apart = Counter(s.outcome for s in self.scores if not s.finished)
-        left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
-        of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
-        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
-        note = (
-            f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
-        )
-        return " ".join(legible(note).split())  # A line, whatever a record of somebody else's holds.
-
-    @property
-    def _again(self) -> str:
-        return f" Played again after they had ended: {self.again}." if self.again else ""
-
-    @property
-    def _foreign(self) -> str:
-        more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
-        return f" Warning: {self.faults[0]}{more}" if self.faults else ""
-
-    @property
-    def _privileged(self) -> str:
-        told = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
-        return f" Privileged, told scene and true state: {told}." if told else ""
-
-    @property
-    def _broken(self) -> str:
-        faults = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
-        return "".join(
-            f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items())
-        )
-
-    @property
-    def _unasked(self) -> str:
-        verified, unasked = (sum(getattr(s, name) for s in self.finished) for name in ("verified", "unasked"))
-        if not verified:
-            return ""
-        warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
-        return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
-
-
-def named(
-    runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
-) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent, verifier and simulator. known: what each run's folder tells.
-
-    The simulator's name is told only where there are several, and a run's only where the rest repeats.
-    """
-    several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
-    groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
-    for run, found in runs.items():
-        for scores, cause in found:
-            agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
-            agent += f", {scores.simulator or 'simulator unknown'}" if several else ""
-            groups.setdefault((agent, run), []).append((scores, cause))
-    repeated = Counter(agent for agent, _ in groups)
-    return tuple(
-        Result(
-            agent if repeated[agent] == 1 else f"{agent} ({run})",
-            tuple(scores for scores, _ in found),
-            tuple(cause for _, cause in found),
-            standing.asked,
-            standing.faults,
-            standing.again,
-        )
-        for (agent, run), found in groups.items()
-        for standing in [(known or {}).get(run, Standing())]
-    )
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
@@ -368,223 +248,8 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     }
 
 
-# -- writing a table ---------------------------------------------------------------------------------------------------
-def terminal(table: ResultTable, width: int = 80) -> Group:
-    """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
-    parts = [_part(table, first, last) for first, last in _cuts(table, width)]
-    notes = (Text(note, style="dim") for note in table.all_notes)
-    return Group(Text(table.title, style="bold"), *parts, *notes, "")
-
-
-def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
-    """Ranges of columns that fit side by side, at least one in each."""
-    names = max(len(text) for text in (table.corner, *(row.name for row in table.rows)))
-    first, used = 0, names + 3
-    for index, column in enumerate(table.columns):
-        texts = [
-            column.head,
-            *(line for row in table.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
-        ]
-        wide = max(map(len, texts)) + 2
-        if used + wide > width and index > first:
-            yield first, index
-            first, used = index, names + 3
-        used += wide
-    yield first, len(table.columns)
-
-
-def _part(table: ResultTable, first: int, last: int) -> Table:
-    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    grid.add_column(table.corner, no_wrap=True)
-    for column in table.columns[first:last]:
-        grid.add_column(column.head, justify="right", no_wrap=True)
-    for index, row in enumerate(table.rows):
-        if row.paper and not table.rows[index - 1].paper:
-            grid.add_section()
-        cells = map(_stacked, table.columns[first:last], row.cells[first:last])
-        grid.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
-    return grid
-
-
-def _stacked(column: Column, cell: Estimate) -> Text:
-    interval = column.rounded.interval(cell)
-    return Text.assemble(column.number(cell.value), (f"\n{interval}" if interval else "", "dim"))
-
-
-def _inline(column: Column, cell: Estimate) -> str:
+def inline(column: Column, cell: Estimate) -> str:
     return f"{column.number(cell.value)} {column.interval(cell)}".strip()
-
-
-def texts(table: ResultTable) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Head and rows as text, intervals in the cells: what a report or Markdown shows."""
-    head = (table.corner, *(column.head for column in table.columns))
-    return head, tuple((row.name, *map(_inline, table.columns, row.cells)) for row in table.rows)
-
-
-def markdown(table: ResultTable) -> str:
-    head, rows = texts(table)
-    lines = [head, ("---", *["---:"] * len(table.columns)), *rows]
-    body = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-    return f"**{table.title}**\n\n{body}\n\n" + "\n\n".join(table.all_notes) + "\n"
-
-
-def comma_separated(table: ResultTable) -> str:
-    """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none.
-
-    Columns episodes and of tell of how many of its run's episodes an agent's row is, or column, where each is an agent.
-    """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([table.corner, "source", *_OF, *(name for column in table.columns for name in _titles(column))])
-    for row in table.rows:
-        pairs = zip(table.columns, row.cells, strict=True)
-        numbers = [number for column, cell in pairs for number in _numbers(column, cell)]
-        source = "paper" if row.paper else "run"
-        writer.writerow([row.name.removesuffix(f" {MARK}"), source, *_counts(row.counts), *numbers])
-    return out.getvalue()
-
-
-_OF: Final = ("episodes", "of")
-
-
-def _titles(column: Column) -> list[str]:
-    parts = ("", " low", " high", " n", *(f" {name}" for name in _OF if column.counts))
-    return [column.title + part for part in parts]
-
-
-def _numbers(column: Column, cell: Estimate) -> list[str]:
-    found = [_plain(n) for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
-    return found + (_counts(column.counts) if column.counts else [])
-
-
-def _counts(counts: tuple[int, int] | None) -> list[str]:
-    finished, total = counts or ("", "")
-    return [str(finished), str(total or "")]
-
-
-def _plain(value: float) -> str:
-    return f"{value:.6g}" if np.isfinite(value) else ""
-
-
-def plain(table: ResultTable) -> dict[str, Any]:
-    """Return a table for JSON: full precision, shares as fractions, None where there is no number."""
-    rows = [
-        {
-            table.corner: row.name.removesuffix(f" {MARK}"), "source": "paper" if row.paper else "run",
-            **{column.title: _known(cell) for column, cell in zip(table.columns, row.cells, strict=True)},
-        }
-        for row in table.rows
-    ]  # fmt: skip
-    return {"title": table.title, "rows": rows, "notes": list(table.all_notes)}
-
-
-def _known(cell: Estimate) -> dict[str, float | None]:
-    numbers = {"value": cell.value, "low": cell.low, "high": cell.high, "n": cell.count or None}
-    return {key: None if number is None or not np.isfinite(number) else number for key, number in numbers.items()}
-
-
-def plain_differences(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """Return a comparison for JSON, a metric a row: both values, B - A with its interval, p and the verdict."""
-    found = [(metric, differences[metric.name]) for metric in metrics if metric.name in differences]
-    return [
-        {
-            "metric": metric.name, "a": one.a, "b": one.b, "difference": _known(Estimate(one.value, one.low, one.high)),
-            "p": one.p, "verdict": verdict(Column.of(metric), one), "n": one.count,
-        }
-        for metric, one in found
-    ]  # fmt: skip
-
-
-_TEX: Final = str.maketrans(
-    {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}",
-     "^": r"\textasciicircum{}", "\\": r"\textbackslash{}", "\u2191": r"$\uparrow$", "\u2193": r"$\downarrow$",
-     MARK: r"$^\dagger$", "\u2013": "--"}
-)  # fmt: skip
-
-
-def latex(table: ResultTable) -> str:
-    """Return a tabular for booktabs; the notes follow as comments."""
-    head, rows = table.columns, []
-    for index, row in enumerate(table.rows):
-        rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
-        rows.append(rule + " & ".join([row.name.translate(_TEX), *map(_tex, head, row.cells)]) + r" \\")
-    titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
-    lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
-    return (
-        "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.all_notes)]) + "\n"
-    )
-
-
-def _tex(column: Column, cell: Estimate) -> str:
-    interval = column.interval(cell)
-    return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
-
-
-WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {
-    "markdown": markdown, "csv": comma_separated, "latex": latex,
-}  # fmt: skip
-"""What writes a table as text, by format."""
-
-
-# -- two runs ----------------------------------------------------------------------------------------------------------
-def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
-    """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
-    caption = (
-        f"{bearing(differences, metrics)} p: of swapping the runs house by house, exactly for rates (with an episode a "
-        "house McNemar's test), at random for the rest; raised (Holm) for the three success rates and for the other "
-        f"metrics. Noise: p of {SIGNIFICANT} or more, and an interval that holds 0 and leaves no room for "
-        f"{100 * TELLING:.0f} points (but for shares, {TELLING:.0%} of the level of both) either way. Too few to tell: "
-        "p as large and another interval, or no difference whatever could have had less. The same: no episode differs."
-    )
-    grid = Table(
-        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0), show_edge=False, pad_edge=False,
-    )  # fmt: skip
-    for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
-        grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
-    for metric in metrics:
-        if metric.name in differences:
-            cells = compared(Column.of(metric), differences[metric.name])
-            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # An interval has a line of its own.
-    return grid
-
-
-def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> str:
-    """Say over how many episodes two runs are compared, and which metrics fewer of them bear on."""
-    count = max((found.count for found in differences.values()), default=0)
-    fewer: dict[int, list[str]] = {}
-    for metric in metrics:
-        if metric.name in differences and differences[metric.name].count < count:
-            fewer.setdefault(differences[metric.name].count, []).append(metric.name)
-    told = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
-    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer bear on {told}." if told else "")
-
-
-def compared(column: Column, found: Difference) -> tuple[str, ...]:
-    """Return a row of the comparison: metric, both values, the difference with its interval, p, and a verdict."""
-    change = Estimate(found.value, found.low, found.high, found.count)
-    sign = "+" if found.value > 0 else ""
-    values = (column.number(found.a), column.number(found.b), f"{sign}{_inline(column, change)}")
-    p = "< 0.001" if found.p < 0.0005 else f"{found.p:.3f}"
-    return (column.head, *values, p, verdict(column, found))
-
-
-def verdict(column: Column, found: Difference) -> str:
-    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, too few to
-    tell, or the same."""
-    if not found.significant:
-        # The interval of a rate keeps a width where no episode differs, and tells what these leave open.
-        same = found.alike and not found.high > found.low
-        return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
-    higher = "B" if found.value > 0 else "A"
-    other = "A" if higher == "B" else "B"
-    return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(column.better, f"{higher} is higher")
-
-
-def _blunt(column: Column, found: Difference) -> bool:
-    """Whether so few houses could not have shown a difference, or have not shown that there is none worth the name."""
-    room = TELLING * (1.0 if column.percent else found.level)
-    return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room
 
 
 # -- the paper's numbers -----------------------------------------------------------------------------------------------

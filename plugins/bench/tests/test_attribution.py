@@ -14,7 +14,7 @@ from humanclaw.records import free_episode
 from humanclaw.testing import ScriptedAgent
 from humanclaw.world import geodesics
 from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage
-from humanclaw_bench.metrics import score
+from humanclaw_bench.scores import score
 
 SEE, BLIND = "A couch is 2 m ahead.", "A wall."
 ON = {"pelvis_contacts": (COUCH,)}

@@ -9,8 +9,8 @@ from pathlib import Path
 from humanclaw import EpisodeSpec, Plugins
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import CAUSES
-from humanclaw_bench.metrics import Scores
 from humanclaw_bench.repair import drawn
+from humanclaw_bench.scores import Scores
 
 FAULTS = repair.known_faults(Plugins.discover())
 BY_LABEL = {cause.label: cause for cause in CAUSES}

@@ -12,21 +12,11 @@ from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
 
 from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, rest_pose, root_jerk
-from humanclaw.records import Answer, Attempt, PlayedPart, Usage
+from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
 from humanclaw.world import Contact, Execution
-from humanclaw_bench.metrics import (
-    ALL,
-    Scores,
-    acknowledges,
-    collisions,
-    compare,
-    disturbed,
-    disturbed_path,
-    estimate,
-    generated_trajectory,
-    score,
-)
+from humanclaw_bench.metrics import ALL, compare, estimate
+from humanclaw_bench.scores import Scores, collisions, disturbed, disturbed_path, generated_trajectory, score
 
 SEE = "A couch is 2 m ahead."
 METRIC = {metric.name: metric for metric in ALL}

@@ -10,7 +10,7 @@ from toy_world import FILE
 from humanclaw import Backends, Body, Call, Decision, Episode, EpisodeSpec, Plugins, RecordedEpisode
 from humanclaw.body import Pose2D
 from humanclaw.records import end_distance
-from humanclaw_bench.metrics import score
+from humanclaw_bench.scores import score
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from humanclaw import Call
 from humanclaw.records import SkillInfo
 from humanclaw.skills import Declaration
 from humanclaw_bench.attribution import attribute
-from humanclaw_bench.metrics import score
+from humanclaw_bench.scores import score
 
 SKILLS = INFOS | {
     "stroll": info(Declaration.of("stroll", STROLL)),

@@ -23,9 +23,9 @@ from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.integrity import check, played_again
-from humanclaw_bench.metrics import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import Forecast, run_split
+from humanclaw_bench.scores import score
 from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
 
 TOY = Backends("toy", "toy", "toy")

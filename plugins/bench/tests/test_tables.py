@@ -24,25 +24,15 @@ from humanclaw.cli import Commands
 from humanclaw.records import StepRecord, Verdict, write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
+from humanclaw_bench.comparison import compare_table, compared, verdict
 from humanclaw_bench.export import metrics_of, scored
-from humanclaw_bench.metrics import ALL, MAIN, Scores, compare, score
+from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
+from humanclaw_bench.results import named
+from humanclaw_bench.scores import Scores, score
 from humanclaw_bench.statistics import Difference, wilson
-from humanclaw_bench.tables import (
-    Column,
-    ResultTable,
-    all_tables,
-    comma_separated,
-    compare_table,
-    compared,
-    latex,
-    main_table,
-    markdown,
-    named,
-    terminal,
-    texts,
-    verdict,
-)
+from humanclaw_bench.tables import Column, ResultTable, all_tables, main_table
+from humanclaw_bench.writers import comma_separated, latex, markdown, terminal, texts
 
 SEE = "A couch is 2 m ahead."
 FOUND = step(says=SEE, pixels=500, end=(1.0, 1.0, 0.0))

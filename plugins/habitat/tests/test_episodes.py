@@ -16,7 +16,7 @@ from humanclaw import Body, EpisodeSpec, Plugins, RecordedEpisode, run_episode
 from humanclaw.body import Pose2D, wrap_angle
 from humanclaw.cli import build
 from humanclaw.records import read_episodes
-from humanclaw_bench.metrics import score
+from humanclaw_bench.scores import score
 from humanclaw_scripted.agents import OracleAgent
 
 GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}

@@ -1,0 +1,74 @@
+"""The comparison of two runs as a table, and its verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from humanclaw.cli import counted
+from humanclaw_bench.metrics import Metric
+from humanclaw_bench.statistics import SIGNIFICANT, Difference, Estimate
+from humanclaw_bench.tables import TELLING, Column, inline
+
+
+# -- two runs ----------------------------------------------------------------------------------------------------------
+def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
+    """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
+    caption = (
+        f"{bearing(differences, metrics)} p: of swapping the runs house by house, exactly for rates (with an episode a "
+        "house McNemar's test), at random for the rest; raised (Holm) for the three success rates and for the other "
+        f"metrics. Noise: p of {SIGNIFICANT} or more, and an interval that holds 0 and leaves no room for "
+        f"{100 * TELLING:.0f} points (but for shares, {TELLING:.0%} of the level of both) either way. Too few to tell: "
+        "p as large and another interval, or no difference whatever could have had less. The same: no episode differs."
+    )
+    grid = Table(
+        title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0), show_edge=False, pad_edge=False,
+    )  # fmt: skip
+    for title in ("metric", "A", "B", "B \u2212 A", "p", ""):
+        grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
+    for metric in metrics:
+        if metric.name in differences:
+            cells = compared(Column.of(metric), differences[metric.name])
+            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # An interval has a line of its own.
+    return grid
+
+
+def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> str:
+    """Say over how many episodes two runs are compared, and which metrics fewer of them bear on."""
+    count = max((found.count for found in differences.values()), default=0)
+    fewer: dict[int, list[str]] = {}
+    for metric in metrics:
+        if metric.name in differences and differences[metric.name].count < count:
+            fewer.setdefault(differences[metric.name].count, []).append(metric.name)
+    told = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
+    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer bear on {told}." if told else "")
+
+
+def compared(column: Column, found: Difference) -> tuple[str, ...]:
+    """Return a row of the comparison: metric, both values, the difference with its interval, p, and a verdict."""
+    change = Estimate(found.value, found.low, found.high, found.count)
+    sign = "+" if found.value > 0 else ""
+    values = (column.number(found.a), column.number(found.b), f"{sign}{inline(column, change)}")
+    p = "< 0.001" if found.p < 0.0005 else f"{found.p:.3f}"
+    return (column.head, *values, p, verdict(column, found))
+
+
+def verdict(column: Column, found: Difference) -> str:
+    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, too few to
+    tell, or the same."""
+    if not found.significant:
+        # The interval of a rate keeps a width where no episode differs, and tells what these leave open.
+        same = found.alike and not found.high > found.low
+        return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
+    higher = "B" if found.value > 0 else "A"
+    other = "A" if higher == "B" else "B"
+    return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(column.better, f"{higher} is higher")
+
+
+def _blunt(column: Column, found: Difference) -> bool:
+    """Whether so few houses could not have shown a difference, or have not shown that there is none worth the name."""
+    room = TELLING * (1.0 if column.percent else found.level)
+    return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room

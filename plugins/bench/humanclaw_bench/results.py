@@ -1,0 +1,127 @@
+"""Which episodes make a row of a table, and what is noted below it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from humanclaw.cli import counted, legible
+from humanclaw_bench.attribution import Cause
+from humanclaw_bench.integrity import Standing
+from humanclaw_bench.scores import Scores
+from humanclaw_bench.statistics import Estimate
+
+NONE: Final = Estimate(float("nan"))
+MOST_UNASKED: Final = 0.01
+"""Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
+MARK: Final = "\u2020"
+
+
+# -- which episodes make a row -----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Result:
+    """The scored episodes of one agent in one run, and why each failed episode did."""
+
+    name: str
+    scores: tuple[Scores, ...]
+    causes: tuple[Cause | None, ...]
+    """One a score; None for an episode that did not fail."""
+    asked: int = 0
+    """Episodes of the run, as its run.json says; 0 if there is none."""
+    faults: tuple[str, ...] = ()
+    """What contradicts its run.json, or leaves it open whether a record was changed."""
+    again: int = 0
+    """Episodes that were played again after they had ended."""
+
+    @property
+    def finished(self) -> tuple[Scores, ...]:
+        return tuple(s for s in self.scores if s.finished)
+
+    @property
+    def total(self) -> int:
+        """Episodes that there should be."""
+        return max(self.asked, len(self.scores))
+
+    @property
+    def partial(self) -> bool:
+        """Whether episodes are missing, or nothing tells that none is: not run yet, cut short by a limit of the run, or
+        broken by the infrastructure."""
+        return not self.asked or len(self.finished) < self.total
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Episodes that the numbers are of, and those that there should be; 0 if nothing tells."""
+        return len(self.finished), self.total if self.asked else 0
+
+    @property
+    def note(self) -> str:
+        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not
+        asked."""
+        apart = Counter(s.outcome for s in self.scores if not s.finished)
+        left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
+        of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
+        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
+        note = (
+            f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
+        )
+        return " ".join(legible(note).split())  # A line, whatever a record of somebody else's holds.
+
+    @property
+    def _again(self) -> str:
+        return f" Played again after they had ended: {self.again}." if self.again else ""
+
+    @property
+    def _foreign(self) -> str:
+        more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
+        return f" Warning: {self.faults[0]}{more}" if self.faults else ""
+
+    @property
+    def _privileged(self) -> str:
+        told = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
+        return f" Privileged, told scene and true state: {told}." if told else ""
+
+    @property
+    def _broken(self) -> str:
+        faults = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
+        return "".join(
+            f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items())
+        )
+
+    @property
+    def _unasked(self) -> str:
+        verified, unasked = (sum(getattr(s, name) for s in self.finished) for name in ("verified", "unasked"))
+        if not verified:
+            return ""
+        warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
+        return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
+
+
+def named(
+    runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
+) -> tuple[Result, ...]:
+    """Scored episodes by run to one result a run, agent, verifier and simulator. known: what each run's folder tells.
+
+    The simulator's name is told only where there are several, and a run's only where the rest repeats.
+    """
+    several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
+    groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
+    for run, found in runs.items():
+        for scores, cause in found:
+            agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
+            agent += f", {scores.simulator or 'simulator unknown'}" if several else ""
+            groups.setdefault((agent, run), []).append((scores, cause))
+    repeated = Counter(agent for agent, _ in groups)
+    return tuple(
+        Result(
+            agent if repeated[agent] == 1 else f"{agent} ({run})",
+            tuple(scores for scores, _ in found),
+            tuple(cause for _, cause in found),
+            standing.asked,
+            standing.faults,
+            standing.again,
+        )
+        for (agent, run), found in groups.items()
+        for standing in [(known or {}).get(run, Standing())]
+    )

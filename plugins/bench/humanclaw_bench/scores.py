@@ -1,0 +1,353 @@
+"""The facts of one episode that metrics are computed from."""
+
+from __future__ import annotations
+
+import logging
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
+from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array, Pose2D, root_jerk
+from humanclaw.records import (
+    Outcome,
+    acknowledges,
+    end_distance,
+    in_view,
+    on_target,
+    reached,
+    role_of,
+    sits_of,
+    stopped_seated,
+    stopped_within_reach,
+    touched_above_ground,
+)
+from humanclaw_bench.difficulty import overall
+
+MOVES: Final = 0.001
+"""Metres in a frame from which on an object moves; less is the trembling of what rests."""
+NEARBY: Final = 1.0
+"""The looser threshold of NavSR@1m, metres."""
+FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
+_LOG: Final = logging.getLogger("humanclaw")
+
+
+def ended(outcome: str, limit: str) -> bool:
+    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet
+    again."""
+    return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
+
+
+# -- what the agent says -----------------------------------------------------------------------------------------------
+def claims(step: StepRecord, category: str) -> bool:
+    """Whether the answer that a step rests on acknowledges the target."""
+    return acknowledges(step.decision.visible_state, category)
+
+
+# -- where the body was ------------------------------------------------------------------------------------------------
+def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
+    """Whether a step called a skill that sits down."""
+    return role_of(recorded, step) == "sit"
+
+
+def sat_down(recorded: RecordedEpisode) -> bool:
+    """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
+    return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
+
+
+# -- what the body ran into --------------------------------------------------------------------------------------------
+def collisions(recorded: RecordedEpisode) -> dict[str, float]:
+    """Share of the half-seconds of motion in which the body touches a fixed thing above the ground: 'any', and by body
+    group. A call that plays a sequence counts as many as it lasts.
+
+    A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
+    NaN without motion.
+    """
+    hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
+    count = len(hit) or float("nan")
+    return {"any": sum(map(bool, hit)) / count} | {
+        group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
+    }
+
+
+def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
+    """Yield the body groups that touch a fixed thing above the ground, in each chunk of a step."""
+    touched = [contact for contact in touched_above_ground(recorded, step) if not contact.movable]
+    for chunk in range(step.chunks):
+        yield {c.group for c in touched if any(frame // FUTURE == chunk for frame in c.frames)}
+
+
+def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
+    """Movable objects that the body touched, or that one of those touched later on, and so forth.
+
+    moved: object paths of the record. Returns object id to the first frame, as motion() counts them.
+    """
+    movable = set(recorded.record.movable) | set(moved)
+    hits: dict[int, set[int]] = defaultdict(set)
+    pairs: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for first, step in _starts(recorded.steps):
+        for contact in step.contacts:
+            if contact.movable:
+                movable.add(contact.object_id)
+                for frame in contact.frames:
+                    hits[first + frame].add(contact.object_id)
+        for frame, a, b in step.touches:
+            pairs[first + frame].append((a, b))
+    since: dict[int, int] = {}
+    for frame in sorted(hits.keys() | pairs.keys()):
+        since = dict.fromkeys(_reached(hits[frame] | since.keys(), pairs[frame], movable), frame) | since
+    return since
+
+
+def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
+    """Each step with the index of its first frame."""
+    frame = HISTORY
+    for step in steps:
+        yield frame, step
+        frame += step.motion_frames
+
+
+def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[int]) -> set[int]:
+    """Everything movable that is linked to a source by contacts of one frame. What is fixed passes nothing on."""
+    links = [set(pair) for pair in pairs if set(pair) <= movable]
+    reached, grown = set(sources), True
+    while grown:
+        more = set().union(*(link for link in links if link & reached)) - reached
+        reached, grown = reached | more, bool(more)
+    return reached
+
+
+def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
+    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was
+    disturbed, that moves it."""
+    pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
+    ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
+    return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
+
+
+# -- how the body moved ------------------------------------------------------------------------------------------------
+def generated_trajectory(recorded: RecordedEpisode) -> Motion:
+    """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
+
+    In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
+    jerk of the motion that was asked for, so the offset that re-rooting introduced is taken back.
+    """
+    made, real = recorded.motion("generated"), recorded.motion("simulated")
+    whole: Motion | None = None
+    for first, last in _chunks(recorded.steps):
+        piece = made[first:last]
+        if whole is not None:
+            piece = _hips(whole).to_world(_hips(real[:first]).to_local(piece))
+        whole = piece if whole is None else whole.then(piece)
+    return whole or made[:0]
+
+
+def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
+    for first, step in _starts(steps):
+        last = first + step.motion_frames
+        yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
+
+
+def _hips(motion: Motion) -> Pose2D:
+    """Return the frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
+
+
+# -- an episode --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Scores:
+    """One episode in numbers. None stands where the task does not ask for it, NaN where the record does not tell."""
+
+    episode: str
+    agent: str
+    verifier: str
+    scene: str
+    scene_digest: str
+    category: str
+    outcome: Outcome
+    find: bool | None
+    geo_find: bool | None
+    false_claims: float
+    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such
+    steps."""
+    nav: bool | None
+    geo_nav: bool | None
+    nav_1m: bool | None
+    interact: bool | None
+    geo_interact: bool | None
+    distance: float
+    """At the end, from the body to the nearest target, metres."""
+    collisions: Mapping[str, float]
+    disturbed: int
+    disturbed_path: float
+    """Of all disturbed objects together, metres."""
+    jerk: float
+    """m/s^3."""
+    steps: int
+    invalid: int
+    """Steps in which no usable call came."""
+    tokens_in: int
+    tokens_out: int
+    cost: float
+    """US dollars."""
+    tokens_reasoning: int = 0
+    """Of tokens_out those that the model thought with, as far as its provider tells."""
+    spl: float = float("nan")
+    soft_spl: float = float("nan")
+    """NavSR, and how much of the way was made, each weighted by path length; NaN where no way was measured."""
+    limit: str = ""
+    """Whose limit ended it, if one did."""
+    error: str = ""
+    """What ended it, if it was no decision: a plugin that failed is named in it."""
+    verified: int = 0
+    """Steps whose call a verifier should have checked: those of a skill without checks, of which nothing is asked, are
+    none."""
+    unasked: int = 0
+    """Of those, steps whose call was let through without an answer of the verifier that could be used."""
+    tier: str = ""
+    """easy, medium or hard; empty where the episode's difficulty is not known."""
+    simulator: str = ""
+    """What moved the world, by name; empty where the record does not tell."""
+    privileged: str | None = None
+    """Who was told scene and true state: agent, verifier or both; empty for nobody, None where the record does not
+    tell."""
+    spec: EpisodeSpec | None = None
+    """What was asked."""
+    chunks: int = 0
+    """Half-seconds of motion: more than the steps where calls play sequences."""
+    sequences: int = 0
+    """Steps whose call played a sequence of several parts."""
+    extra: Mapping[str, float] = field(default_factory=dict)
+    """What plugins measure (hook humanclaw_metrics), by name."""
+
+    @property
+    def finished(self) -> bool:
+        return ended(self.outcome, self.limit)
+
+    @property
+    def success(self) -> bool | None:
+        """Whether the last stage that the task asks for was met; None for an instruction that is not scored."""
+        return self.nav if self.interact is None else self.interact
+
+
+Extra = Mapping[str, Callable[[RecordedEpisode], float]]
+"""Metrics of plugins by name: a number of an episode, NaN where it does not apply."""
+
+
+def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
+    """Score one episode from its record. Raises RecordError if its motion cannot be read."""
+    record, steps = recorded.record, recorded.steps
+    spec = record.spec
+    moved, smoothness = _from_motion(recorded)
+    since = disturbed(recorded, moved)
+    usages = [step.usage for step in steps]
+    return Scores(
+        episode=spec.id,
+        agent=record.agent,
+        verifier=record.verifier,
+        scene=spec.scene,
+        scene_digest=record.scene_digest,
+        category=spec.target_category,
+        outcome=record.outcome,
+        **_successes(recorded),
+        false_claims=_false_claims(recorded),
+        distance=end_distance(recorded),
+        collisions=collisions(recorded),
+        disturbed=len(since),
+        disturbed_path=disturbed_path(since, moved),
+        jerk=smoothness,
+        steps=len(steps),
+        invalid=sum(step.status == "invalid" for step in steps),
+        tokens_in=sum(usage.tokens_in for usage in usages),
+        tokens_out=sum(usage.tokens_out for usage in usages),
+        cost=sum(usage.cost for usage in usages),
+        tokens_reasoning=sum(usage.tokens_reasoning for usage in usages),
+        spl=(spls := path_weighted(recorded))[0],
+        soft_spl=spls[1],
+        limit=record.limit,
+        error=record.error,
+        verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
+        unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
+        tier=overall(spec.difficulty) if spec.difficulty else "",
+        simulator=record.settings.get("body", {}).get("simulator", ""),
+        privileged=_privileged(record.settings),
+        spec=spec,
+        chunks=sum(step.chunks for step in steps),
+        sequences=sum(len(step.parts) > 1 for step in steps),
+        extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
+    )
+
+
+def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
+    found = settings.get("privileged")
+    return None if found is None else " and ".join(role for role, told in found.items() if told)
+
+
+def _asked(verdict: Verdict) -> bool:
+    """Whether a verdict tells of anything that was to be asked: an answer, why there is none, another call or what it
+    took."""
+    return verdict != Verdict(True)
+
+
+def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
+    """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
+
+    The way is the geodesic at the start, the path that of the pelvis over the floor from half-second to half-second.
+    NaN without a geodesic.
+    """
+    way, steps = recorded.record.geodesic, recorded.steps
+    if way is None or not recorded.record.spec.target_category:
+        return float("nan"), float("nan")
+    path = sum(float(np.hypot(b[0] - a[0], b[2] - a[2])) for step in steps for a, b in pairwise(step.path))
+    weight = way / max(path, way) if max(path, way) else 1.0
+    left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
+    made = max(0.0, 1 - left / way) if way else float(left == 0)
+    return float(stopped_within_reach(steps)) * weight, made * weight
+
+
+def _false_claims(recorded: RecordedEpisode) -> float:
+    category = recorded.record.spec.target_category
+    blind = [step for step in recorded.steps if category and not any(step.target_pixels.values())]
+    return sum(claims(step, category) for step in blind) / len(blind) if blind else float("nan")
+
+
+def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
+    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else. It is given a
+    copy of the record, which it may do with as it likes."""
+    try:
+        return float(measure(deepcopy(recorded)))
+    except KeyboardInterrupt:
+        raise
+    except TimeoutError as late:
+        _LOG.warning("metric %r failed on episode %s: %s", name, recorded.record.spec.id, late)
+    except BaseException:
+        _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
+    return float("nan")
+
+
+def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
+    spec, steps = recorded.record.spec, recorded.steps
+    if not spec.target_category:
+        return dict.fromkeys(("find", "geo_find", "nav", "geo_nav", "nav_1m", "interact", "geo_interact"))
+    near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY
+    return {
+        "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
+        "geo_find": any(map(in_view, steps)),
+        "nav": stopped_within_reach(steps),
+        "geo_nav": reached(recorded),
+        "nav_1m": near,
+        "interact": stopped_seated(spec, steps, sits_of(recorded)) if spec.interact else None,
+        "geo_interact": sat_down(recorded) if spec.interact else None,
+    }
+
+
+def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
+    """Object paths and jerk; nothing and NaN for an episode that ended before its motion was written."""
+    if not recorded.has_motion:
+        return {}, float("nan")
+    return recorded.objects(), root_jerk(generated_trajectory(recorded))
