@@ -1,4 +1,4 @@
-"""What mkdocs builds besides the pages as they stand: the READMEs as pages, and the commands as click knows them."""
+"""Generate pages for mkdocs: one for each package's README, and the reference of commands."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from humanclaw.cli import LazyCommand, build
 
 ROOT = Path(__file__).parents[1]
 INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
-"""READMEs that have a page of another name."""
+"""READMEs whose page has another name."""
 _PICTURE = re.compile(r"!\[([^\]]*)\]\((?!https?://)([^)\s]+)\)")
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 
 # -- READMEs -----------------------------------------------------------------------------------------------------------
 def pages() -> dict[str, str]:
-    """README, by its path in the repository, to the page that it becomes."""
+    """Map the path of each README in the repository to its page on the site."""
     found = [path.relative_to(ROOT) for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/")]
     listed = {f"{path}/README.md": f"packages/{path.parts[0]}-{path.name}.md" for path in found}
     return {path: page for path, page in {**listed, **INCLUDED}.items() if (ROOT / path).is_file()}
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add a page for every README of a package with the pictures that it shows, and a list of them."""
+    """Add a page and the pictures of every README of a package, and a page that lists them."""
     for path, page in pages().items():
         text = (ROOT / path).read_text("utf-8")
         files.append(File.generated(config, page, content=relinked(text, path, page)))
@@ -51,7 +51,7 @@ def _listed() -> Iterator[str]:
 
 
 def _pictures(text: str, path: str) -> list[str]:
-    """Return the pictures of a README, by their paths in the repository, where they have them on the site too."""
+    """Return the pictures of a README as paths in the repository, which are also their paths on the site."""
     return [_target(path, found[2]) for found in _PICTURE.finditer(text)]
 
 
@@ -60,10 +60,9 @@ def _target(path: str, link: str) -> str:
 
 
 def relinked(text: str, path: str, page: str) -> str:
-    """Point the links of a README at pages, and its pictures at what they show; what has no page is named and not
-    linked."""
-    known = pages() | {f"docs/{one.relative_to(ROOT / 'docs')}": one.relative_to(ROOT / "docs").as_posix()
-                       for one in (ROOT / "docs").rglob("*.md")}  # fmt: skip
+    """Point the links and pictures of a README at the site; a link to a file without a page becomes its path."""
+    written = [one.relative_to(ROOT / "docs").as_posix() for one in (ROOT / "docs").rglob("*.md")]
+    known = pages() | {f"docs/{one}": one for one in written}
 
     def link(match: re.Match[str]) -> str:
         target = _target(path, match[2])
@@ -81,7 +80,7 @@ def relinked(text: str, path: str, page: str) -> str:
 
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Write the commands where their page asks for them."""
+    """Replace the mark on the page of commands with the reference."""
     return (
         markdown.replace("<!-- commands -->", "\n".join(commands()))
         if page.file.src_path == "commands.md"
@@ -90,7 +89,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
 
 def commands() -> Iterator[str]:
-    """Every command that is installed, with every option, as Markdown."""
+    """Yield every installed command with every option, as Markdown."""
     root = build(Plugins.discover)
     for words, command in walk(root, ("humanclaw",)):
         context = click.Context(command, info_name=" ".join(words))
@@ -106,7 +105,7 @@ def commands() -> Iterator[str]:
 
 
 def _forwarded(command: click.Command) -> Iterator[str]:
-    """Print what a command says of itself whose options another module reads, and its subcommands too."""
+    """Yield the help text of a command whose options another module parses, and of its subcommands."""
     told = _help(command)
     yield f"```text\n{told}\n```\n"
     subcommands = re.search(r"\{([a-z,]+)\} \.\.\.", told)
@@ -120,7 +119,7 @@ def _help(command: click.Command, *words: str) -> str:
 
 
 def walk(command: click.Command, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    """Every command below a group that does something itself, with the words that call it."""
+    """Yield every command below a group that is no group itself, with the words that call it."""
     if not isinstance(command, click.Group):
         yield words, command
         return
