@@ -1,4 +1,4 @@
-"""`humanclaw bench`: make and run splits; tables, comparisons and scores of runs, from their records alone."""
+"""`humanclaw bench`: make and run splits; tables, comparisons and scores of recorded runs."""
 
 from __future__ import annotations
 
@@ -90,14 +90,15 @@ def run_command(
     out: Path | None, resume: bool, repeats: int, yes: bool, files: tuple[Path, ...],
     choice: Choice,
 ) -> None:  # fmt: skip
-    """Run a split, or go on with one: what has ended is kept, what was cut short continues from its last recorded
-    step."""
+    """Run a split, or resume one: finished episodes are kept, others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
-    metrics_of(plugins)  # A name that is taken is told before hours are spent.
+    metrics_of(plugins)  # Refuse a taken name before hours are spent.
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
     if not resume and (out / "run.json").exists():
-        raise RecordError(f"{out} holds a run already.", "Name another folder with --out, or go on with it: --resume.")
+        raise RecordError(
+            f"{out} holds a run already.", "Name another folder with --out, or continue it with --resume."
+        )
     job = Job(
         deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files), choice,
@@ -172,7 +173,7 @@ def table(
     runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, as_json: bool, partial: bool,
     files: tuple[Path, ...],
 ) -> None:  # fmt: skip
-    """Print the paper's tables for one or more runs, a row for each agent."""
+    """Print the paper's tables for one or more runs, one row for each agent."""
     results = _results(runs, files)
     if form == "latex":
         _require_whole(results, partial)
@@ -199,13 +200,15 @@ def table(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
 def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
-    """Compare two runs over the episodes that both finished, and say which differences are noise."""
+    """Compare two runs over the episodes that both finished, and tell differences from noise."""
     one, two = _one(a), _one(b)
     _require_whole((one, two), partial)
     engines = {scores.simulator for result in (one, two) for scores in result.scores}
     if len(engines) > 1 and not across_engines:
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
-        raise RecordError(f"the runs are of different simulators: {told}.", "Say --across-engines if that is meant.")
+        raise RecordError(
+            f"the runs are of different simulators: {told}.", "Add --across-engines to compare them anyway."
+        )
     differences = compare(one.scores, two.scores, seed=seed)
     if as_json:
         _print_json(plain_differences(differences, ALL))
@@ -225,7 +228,7 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @plugin_files
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
-    """Score a run again from its records: a line an episode with every number and the root cause."""
+    """Score a run again from its records: one line for each episode, with every number and the root cause."""
     out = out or run / "scores.jsonl"
     episodes = load_run(run)
     found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
@@ -245,8 +248,8 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @click.argument("run", type=RUN)
 @click.option("--submission", type=RUN, help="Also score the records again and hold this file to them.")
 def verify(run: Path, submission: Path | None) -> None:
-    """Hold every file of a run to the digests in its records, and the records to the split and settings in run.json;
-    name what is damaged or of another run."""
+    """Check every file of a run against its digest, and the records against split and settings in run.json. Lists what
+    is damaged or belongs to another run."""
     count, faults = check(run)
     asked = max(count, asked_of(run))
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
@@ -272,7 +275,7 @@ def verify(run: Path, submission: Path | None) -> None:
 @click.option("--out", type=RUN, help="Where to write; the default is submission.json in the run.")
 @PARTIAL
 def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
-    """Write one file with what was run and what came of it, for `bench verify --submission` and `bench leaderboard`."""
+    """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
     _require_whole([_one(run)], partial)
     made = submissions.submit(run, who, model_date)
     out = out or run / submissions.NAME
@@ -283,7 +286,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @bench.command()
 @click.argument("folder", type=RUN)
 def leaderboard(folder: Path) -> None:
-    """Make index.html of the submissions in a folder; a run in a folder of the same name beside one is checked."""
+    """Make index.html of the submissions in a folder. A run in a folder of the same name beside one is checked."""
     click.echo(leaderboards.leaderboard(folder))
 
 
@@ -307,19 +310,18 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
 
 
 def _require_whole(results: Sequence[Result], partial: bool) -> None:
-    """Raise RecordError for a run with records that are not its own, and for one that is not known to be whole unless
-    that was asked for."""
+    """Raise RecordError for a run with foreign records, and for one that may be incomplete without --partial."""
     for result in results:
         if result.faults:
-            raise RecordError(result.faults[0], "`humanclaw bench verify` names all that is wrong with the run.")
+            raise RecordError(result.faults[0], "`humanclaw bench verify` lists everything that is wrong with the run.")
         if result.partial and not partial:
             known = "" if result.asked else "known to be "
-            raise RecordError(f"the run is not {known}complete: {result.note}", "Go on with it, or say --partial.")
+            raise RecordError(f"the run is not {known}complete: {result.note}", "Continue it, or add --partial.")
 
 
 def _one(run: Path) -> Result:
     results = _results([run])
-    _require_whole(results, partial=True)  # Whether its records are its own; how many there are is another question.
+    _require_whole(results, partial=True)  # Foreign records are refused here; missing ones elsewhere.
     if len(results) > 1:
         names = ", ".join(result.name for result in results)
         raise RecordError(f"{run} holds runs of several agents ({names}).", "Name the folder of one of them.")

@@ -13,9 +13,8 @@ from humanclaw_bench.statistics import SIGNIFICANT, Difference, Estimate
 from humanclaw_bench.tables import TELLING, Column, inline
 
 
-# -- two runs ----------------------------------------------------------------------------------------------------------
 def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
-    """Metric by metric: both values, the difference with its interval, p, and whether it is more than noise."""
+    """Return a table: for each metric both values, the difference with its interval, p, and a verdict."""
     caption = (
         f"{bearing(differences, metrics)} p: of swapping the runs house by house, exactly for rates (with an episode a "
         "house McNemar's test), at random for the rest; raised (Holm) for the three success rates and for the other "
@@ -32,12 +31,12 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     for metric in metrics:
         if metric.name in differences:
             cells = compared(Column.of(metric), differences[metric.name])
-            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # An interval has a line of its own.
+            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # Intervals stand on a line of their own.
     return grid
 
 
 def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> str:
-    """Say over how many episodes two runs are compared, and which metrics fewer of them bear on."""
+    """Return a sentence on the number of compared episodes, and on the metrics that cover fewer."""
     count = max((found.count for found in differences.values()), default=0)
     fewer: dict[int, list[str]] = {}
     for metric in metrics:
@@ -57,10 +56,10 @@ def compared(column: Column, found: Difference) -> tuple[str, ...]:
 
 
 def verdict(column: Column, found: Difference) -> str:
-    """Say the difference in words: which run is better (higher, where neither is good in itself), noise, too few to
-    tell, or the same."""
+    """Return the difference in words: the better run (or the higher one, if neither direction is better), noise, too
+    few to tell, or the same."""
     if not found.significant:
-        # The interval of a rate keeps a width where no episode differs, and tells what these leave open.
+        # A rate has an interval even if no episode differs: it shows what that leaves open.
         same = found.alike and not found.high > found.low
         return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
     higher = "B" if found.value > 0 else "A"
@@ -69,6 +68,6 @@ def verdict(column: Column, found: Difference) -> str:
 
 
 def _blunt(column: Column, found: Difference) -> bool:
-    """Whether so few houses could not have shown a difference, or have not shown that there is none worth the name."""
+    """Whether there are too few houses to show a difference, or to exclude a relevant one."""
     room = TELLING * (1.0 if column.percent else found.level)
     return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room

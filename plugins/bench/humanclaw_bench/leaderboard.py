@@ -22,7 +22,6 @@ from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions,
 from humanclaw_bench.tables import Column
 
 
-# -- the page ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Entry:
     """A submission on the page."""
@@ -30,17 +29,16 @@ class Entry:
     file: str
     submission: Submission
     records: str
-    """What its records say of it: agree, not here, or in what they do not."""
+    """Result of its records: agree, not here, or the contradictions."""
     apart: str = ""
-    """Why it is not ranked; empty if it is."""
+    """Reason why it is not ranked; empty if it is."""
 
 
 def leaderboard(folder: Path) -> Path:
-    """Write index.html of all submissions in a folder, the best InteractSR first; returns its path.
+    """Write index.html of all submissions in a folder, the best InteractSR first, and return its path.
 
-    A split has a table of those whose records lie here and agree, and one of those that are only told. One of a partial
-    run, one that its records contradict, and one whose records cannot be read is listed apart. Raises RecordError if
-    there is none.
+    Each split has a table of submissions whose records lie here and agree, and one of submissions without records.
+    Partial, contradicted and damaged ones are listed apart. Raises RecordError if there is no submission.
     """
     found, unread = _entries(folder)
     if not (found or unread):
@@ -58,20 +56,20 @@ def leaderboard(folder: Path) -> Path:
 
 
 def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
-    """Return the submissions in a folder, and what is wrong with the files that are none."""
+    """Return the submissions of a folder, and the errors of files that could not be read."""
     found, unread = [], []
     for path in sorted(folder.glob("*.json")):
         try:
             found.append(_entry(path, read(path)))
         except RecordError as error:
             unread.append(error.message)
-        except Exception as error:  # Whatever a stranger's file or records may do, it stops nobody else's.
+        except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
     return found, unread
 
 
 def _entry(path: Path, one: Submission) -> Entry:
-    """Hold a submission to its records, if they lie here."""
+    """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     try:
         wrong = contradictions(one, run) if run.is_dir() else (*inconsistencies(one),)
@@ -97,7 +95,7 @@ def _section(split: str, asked: int, told: bool, entries: Sequence[Entry]) -> st
 
 
 def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
-    """Those that say nothing beside the others, each with the reason."""
+    """Return the unranked submissions, each with the reason."""
     rows = [(*_cells(entry), entry.file, entry.apart) for entry in entries]
     table = _table("Not ranked", (*_TITLES, "file", "why"), rows) if rows else ""
     return table + "".join(f"<p>Not read: {html.escape(legible(reason))}</p>" for reason in unread)
@@ -140,7 +138,7 @@ def _cells(entry: Entry) -> tuple[str, ...]:
 
 
 def _settings(run: Mapping[str, Any]) -> str:
-    """Return what a run was played with that others need not be."""
+    """Return the settings of a run that may differ from other rows."""
     told = {key: _given(run[key]) for key in ("options", "limits", "choice", "plugin files") if key in run}
     if told.get("options") == {"profile": "default"}:
         del told["options"]
@@ -148,7 +146,7 @@ def _settings(run: Mapping[str, Any]) -> str:
 
 
 def _given(value: object) -> object:
-    """Leave out of a mapping what nothing was given for."""
+    """Return a mapping without its empty entries."""
     return {key: inner for key, inner in value.items() if inner not in ([], "")} if isinstance(value, dict) else value
 
 

@@ -15,17 +15,16 @@ from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
 
-# -- many episodes -----------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Metric:
-    """A column of the tables: the sum of the numerators over the sum of the denominators, one pair an episode."""
+    """A column: the sum of numerators over the sum of denominators, one pair for each episode."""
 
     name: str
     better: Literal["higher", "lower", ""]
     parts: Callable[[Scores], tuple[float, float] | None]
-    """None: the episode does not bear on this metric."""
+    """Return numerator and denominator of an episode; None if the metric does not apply to it."""
     rate: bool = False
-    """Successes of trials, an episode each."""
+    """Whether it is a rate: each episode is one trial."""
     percent: bool = False
     digits: int = 1
 
@@ -56,7 +55,7 @@ def _collision(name: str, group: str) -> Metric:
 FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("InteractSR", "interact")
 COLLISIONS: Final = _collision("Coll.", "any")
 UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
-"""Share of the calls that a verifier should have checked and that were let through unasked."""
+"""Share of the calls to verify that passed unverified."""
 COST: Final = (
     Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
     Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
@@ -64,9 +63,9 @@ COST: Final = (
     Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
     UNASKED,
 )  # fmt: skip
-"""What asking models takes."""
+"""Tokens and cost of models."""
 FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=True)
-"""What FindSR would be bought with by an agent that always says it sees its target."""
+"""The price of FindSR for an agent that always claims to see its target."""
 MAIN: Final = (
     FIND, FALSE_CLAIMS, NAV, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.disturbed, 2),
@@ -77,7 +76,7 @@ MAIN: Final = (
     _mean("SPL", lambda s: s.spl, 3, better="higher"),
     _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),
 )  # fmt: skip
-"""Columns of the paper's main table, and what an episode cost."""
+"""Columns of the paper's main table, and the cost."""
 VARIANTS: Final = (
     FIND, _rate("GeoFindSR", "geo_find"), NAV, _rate("GeoNavSR", "geo_nav"), _rate("NavSR@1m", "nav_1m"),
     INTERACT, _rate("GeoInteractSR", "geo_interact"),
@@ -90,7 +89,7 @@ ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
 
 
 def extra_metric(name: str) -> Metric:
-    """Return a plugin's metric, averaged over episodes."""
+    """Return the column of a plugin's metric, averaged over episodes."""
     return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
@@ -104,19 +103,19 @@ def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Esti
 
 
 def clusters(scores: Sequence[Scores]) -> tuple[list[str], list[str]]:
-    """Return what does not vary by itself: the house of each, and the episode that it is or repeats."""
+    """Return the clusters of each score: its house, and the episode that it is or repeats."""
     return [s.scene for s in scores], [original_of(s.episode) for s in scores]
 
 
 def compare(
     a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] = ALL, *, seed: int = 0
 ) -> dict[str, Difference]:
-    """Run B against run A over the episodes that both finished, by metric name.
+    """Compare run B with run A over the episodes that both finished, by metric name.
 
-    p is raised for the number of metrics (Holm), within the three success rates and within the rest: those are what a
-    run is for, and a score of side results must not drown them.
+    p is corrected for the number of metrics (Holm), separately for the three success rates and for the rest, so that
+    many side results do not hide the main ones.
 
-    Raises RecordError if they share no episode, if one holds an episode twice, or if an episode's scene differs.
+    Raises RecordError if the runs share no episode, if one holds an episode twice, or if an episode differs.
     """
     pairs = common(a, b)
     found: dict[str, Difference] = {}
@@ -130,7 +129,7 @@ def compare(
 
 
 def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
-    """Compare one metric of B against A over the episodes that bear on it in both; None if none does."""
+    """Compare one metric of B with A over the episodes to which it applies in both; None if there are none."""
     known = [(one, two, x) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
     a, b = [one for one, _, _ in known], [two for _, two, _ in known]
     drawn = clusters([x for _, _, x in known])
@@ -140,7 +139,7 @@ def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, see
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:
-    """Return the episodes that both runs finished, in pairs. Raises RecordError as compare does."""
+    """Return pairs of the episodes that both runs finished. Raises RecordError as compare() does."""
     first, second = _by_episode(a), _by_episode(b)
     pairs = [(first[key], second[key]) for key in first if key in second]
     if not pairs:
@@ -155,7 +154,7 @@ def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Score
 
 
 def _unlike(one: Scores, two: Scores) -> list[str]:
-    """In what two runs were not asked the same, such as 'seed (0 and 99)'."""
+    """Return the fields in which two episodes differ, such as 'seed (0 and 99)'."""
     pairs: dict[str, tuple[object, object]] = {}
     if one.spec and two.spec:
         pairs = {name: (getattr(one.spec, name), getattr(two.spec, name)) for name in EpisodeSpec.model_fields}

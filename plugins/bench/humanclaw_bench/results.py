@@ -1,4 +1,4 @@
-"""Which episodes make a row of a table, and what is noted below it."""
+"""The scored episodes behind a row of a table, and the notes below the table."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from humanclaw_bench.statistics import Estimate
 
 NONE: Final = Estimate(float("nan"))
 MOST_UNASKED: Final = 0.01
-"""Share of a verifier's steps above which calls that were let through unasked are worth a warning."""
+"""Share of unverified calls above which a note warns."""
 MARK: Final = "\u2020"
 
 
-# -- which episodes make a row -----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Result:
-    """The scored episodes of one agent in one run, and why each failed episode did."""
+    """The scored episodes of one agent in one run, with the root cause of each failure."""
 
     name: str
     scores: tuple[Scores, ...]
     causes: tuple[Cause | None, ...]
-    """One a score; None for an episode that did not fail."""
+    """One for each score; None for an episode that did not fail."""
     asked: int = 0
-    """Episodes of the run, as its run.json says; 0 if there is none."""
+    """Number of episodes of the run according to run.json; 0 without one."""
     faults: tuple[str, ...] = ()
-    """What contradicts its run.json, or leaves it open whether a record was changed."""
+    """Contradictions to run.json, and records without a seal."""
     again: int = 0
-    """Episodes that were played again after they had ended."""
+    """Number of episodes that were played again after they had ended."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -41,24 +40,22 @@ class Result:
 
     @property
     def total(self) -> int:
-        """Episodes that there should be."""
+        """Number of episodes that the run should have."""
         return max(self.asked, len(self.scores))
 
     @property
     def partial(self) -> bool:
-        """Whether episodes are missing, or nothing tells that none is: not run yet, cut short by a limit of the run, or
-        broken by the infrastructure."""
+        """Whether episodes are missing (not run, cut short by a limit of the run, infra_error), or may be."""
         return not self.asked or len(self.finished) < self.total
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Episodes that the numbers are of, and those that there should be; 0 if nothing tells."""
+        """Number of episodes behind the numbers, and of the run; 0 if unknown."""
         return len(self.finished), self.total if self.asked else 0
 
     @property
     def note(self) -> str:
-        """How many episodes the numbers are of, which were left out, what plugins broke, and a verifier that was not
-        asked."""
+        """The note below a table: missing episodes, plugin errors, unverified calls, contradictions."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
@@ -66,7 +63,7 @@ class Result:
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
         )
-        return " ".join(legible(note).split())  # A line, whatever a record of somebody else's holds.
+        return " ".join(legible(note).split())  # One line, whatever a stranger's record holds.
 
     @property
     def _again(self) -> str:
@@ -101,9 +98,10 @@ class Result:
 def named(
     runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
 ) -> tuple[Result, ...]:
-    """Scored episodes by run to one result a run, agent, verifier and simulator. known: what each run's folder tells.
+    """Group scored episodes to one result for each run, agent, verifier and simulator. known: facts from each run's
+    folder.
 
-    The simulator's name is told only where there are several, and a run's only where the rest repeats.
+    A result's name includes the simulator if there are several, and the run if the rest repeats.
     """
     several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
     groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}

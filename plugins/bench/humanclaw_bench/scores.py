@@ -30,7 +30,7 @@ from humanclaw.records import (
 from humanclaw_bench.difficulty import overall
 
 MOVES: Final = 0.001
-"""Metres in a frame from which on an object moves; less is the trembling of what rests."""
+"""Metres in a frame from which an object counts as moving; less is jitter of physics."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
@@ -38,35 +38,33 @@ _LOG: Final = logging.getLogger("humanclaw")
 
 
 def ended(outcome: str, limit: str) -> bool:
-    """Whether an episode was run to its end, a failure included: its own, a plugin's, or a limit that it would meet
-    again."""
+    """Tell whether an episode ended, failures included: its own, a plugin's, or a limit of an episode or call."""
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
 # -- what the agent says -----------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
-    """Whether the answer that a step rests on acknowledges the target."""
+    """Tell whether the answer of a step acknowledges the target."""
     return acknowledges(step.decision.visible_state, category)
 
 
 # -- where the body was ------------------------------------------------------------------------------------------------
 def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
-    """Whether a step called a skill that sits down."""
+    """Tell whether a step called a skill of role sit."""
     return role_of(recorded, step) == "sit"
 
 
 def sat_down(recorded: RecordedEpisode) -> bool:
-    """GeoInteractSR: the last frame of some sit has the pelvis on a target."""
+    """Tell whether the pelvis was on a target in the last frame of any sit (GeoInteractSR)."""
     return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
 # -- what the body ran into --------------------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Share of the half-seconds of motion in which the body touches a fixed thing above the ground: 'any', and by body
-    group. A call that plays a sequence counts as many as it lasts.
+    """Return the share of half seconds of motion in which the body touches a fixed object above the ground (Coll.).
 
-    A foot on a stair or on an upper floor stands on the ground there: the paper's houses have one level, ours have two.
-    NaN without motion.
+    Keys: 'any' and the body groups. A foot on stairs or on an upper floor stands on the ground (the paper's houses have
+    one level). NaN without motion.
     """
     hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
     count = len(hit) or float("nan")
@@ -76,16 +74,16 @@ def collisions(recorded: RecordedEpisode) -> dict[str, float]:
 
 
 def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
-    """Yield the body groups that touch a fixed thing above the ground, in each chunk of a step."""
+    """Yield for each chunk of a step the body groups that touch a fixed object above the ground."""
     touched = [contact for contact in touched_above_ground(recorded, step) if not contact.movable]
     for chunk in range(step.chunks):
         yield {c.group for c in touched if any(frame // FUTURE == chunk for frame in c.frames)}
 
 
 def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
-    """Movable objects that the body touched, or that one of those touched later on, and so forth.
+    """Return the disturbed objects: touched by the body, or later by a disturbed object (#Dtb).
 
-    moved: object paths of the record. Returns object id to the first frame, as motion() counts them.
+    moved: object paths of the record. Returns the first frame of the disturbance by object id, as motion() counts them.
     """
     movable = set(recorded.record.movable) | set(moved)
     hits: dict[int, set[int]] = defaultdict(set)
@@ -105,7 +103,7 @@ def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int
 
 
 def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
-    """Each step with the index of its first frame."""
+    """Yield each step with the index of its first frame."""
     frame = HISTORY
     for step in steps:
         yield frame, step
@@ -113,7 +111,7 @@ def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
 
 
 def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[int]) -> set[int]:
-    """Everything movable that is linked to a source by contacts of one frame. What is fixed passes nothing on."""
+    """Return the movable objects that contacts of one frame link to a source. Fixed objects pass nothing on."""
     links = [set(pair) for pair in pairs if set(pair) <= movable]
     reached, grown = set(sources), True
     while grown:
@@ -123,8 +121,8 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Length of the paths of disturbed objects, metres, all together: each from the first frame, since it was
-    disturbed, that moves it."""
+    """Return the total path length of disturbed objects, metres, each from the first frame after its disturbance that
+    moves it."""
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
     ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
     return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
@@ -132,10 +130,10 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
 
 # -- how the body moved ------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
-    """Return the generated motion of all steps as one: each chunk taken up where the one before it was left.
+    """Return the generated motion of all steps as one, each chunk from the end of the one before it.
 
-    In the record a chunk begins where the body really was. That contact stopped the body is physics' affair, and not a
-    jerk of the motion that was asked for, so the offset that re-rooting introduced is taken back.
+    In the record a chunk begins at the simulated body. The offset to the last generated pose comes from contact, not
+    from the motion model, so it must not count as jerk.
     """
     made, real = recorded.motion("generated"), recorded.motion("simulated")
     whole: Motion | None = None
@@ -154,14 +152,14 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 
 
 def _hips(motion: Motion) -> Pose2D:
-    """Return the frame of the last pose's pelvis: the one in which the next chunk is put down."""
+    """Return the floor-projected hip frame of the last pose, in which the next chunk begins."""
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Scores:
-    """One episode in numbers. None stands where the task does not ask for it, NaN where the record does not tell."""
+    """One episode in numbers. None: not part of the task. NaN: not in the record."""
 
     episode: str
     agent: str
@@ -173,57 +171,55 @@ class Scores:
     find: bool | None
     geo_find: bool | None
     false_claims: float
-    """Share of the steps with no pixel of a target in view that claim to see one all the same; NaN without such
-    steps."""
+    """Share of steps without a target pixel in view that claim to see the target; NaN without such steps."""
     nav: bool | None
     geo_nav: bool | None
     nav_1m: bool | None
     interact: bool | None
     geo_interact: bool | None
     distance: float
-    """At the end, from the body to the nearest target, metres."""
+    """Distance from the body to the nearest target at the end, metres."""
     collisions: Mapping[str, float]
     disturbed: int
     disturbed_path: float
-    """Of all disturbed objects together, metres."""
+    """Total path of all disturbed objects, metres."""
     jerk: float
     """m/s^3."""
     steps: int
     invalid: int
-    """Steps in which no usable call came."""
+    """Number of steps without a usable call."""
     tokens_in: int
     tokens_out: int
     cost: float
     """US dollars."""
     tokens_reasoning: int = 0
-    """Of tokens_out those that the model thought with, as far as its provider tells."""
+    """Reasoning tokens among tokens_out, if the provider reports them."""
     spl: float = float("nan")
     soft_spl: float = float("nan")
-    """NavSR, and how much of the way was made, each weighted by path length; NaN where no way was measured."""
+    """NavSR and the share of the way, weighted by path length; NaN if no way was measured."""
     limit: str = ""
-    """Whose limit ended it, if one did."""
+    """Scope of the limit that ended the episode; empty if none did."""
     error: str = ""
-    """What ended it, if it was no decision: a plugin that failed is named in it."""
+    """Error that ended the episode; it names the plugin."""
     verified: int = 0
-    """Steps whose call a verifier should have checked: those of a skill without checks, of which nothing is asked, are
-    none."""
+    """Number of steps whose call the verifier should check. Calls of skills without checks do not count."""
     unasked: int = 0
-    """Of those, steps whose call was let through without an answer of the verifier that could be used."""
+    """Number of these steps that passed without a usable answer of the verifier."""
     tier: str = ""
-    """easy, medium or hard; empty where the episode's difficulty is not known."""
+    """easy, medium or hard; empty if unknown."""
     simulator: str = ""
-    """What moved the world, by name; empty where the record does not tell."""
+    """Name of the simulator; empty if the record does not say."""
     privileged: str | None = None
-    """Who was told scene and true state: agent, verifier or both; empty for nobody, None where the record does not
-    tell."""
+    """Who was given scene and true state: agent, verifier or both; empty for nobody, None if the record does not
+    say."""
     spec: EpisodeSpec | None = None
-    """What was asked."""
+    """The specification of the episode."""
     chunks: int = 0
-    """Half-seconds of motion: more than the steps where calls play sequences."""
+    """Number of half seconds of motion."""
     sequences: int = 0
-    """Steps whose call played a sequence of several parts."""
+    """Number of steps whose call played a sequence."""
     extra: Mapping[str, float] = field(default_factory=dict)
-    """What plugins measure (hook humanclaw_metrics), by name."""
+    """Metrics of plugins (hook humanclaw_metrics), by name."""
 
     @property
     def finished(self) -> bool:
@@ -231,12 +227,12 @@ class Scores:
 
     @property
     def success(self) -> bool | None:
-        """Whether the last stage that the task asks for was met; None for an instruction that is not scored."""
+        """Whether the last stage of the task was met; None for an unscored instruction."""
         return self.nav if self.interact is None else self.interact
 
 
 Extra = Mapping[str, Callable[[RecordedEpisode], float]]
-"""Metrics of plugins by name: a number of an episode, NaN where it does not apply."""
+"""Metrics of plugins by name. Each returns a number, NaN if it does not apply."""
 
 
 def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
@@ -289,16 +285,16 @@ def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
 
 
 def _asked(verdict: Verdict) -> bool:
-    """Whether a verdict tells of anything that was to be asked: an answer, why there is none, another call or what it
-    took."""
+    """Tell whether there was anything to verify: a verdict with an answer, a reason for none, another call or a
+    cost."""
     return verdict != Verdict(True)
 
 
 def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
-    """SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
+    """Return SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
 
-    The way is the geodesic at the start, the path that of the pelvis over the floor from half-second to half-second.
-    NaN without a geodesic.
+    The way is the geodesic at the start, the path that of the pelvis over the floor, by half seconds. NaN without a
+    geodesic.
     """
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
@@ -317,8 +313,8 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, hangs or gives no number, which changes nothing else. It is given a
-    copy of the record, which it may do with as it likes."""
+    """Return a plugin's metric; NaN if it raises, hangs or returns no number. It gets a copy of the record, so it
+    cannot alter the scores."""
     try:
         return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:
@@ -347,7 +343,7 @@ def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
 
 
 def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
-    """Object paths and jerk; nothing and NaN for an episode that ended before its motion was written."""
+    """Return object paths and jerk; empty and NaN if no motion was written."""
     if not recorded.has_motion:
         return {}, float("nan")
     return recorded.objects(), root_jerk(generated_trajectory(recorded))

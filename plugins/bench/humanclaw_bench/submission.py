@@ -22,13 +22,13 @@ from humanclaw_bench.statistics import Estimate, rate
 
 NAME: Final = "submission.json"
 RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
-"""What submissions are ranked by, from the first stage to the last, and where an episode's numbers have it."""
+"""The ranked rates, from first to last stage, and their fields in an episode's numbers."""
 MOST: Final = 10**15
-"""Of whatever is counted; more is a mistake."""
+"""Maximum of any count."""
 LARGEST: Final = 100_000_000
-"""Bytes of a submission; that of 1,218 episodes has two million."""
+"""Maximum bytes of a submission; 1,218 episodes take two million."""
 TOLERANCE: Final = 1e-6
-"""By how much a number that is computed again may differ: other processors round otherwise."""
+"""Allowed difference of recomputed numbers: processors round differently."""
 _UNSCORED: Final = ("agent", "verifier", "error", "extra")
 
 
@@ -42,7 +42,7 @@ Count = Annotated[int, Field(ge=0, le=MOST)]
 
 
 class Numbers(_Value):
-    """An episode's numbers as `bench rescore` writes them; those that the page rests on are named here."""
+    """An episode's numbers as `bench rescore` writes them. The fields are those that the page uses."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -52,7 +52,7 @@ class Numbers(_Value):
     find: bool | None
     nav: bool | None
     interact: bool | None
-    """None: the task does not ask for it."""
+    """None: not part of the task."""
     false_claims: Annotated[float, Field(ge=0, le=1)] | None
     cost: Dollars
     tokens_in: Count
@@ -70,73 +70,70 @@ class EpisodeResult(_Value):
     id: Text
     seed: int
     digest: Text
-    """SHA-256 over all that happened in it (RecordedEpisode.digest)."""
+    """RecordedEpisode.digest."""
     scores: Numbers
 
 
 class Submission(_Value):
-    """All that a leaderboard shows of a run, and what it takes to check it."""
+    """The numbers of a run for a leaderboard, with everything needed to check them."""
 
     format: Literal[2] = 2
     who: Text
-    """Whoever submits it, as it is to be shown."""
+    """The author, as shown on the page."""
     made: date
-    """Day on which this file was written."""
+    """Date of this file."""
     agent: Text
     verifier: Text = ""
-    """Whoever checked the calls; empty for nobody."""
+    """Name of the verifier; empty for none."""
     model_date: Text = ""
-    """Version or day of the model as its provider tells it; a name alone may be another model tomorrow."""
+    """Version or date of the model from its provider: a name alone may change its meaning."""
     temperature: Annotated[float, Field(ge=0, le=100)] | None = None
-    """None: not told, or no model."""
+    """None if unknown or without a model."""
     engine: Text
-    """What moved the world."""
+    """Name of the simulator."""
     seeds: tuple[int, ...]
-    """Of the episodes, each once."""
+    """Seeds of the episodes, each once."""
     asked: Annotated[int, Field(ge=1, le=EPISODES)]
-    """Episodes that the run is of."""
+    """Number of episodes of the run."""
     cost: Dollars
-    """US dollars of all episodes, unfinished ones included."""
+    """Cost of all episodes, unfinished ones included, US dollars."""
     tokens: Count
     again: Count = 0
-    """Episodes that were played again after they had ended, as far as the run's journal tells."""
+    """Number of episodes that were played again after they had ended, according to the journal."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
     rates: dict[str, tuple[float, float, float, int]]
     """FindSR, NavSR, InteractSR: value, interval, episodes."""
     episodes: tuple[EpisodeResult, ...]
     digest: str = ""
-    """SHA-256 of this file without this line."""
+    """SHA-256 of this file without this field."""
 
     @property
     def sealed(self) -> Submission:
-        """The same with the digest that belongs to it."""
+        """The submission with its digest."""
         content = self.model_dump_json(exclude={"digest"}).encode()
         return self.model_copy(update={"digest": hashlib.sha256(content).hexdigest()})
 
 
 def submit(run: Path, who: str, model_date: str = "") -> Submission:
-    """Make the submission of a run from its records. Raises RecordError unless they are those of one run of one agent,
-    whole and sealed."""
+    """Make the submission of a run. Raises RecordError unless its records are whole, sealed and of one agent."""
     manifest, episodes = read_manifest(run), load_run(run)
     if wrong := faults(episodes, run):
-        raise RecordError(wrong[0], f"`humanclaw bench verify {run}` names all that is wrong.")
+        raise RecordError(wrong[0], f"`humanclaw bench verify {run}` lists everything that is wrong.")
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
     try:
         return _made(episodes, run, manifest, who, model_date).sealed
     except ValidationError as error:
-        raise RecordError(
-            f"no submission can be made of {run}: {_first(error)}.", "Mend that and try again."
-        ) from error
+        raise RecordError(f"no submission can be made of {run}: {_first(error)}.", "Fix that and try again.") from error
 
 
 def _made(episodes: Sequence[RecordedEpisode], run: Path, manifest: Manifest, who: str, model_date: str) -> Submission:
     pairs = scored(episodes, name=run.name)
     scores = [one for one, _ in pairs]
     results = tuple(_result(*entry) for entry in zip(episodes, (row(*pair) for pair in pairs), strict=True))
-    # An agent that was never made says nothing of itself.
+    # An agent that could not be made has no settings.
     first = min((one.record for one in episodes), key=lambda record: record.outcome == "plugin_error")
     return Submission(
         who=who, made=datetime.now(UTC).date(), agent=first.agent, verifier=first.verifier, model_date=model_date,
@@ -149,7 +146,7 @@ def _made(episodes: Sequence[RecordedEpisode], run: Path, manifest: Manifest, wh
 
 
 def _temperature(told: object) -> float | None:
-    """Return what an agent says as a temperature, if it is one."""
+    """Return a temperature from an agent's settings; None if it is not a number."""
     return float(told) if isinstance(told, int | float) and 0 <= told <= 100 else None
 
 
@@ -165,11 +162,11 @@ def _rates(scores: Sequence[Scores]) -> dict[str, tuple[float, float, float, int
 
 
 def read(path: Path) -> Submission:
-    """Read a submission. Raises RecordError if it is none or has been changed."""
+    """Read a submission. Raises RecordError if it is malformed or has been changed."""
     try:
         found = Submission.model_validate_json(_bytes(path))
     except (OSError, ValidationError) as error:
-        told = f"{path} is no submission: {_first(error)}."  # Never what stands in it: a link may lead anywhere.
+        told = f"{path} is no submission: {_first(error)}."  # Never quote the file: a link may lead anywhere.
         raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
@@ -177,7 +174,7 @@ def read(path: Path) -> Submission:
 
 
 def _bytes(path: Path) -> bytes:
-    """Read a file that may be anything. Raises OSError also for what would never end."""
+    """Read a file that may be anything. Raises OSError also for a pipe or a device."""
     if not path.is_file():
         raise OSError(errno.EINVAL, "no file")
     if path.stat().st_size > LARGEST:
@@ -194,9 +191,9 @@ def _first(error: OSError | ValidationError) -> str:
 
 # -- checking ----------------------------------------------------------------------------------------------------------
 def contradictions(claimed: Submission, run: Path) -> tuple[str, ...]:
-    """Score a run again from its records, and tell in what a submission says something else; a line each.
+    """Score a run again from its records, and return each contradiction to a submission.
 
-    Raises RecordError if the records themselves are damaged or of another run: humanclaw_bench.integrity.check tells.
+    Raises RecordError if the records are damaged or of another run (humanclaw_bench.integrity.check).
     """
     found = submit(run, claimed.who, claimed.model_date)
     told = [*inconsistencies(claimed)]
@@ -209,7 +206,7 @@ def contradictions(claimed: Submission, run: Path) -> tuple[str, ...]:
 
 
 def inconsistencies(claimed: Submission) -> Iterator[str]:
-    """Yield what a submission says against itself, which it takes no records to tell."""
+    """Yield contradictions within a submission, which need no records."""
     counts = Counter(one.id for one in claimed.episodes)
     yield from (f"episode {name} is there {count} times" for name, count in sorted(counts.items()) if count > 1)
     if {one.seed for one in claimed.episodes} != set(claimed.seeds):
@@ -230,7 +227,7 @@ def inconsistencies(claimed: Submission) -> Iterator[str]:
 
 
 def _off_split(claimed: Submission) -> Iterator[str]:
-    """Yield in what its episodes are not those of the benchmark's split that it names, if it is one of them."""
+    """Yield differences between its episodes and the named split, if that is one of the benchmark's."""
     name, found = known_split(str(claimed.run.get("split", "")), claimed.asked)
     specs = {spec.id: spec for spec in found}
     if name and claimed.asked != len(specs):
@@ -268,7 +265,7 @@ def _differing(claimed: Submission, found: Submission) -> list[str]:
     rates = claimed.rates.keys() == found.rates.keys() and all(
         _alike(a, b) for name, values in found.rates.items() for a, b in zip(values, claimed.rates[name], strict=True)
     )
-    # Whoever hosts the records may have them without their journal.
+    # A host may have the records without their journal.
     plain += ["again"] * (found.again > claimed.again)
     return plain + ([] if _alike(claimed.cost, found.cost) else ["cost"]) + ([] if rates else ["rates"])
 
@@ -290,4 +287,4 @@ def _alike(a: Any, b: Any) -> bool:
 
 
 AGREE: Final = "agree"
-"""What is said of records that lie beside a submission and lead to its numbers."""
+"""Result for records that lie beside a submission and lead to its numbers."""

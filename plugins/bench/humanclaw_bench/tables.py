@@ -29,22 +29,22 @@ from humanclaw_bench.splits import CATEGORIES, repeat_of
 from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
 REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
-"""Of which metrics it is told how much they vary between repeats."""
+"""Metrics whose variation between repeats is shown."""
 TELLING: Final = 0.1
-"""A difference of shares, or of anything else a part of the level of both runs, that "noise" must leave no room for."""
+"""Relevant difference: of a share absolute, of anything else relative to the mean of both runs. "noise" must exclude
+it."""
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
-    "Its difference from a row of your own is no result."
+    "Do not compare it with rows of your own."
 )
 INTERVAL_NOTE: Final = (
-    f"Intervals hold the true value with {CONFIDENCE:.0%} confidence: "
-    f"Wilson for rates, at the number of episodes that they are worth as houses differ; a bootstrap over houses for "
-    f"the rest. With fewer than {FEW} houses both are over episodes, and hold for these houses alone. "
-    "An episode with its repeats is one."
+    f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: Wilson interval at the effective sample size. "
+    f"Other columns: bootstrap over houses. With fewer than {FEW} houses the unit is the episode, and intervals hold "
+    "for these houses alone. An episode with its repeats counts once."
 )
 
 
-# -- a table -----------------------------------------------------------------------------------------------------------
+# -- values ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Column:
     title: str
@@ -52,7 +52,7 @@ class Column:
     percent: bool = False
     better: Literal["higher", "lower", ""] = ""
     counts: tuple[int, int] | None = None
-    """Of a column that is an agent's: Result.counts."""
+    """Result.counts, if the column belongs to an agent."""
 
     @classmethod
     def of(cls, metric: Metric) -> Column:
@@ -66,10 +66,10 @@ class Column:
         if not np.isfinite(value):
             return "\u2013"
         text = f"{100 * value if self.percent else value:.{self.digits}f}"
-        return (text if text.strip("-0.") else text.lstrip("-")) + "%" * self.percent  # No minus before nothing.
+        return (text if text.strip("-0.") else text.lstrip("-")) + "%" * self.percent  # Avoid "-0.0".
 
     def interval(self, estimate: Estimate) -> str:
-        """Such as [38.1, 46.9]; empty where there is none."""
+        """Return the interval as text, such as [38.1, 46.9]; empty without one."""
         if not np.isfinite([estimate.low, estimate.high]).all():
             return ""
         low, high = (self.number(bound).rstrip("%") for bound in (estimate.low, estimate.high))
@@ -77,24 +77,24 @@ class Column:
 
     @property
     def rounded(self) -> Column:
-        """The same with whole per cents, which leaves room for more columns."""
+        """Return the interval in whole per cents, which makes room for more columns."""
         return replace(self, digits=0 if self.percent else self.digits)
 
 
 @dataclass(frozen=True)
 class Row:
-    """cells: one estimate a column."""
+    """A row. cells: one estimate for each column."""
 
     name: str
     cells: tuple[Estimate, ...]
     paper: bool = False
     counts: tuple[int, int] | None = None
-    """Of a row that is an agent's: Result.counts."""
+    """Result.counts, if the row belongs to an agent."""
 
 
 @dataclass(frozen=True)
 class ResultTable:
-    """A table of numbers, before it is written in some format."""
+    """A table of numbers, before formatting."""
 
     title: str
     corner: str
@@ -110,21 +110,21 @@ class ResultTable:
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
 def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Success, disturbance, smoothness and cost (paper, table of the full validation results)."""
-    # The paper does not tell of false claims, which stand beside FindSR here.
+    """Return success, disturbance, smoothness and cost (paper, table of the full validation results)."""
+    # The paper has no column for false claims.
     printed = {name: (find, float("nan"), *rest) for name, (find, *rest) in PAPER_MAIN.items()} if paper else {}
     return _result_table("Results", MAIN, results, printed, seed)
 
 
 def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
+    """Return success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
     return _result_table(
         "Success by geometry alone and as acknowledged", VARIANTS, results, PAPER_VARIANTS if paper else {}, seed
     )
 
 
 def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Share of steps with a collision, by body group; groups overlap (paper, table of the collision breakdown)."""
+    """Return the share of steps with a collision by body group; groups overlap (paper, table of collisions)."""
     return _result_table(
         "Steps with a collision, by part of the body", BODY, results, PAPER_BODY if paper else {}, seed
     )
@@ -140,7 +140,7 @@ def _result_table(
 
 
 def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estimate, ...]:
-    """Values as the paper prints them, percentages as such; what it does not report stays empty."""
+    """Return the paper's values, percentages as fractions; missing ones stay empty."""
     padded = (*values, *[float("nan")] * (len(columns) - len(values)))
     return tuple(
         Estimate(value / 100 if column.percent else value) for column, value in zip(columns, padded, strict=True)
@@ -148,7 +148,7 @@ def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estima
 
 
 def funnel_table(results: Sequence[Result]) -> ResultTable:
-    """Share of episodes that remain after each stage (paper, figure of the error analysis, a)."""
+    """Return the share of episodes that pass each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
     rows = tuple(Row(r.name, cells, counts=r.counts) for r, cells in zip(results, shares, strict=True))
@@ -157,7 +157,7 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
 
 
 def causes_table(results: Sequence[Result]) -> ResultTable:
-    """Share of each root cause among the failures of its stage (paper, figure of the error analysis, b to d)."""
+    """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
     columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
     failed = [
         {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in STAGES}
@@ -175,17 +175,17 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
 
 
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
-    """Of the failures of a stage those with one root cause."""
+    """Return the share of one root cause among the failures of its stage."""
     return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return the main columns by the tier of the episode (paper, section 4.1)."""
+    """Return the main columns by tier of difficulty (paper, section 4.1)."""
     return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
 
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return the main columns by the category of the target."""
+    """Return the main columns by target category."""
     return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
 
 
@@ -207,7 +207,7 @@ def _broken_down(
 
 
 def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Tell the rates of every repeat, and how much they vary between seeds; no row for a run without repeats."""
+    """Return the rates of each repeat, and their variation between seeds; no row for a run without repeats."""
     rows = tuple(row for result in results for row in _repeats(result, seed))
     told = "The last row of an agent: standard deviation between its repeats, which differ in their seeds alone."
     notes = (told, *(result.note for result in results))
@@ -228,13 +228,13 @@ def _repeats(result: Result, seed: int) -> Iterator[Row]:
 
 
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return what plugins measure, averaged over episodes."""
+    """Return the metrics of plugins, averaged over episodes."""
     names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
     return _result_table("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
 
 
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:
-    """Every table, by the name under which the command line offers it."""
+    """Return every table by its name on the command line."""
     return {
         "main": main_table(results, paper=paper, seed=seed),
         "repeats": repeats_table(results, seed=seed),

@@ -20,16 +20,15 @@ from humanclaw_bench.statistics import Difference, Estimate
 from humanclaw_bench.tables import Column, ResultTable, inline
 
 
-# -- writing a table ---------------------------------------------------------------------------------------------------
 def terminal(table: ResultTable, width: int = 80) -> Group:
-    """For rich, in as many parts as the width asks for; intervals in a second line of their cell."""
+    """Return a table for rich, split into parts that fit the width; intervals stand below their value."""
     parts = [_part(table, first, last) for first, last in _cuts(table, width)]
     notes = (Text(note, style="dim") for note in table.all_notes)
     return Group(Text(table.title, style="bold"), *parts, *notes, "")
 
 
 def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
-    """Ranges of columns that fit side by side, at least one in each."""
+    """Yield ranges of columns that fit side by side, at least one in each."""
     names = max(len(text) for text in (table.corner, *(row.name for row in table.rows)))
     first, used = 0, names + 3
     for index, column in enumerate(table.columns):
@@ -64,7 +63,7 @@ def _stacked(column: Column, cell: Estimate) -> Text:
 
 
 def texts(table: ResultTable) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Head and rows as text, intervals in the cells: what a report or Markdown shows."""
+    """Return head and rows as text, with intervals in the cells, for reports and Markdown."""
     head = (table.corner, *(column.head for column in table.columns))
     return head, tuple((row.name, *map(inline, table.columns, row.cells)) for row in table.rows)
 
@@ -77,9 +76,9 @@ def markdown(table: ResultTable) -> str:
 
 
 def comma_separated(table: ResultTable) -> str:
-    """Full precision, shares as fractions: value, low, high and count of every column; empty where there is none.
+    """Return CSV in full precision: value, low, high and count of every column; shares as fractions; empty if missing.
 
-    Columns episodes and of tell of how many of its run's episodes an agent's row is, or column, where each is an agent.
+    The columns `episodes` and `of` say how many of the run's episodes a row (or an agent's column) covers.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -115,7 +114,7 @@ def _plain(value: float) -> str:
 
 
 def plain(table: ResultTable) -> dict[str, Any]:
-    """Return a table for JSON: full precision, shares as fractions, None where there is no number."""
+    """Return a table for JSON: full precision, shares as fractions, None if missing."""
     rows = [
         {
             table.corner: row.name.removesuffix(f" {MARK}"), "source": "paper" if row.paper else "run",
@@ -132,7 +131,7 @@ def _known(cell: Estimate) -> dict[str, float | None]:
 
 
 def plain_differences(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """Return a comparison for JSON, a metric a row: both values, B - A with its interval, p and the verdict."""
+    """Return a comparison for JSON, one row for each metric: both values, B - A with its interval, p, verdict."""
     found = [(metric, differences[metric.name]) for metric in metrics if metric.name in differences]
     return [
         {
@@ -151,7 +150,7 @@ _TEX: Final = str.maketrans(
 
 
 def latex(table: ResultTable) -> str:
-    """Return a tabular for booktabs; the notes follow as comments."""
+    """Return a LaTeX tabular (booktabs); notes follow as comments."""
     head, rows = table.columns, []
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
@@ -171,4 +170,4 @@ def _tex(column: Column, cell: Estimate) -> str:
 WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {
     "markdown": markdown, "csv": comma_separated, "latex": latex,
 }  # fmt: skip
-"""What writes a table as text, by format."""
+"""Functions that write a table as text, by format."""

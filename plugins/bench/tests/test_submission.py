@@ -20,7 +20,7 @@ from rollouts import COUCH, rollout, step
 from humanclaw import RecordError, load_run
 from humanclaw.body import Pose2D
 from humanclaw.records import EpisodeRecord, SkillInfo, write_episodes, write_record
-from humanclaw_bench import submission
+from humanclaw_bench import leaderboard, submission
 from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest
 from humanclaw_bench.splits import load_split, repeated
@@ -612,7 +612,7 @@ def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
 
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
-        submission.leaderboard(tmp_path)
+        leaderboard.leaderboard(tmp_path)
 
 
 def test_a_partial_run_and_one_that_its_records_contradict_are_listed_apart_and_unranked(run: Path) -> None:
