@@ -23,10 +23,12 @@ from typing import Any
 import click
 import platformdirs
 
-import humanclaw.testing
-from humanclaw.testing import Reply, Request, calls, text
-
 HERE = Path(__file__).parent
+# The scripted model is a helper of the tests beside it, and no part of any package.
+sys.path.insert(0, str(HERE.parents[1] / "litellm" / "tests"))
+import model_servers  # noqa: E402
+from model_servers import Reply, Request, calls, text  # noqa: E402
+
 CLIENTS = sorted(path.stem.removesuffix("_client") for path in HERE.glob("*_client.py"))
 TASK = "Walk forward, turn to the left, and stop."
 CALLS = (("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), ("turn_in_place", {"yaw_deg": 30}), ("stop", {}))
@@ -59,7 +61,7 @@ def trial(name: str) -> tuple[str, ...]:
     path = HERE / f"{name}_client.py"
     needs = metadata(path)
     python = environment(name, needs["dependencies"])
-    server = getattr(humanclaw.testing, needs.get("dialect", "OpenAIServer"))
+    server = getattr(model_servers, needs.get("dialect", "OpenAIServer"))
     with server(script()) as model:
         env = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
         env |= {"TASK": TASK, "MODEL_URL": model.url}

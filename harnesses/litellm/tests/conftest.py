@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from model_servers import OpenAIServer
 
 import humanclaw_litellm
 from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer
 
-sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."
 
 

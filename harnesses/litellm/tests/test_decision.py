@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_servers import OpenAIServer, call, calls, message, refusing, text
 
 import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer, call, calls, check, message, refusing, text
+from humanclaw.testing import check
 from humanclaw.tools import REASONING_FIELDS, THOUGHTS
 
 SAID = {

@@ -5,9 +5,7 @@ import time
 from dataclasses import dataclass
 
 import pytest
-
-from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
-from humanclaw.testing import (
+from model_servers import (
     AnthropicServer,
     GeminiServer,
     OllamaServer,
@@ -15,7 +13,6 @@ from humanclaw.testing import (
     VLLMServer,
     call,
     calls,
-    check,
     delayed,
     dropped,
     message,
@@ -28,6 +25,9 @@ from humanclaw.testing import (
     truncated,
     without_usage,
 )
+
+from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
+from humanclaw.testing import check
 from humanclaw_litellm import library
 from humanclaw_litellm.settings import ModelError
 

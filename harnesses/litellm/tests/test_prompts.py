@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import walkthrough
+from model_servers import AnthropicServer, OpenAIServer, call
 
 from humanclaw import Call, Decision, HistoryEntry, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing import OpenAIServer, call
 from humanclaw_litellm.library import load
 from humanclaw_litellm.prompts import data
 from humanclaw_litellm.settings import Settings
@@ -137,8 +137,6 @@ def test_a_model_of_anthropic_is_told_where_its_cache_may_end_and_others_are_not
 
 
 def _sent(begin, view, lived, **options):
-    from humanclaw.testing import AnthropicServer
-
     server = AnthropicServer if "claude" in options["model"] else OpenAIServer
     with server([call("stop")]) as scripted:
         begin(scripted, **options).decide(view(2), lived(2))

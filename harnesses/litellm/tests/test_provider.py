@@ -13,9 +13,7 @@ import time
 import traceback
 
 import pytest
-
-from humanclaw import HumanclawError, Meter, ProviderError
-from humanclaw.testing import (
+from model_servers import (
     OpenAIServer,
     Reply,
     call,
@@ -28,6 +26,8 @@ from humanclaw.testing import (
     truncated,
     without_usage,
 )
+
+from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw_litellm import library
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
@@ -381,7 +381,7 @@ import sys, humanclaw_litellm
 places = set()
 sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
 assert "litellm" not in sys.modules
-from humanclaw.testing import OpenAIServer, status
+from model_servers import OpenAIServer, status
 from humanclaw import Meter
 from humanclaw_litellm import library
 from humanclaw_litellm.client import Client

@@ -7,9 +7,7 @@ import threading
 import time
 
 import pytest
-
-from humanclaw import LimitError, Meter
-from humanclaw.testing import (
+from model_servers import (
     AnthropicServer,
     GeminiServer,
     OllamaServer,
@@ -23,6 +21,8 @@ from humanclaw.testing import (
     truncated,
     without_usage,
 )
+
+from humanclaw import LimitError, Meter
 from humanclaw_litellm.rates import Gate
 from humanclaw_litellm.settings import ModelError, Settings
 

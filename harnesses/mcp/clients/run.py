@@ -28,9 +28,12 @@ import click
 import platformdirs
 
 from humanclaw import load_run
-from humanclaw.testing import OpenAIServer, Reply, Request, call, text
 
 HERE = Path(__file__).parent
+# The scripted model is a helper of the tests beside it, and no part of any package.
+sys.path.insert(0, str(HERE.parents[1] / "litellm" / "tests"))
+from model_servers import OpenAIServer, Reply, Request, call, text  # noqa: E402
+
 CLIENTS = {
     "MCP Inspector (CLI)": "inspector",
     "mcp (official Python)": "official",

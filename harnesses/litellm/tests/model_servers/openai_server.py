@@ -248,7 +248,7 @@ class OpenAIServer:
     """Serves a script on an ephemeral port of 127.0.0.1 while its `with` block runs, and keeps every request.
 
     A server of another dialect overrides url, accepts, read and write; scripts and requests stay the same
-    (humanclaw.testing.dialects).
+    (dialects.py).
     """
 
     def __init__(self, script: Script) -> None:

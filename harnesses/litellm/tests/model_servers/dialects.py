@@ -1,4 +1,4 @@
-"""Servers on 127.0.0.1 that speak as other providers' do, by the scripts of humanclaw.testing.openai_server.
+"""Servers on 127.0.0.1 that speak as other providers' do, by the scripts of openai_server.py.
 
 Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the
 habits of its provider: what it cannot express, how it fails, what it calls things. Written from the providers' public
@@ -13,7 +13,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from humanclaw.testing.openai_server import OpenAIServer, Reply, Request
+from model_servers.openai_server import OpenAIServer, Reply, Request
 
 Json = dict[str, Any]
 
