@@ -44,13 +44,13 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 
 def _oracle(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import OracleAgent
+    from humanclaw_scripted.oracle import OracleAgent
 
     return OracleAgent()
 
 
 def _random(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import RandomAgent
+    from humanclaw_scripted.blind import RandomAgent
 
     return RandomAgent()
 
@@ -63,28 +63,30 @@ def _seeing(options: Mapping[str, Any]) -> Agent:
 
 
 def _seeing_colour(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.eyes import DetectorEyes, Options
+    from humanclaw_scripted.eyes import DetectorEyes
+    from humanclaw_scripted.options import DetectorOptions
     from humanclaw_scripted.seeing import SeeingAgent
 
-    return SeeingAgent("seeing-colour", DetectorEyes(Options.of(options)))
+    return SeeingAgent("seeing-colour", DetectorEyes(DetectorOptions.of(options)))
 
 
 def _wanderer(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.seeing import WanderingAgent
+    from humanclaw_scripted.blind import WanderingAgent
 
     return WanderingAgent()
 
 
 def _still(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import StillAgent
+    from humanclaw_scripted.blind import StillAgent
 
     return StillAgent()
 
 
 def _faulty(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted import faulty
+    from humanclaw_scripted.faulty import FaultyAgent
+    from humanclaw_scripted.options import FaultyOptions
 
-    return faulty.FaultyAgent(faulty.options(options))
+    return FaultyAgent(FaultyOptions.of(options))
 
 
 def _oracle_verifier(options: Mapping[str, Any]) -> Verifier:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from humanclaw import Call, Decision, EpisodeContext, HumanclawError
-from humanclaw.interfaces import WorldState
+from humanclaw import Call, Decision
 from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array, Pose2D
-from humanclaw.scene import distance_to_nearest
-from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
+from humanclaw.pose import Array
+from humanclaw_scripted.calls import BACK, SIDE, SIT, TURN, WALK, asking
+from humanclaw_scripted.truth import Perception
 
 LOOK_AROUND: Final = 45
 """Degrees that a searching body turns each step."""
@@ -21,52 +20,6 @@ LATE: Final = 12
 """Steps that one who dawdles leaves for the way to the target."""
 TURNING_POINT: Final = 3.2
 """Metres after which one who searches without aim turns back."""
-
-
-# -- what every one of them can tell -----------------------------------------------------------------------------------
-@dataclass
-class Perception:
-    """The true state of an episode, for those who are allowed to know it."""
-
-    context: EpisodeContext
-
-    def __post_init__(self) -> None:
-        if self.context.scene is None or self.context.state is None:
-            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
-        self._scene, self._state = self.context.scene, self.context.state
-
-    def state(self) -> WorldState:
-        return self._state()
-
-    def boxes(self) -> list[tuple[Any, Any]]:
-        objects = self._state().objects
-        return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
-
-    def reach(self) -> float:
-        """From the nearest body point to the nearest target's bounding box, metres."""
-        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
-
-    def away(self) -> float:
-        """From the pelvis to the nearest target over the floor, metres."""
-        here = self._state().body.root[-1, [0, 2]]
-        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
-
-    def here(self) -> Array:
-        """(3,) where the pelvis is."""
-        return np.asarray(self._state().body.root[-1])
-
-    def bearing(self) -> float:
-        """Of the nearest target's middle, radians, left positive; 0 without a target."""
-        middles = [(low + high) / 2 for low, high in self.boxes()]
-        flat = [float(np.hypot(*(middle - self.here())[[0, 2]])) for middle in middles]
-        return self.bearing_of(middles[int(np.argmin(flat))]) if middles else 0.0
-
-    def bearing_of(self, point: Array) -> float:
-        """Of a (3,) point, radians, left positive."""
-        body = self._state().body
-        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
-        left, _, forward = frame.point_to_local(point)
-        return float(np.arctan2(left, forward))
 
 
 # -- what it decides ---------------------------------------------------------------------------------------------------

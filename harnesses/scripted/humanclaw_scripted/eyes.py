@@ -17,11 +17,11 @@ from functools import partial
 from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.interfaces import BODY_ID, View
-from humanclaw_scripted.options import read
+from humanclaw_scripted.options import DetectorOptions
 from humanclaw_scripted.sight import Mask, Sight
 
 THICK: Final = (0.2, 1.0)
@@ -57,33 +57,10 @@ class PerfectEyes:
         return Sight.of(view, (view.ids != 0) & (view.ids != BODY_ID), np.isin(view.ids, self._targets))
 
 
-class Options(BaseModel):
-    """Of `--agent seeing-colour`."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
-
-    detector: str = Field(min_length=1)
-    """The command line of a program that knows things in pictures."""
-    score: float = Field(0.3, ge=0, le=1)
-    """From which on it is believed."""
-    seconds: float = Field(60.0, gt=0)
-    """After which a program that has not answered is given up."""
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Options:
-        """Check options. Raises HumanclawError that says which is wrong."""
-        if not str(given.get("detector", "")).strip():
-            told = "the agent 'seeing-colour' needs a program that knows things in pictures, and none was given."
-            raise HumanclawError(
-                told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
-            )
-        return read(cls, given)
-
-
 class DetectorEyes:
     """Know a target by a detector's boxes: depth says what in a box is thing and what is background."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: DetectorOptions) -> None:
         self.settings: Mapping[str, Any] = options.model_dump()
         self._options, self._detector = options, Detector(options.detector, options.seconds)
 

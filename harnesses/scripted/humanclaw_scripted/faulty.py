@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import (
     Call,
@@ -25,7 +24,6 @@ from humanclaw import (
     EpisodeContext,
     EpisodeSpec,
     HistoryEntry,
-    HumanclawError,
     Observation,
     Skill,
     Verdict,
@@ -35,45 +33,15 @@ from humanclaw.pose import Array
 from humanclaw.records import Answer as CheckAnswer
 from humanclaw.records import Feedback
 from humanclaw.tasks import SEATS
-from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Perception, Snapshot
+from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
+from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
-from humanclaw_scripted.options import read
+from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.truth import Perception
 
 AT_HAND: Final = 1.5
 """Metres from the target within which the sitting routine takes place."""
-
-
-class Options(BaseModel):
-    """Of `--agent faulty`. history, images and mid_level mean what they mean for a model."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    profile: str = "default"
-    fault: str = "none"
-    """A name of FAULTS, two of them joined by a plus sign, or `none`."""
-    repair: str = ""
-    """A capability whose faults are put right: the check of a root cause."""
-    history: int = Field(10, ge=0)
-    images: int = Field(1, ge=1)
-    mid_level: bool = True
-    bounded: bool = False
-    """Whether memory, attention and the sense of distance have limits."""
-    misjudged: float = Field(0.2, ge=0, le=1)
-    """How often, within 4 m of a target in view, a bounded agent takes it to be within reach."""
-    confusion: float = Field(0.1, ge=0)
-    """How strongly each further picture competes with the current one for a bounded agent's attention."""
-    miss: float = Field(0.0, ge=0, le=1)
-    """Of the verifier `oracle`: how often it lets pass what it should reject."""
-
-
-def options(given: Mapping[str, Any]) -> Options:
-    """Check options. Raises HumanclawError that says which is wrong."""
-    found = read(Options, given)
-    unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
-    if unknown:
-        raise HumanclawError(f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
-    return found
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
@@ -89,7 +57,7 @@ class FaultyAgent:
     name = "faulty"
     privileged = True
 
-    def __init__(self, given: Options) -> None:
+    def __init__(self, given: FaultyOptions) -> None:
         self.options = given
         self.settings = given.model_dump()
 
@@ -153,7 +121,7 @@ class BoundedRationality:
     may seem to be within reach.
     """
 
-    options: Options
+    options: FaultyOptions
     perception: Perception
     stop: str
 

@@ -19,7 +19,7 @@ from humanclaw.measures import to_si
 from humanclaw.navigation import MultiFloorMap, OccupancyGrid, Routes
 from humanclaw.outcomes import SEEN_PIXELS
 from humanclaw.pose import Array, Pose2D, wrap_angle
-from humanclaw_scripted.agents import (
+from humanclaw_scripted.calls import (
     AT_SEAT,
     BACK,
     HIPS_OVER_SEAT,
@@ -30,12 +30,12 @@ from humanclaw_scripted.agents import (
     TURN,
     TURN_FIRST,
     WALK,
-    aim,
     asking,
     ending,
 )
 from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
+from humanclaw_scripted.way import aim
 
 TOUCHING_DISTANCE = 0.27
 """From the pelvis to the target at which it stops, metres: the chest is nearer, and so are the hands."""
@@ -44,24 +44,6 @@ LOOKS = 4
 LOOK = np.radians(72)
 BLOCKED = 0.35
 """Share of what was asked below which a step was blocked."""
-
-
-class WanderingAgent:
-    """Walks and turns at random, never stops and sees nothing: what luck alone brings."""
-
-    name = "wanderer"
-    privileged = False
-
-    def begin(self, context: EpisodeContext) -> None:
-        self._context = context
-
-    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        rng = np.random.default_rng([self._context.seed, observation.step, 80])
-        amounts = (rng.uniform(-0.1, 0.1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5))
-        turns = rng.random() < 0.3
-        skills = self._context.skills
-        call = asking(skills, TURN, (rng.uniform(-1.3, 1.3),)) if turns else asking(skills, WALK, amounts)
-        return Decision((call,), reasoning="Somewhere else.", mid_level_change="keep")
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,9 @@ from humanclaw import (
 from humanclaw.navigation import OccupancyGrid
 from humanclaw.records import Feedback
 from humanclaw.scene import distance_to_box
-from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
+from humanclaw_scripted.blind import RandomAgent, StillAgent
+from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.truth import in_view
 
 
 def episode(scene: Scene, category: str, *targets: int, sit: bool = False) -> EpisodeSpec:

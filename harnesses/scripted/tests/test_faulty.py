@@ -16,7 +16,8 @@ from humanclaw.outcomes import acknowledges
 from humanclaw.records import Difficulty
 from humanclaw.scene import distance_to_box
 from humanclaw_scripted.faults import FAULTS
-from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier, options
+from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier
+from humanclaw_scripted.options import FaultyOptions
 
 COUCH = 20
 
@@ -30,7 +31,7 @@ def spec(sit: bool, seed: int = 0) -> EpisodeSpec:
 
 def live(sit: bool = True, seed: int = 0, **given: object) -> tuple[Walker, list]:
     walker = Walker(two_rooms(), (COUCH,), seed)
-    return walker, play(FaultyAgent(options(given)), walker, spec(sit, seed))
+    return walker, play(FaultyAgent(FaultyOptions.of(given)), walker, spec(sit, seed))
 
 
 def reach(walker: Walker) -> float:
@@ -111,7 +112,7 @@ def test_who_loses_heart_stops_where_it_started():
     """A folding screen hides the couch until one is round it."""
     screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
     walker = Walker(two_rooms(0.9, (screen, scene_object(30, screen, 6.0, 2.6))), (COUCH,))
-    log = play(FaultyAgent(options({"fault": "give_up"})), walker, spec(False))
+    log = play(FaultyAgent(FaultyOptions.of({"fault": "give_up"})), walker, spec(False))
     track = np.array(walker.track)
     assert log[-1][1].skill == "stop"
     assert np.linalg.norm(track - track[0], axis=1).max() > 3.0
@@ -174,7 +175,7 @@ def test_the_table_of_faults_loads_no_agent():
     script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_scripted.faults" in loaded
-    assert not {"humanclaw_scripted.agents", "humanclaw.navigation", "scipy"} & set(loaded)
+    assert not {"humanclaw_scripted.oracle", "humanclaw.navigation", "scipy"} & set(loaded)
 
 
 def test_a_fault_shows_only_in_episodes_that_fit_it():
@@ -219,4 +220,4 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
 @pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"history": -1}, {"memory": 3}])
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(HumanclawError, match=r"options are|Choose from"):
-        options(wrong)
+        FaultyOptions.of(wrong)

@@ -15,7 +15,7 @@ from humanclaw.interfaces import GAZE_PITCH, View, ego_camera
 from humanclaw.pose import Pose2D, rest_pose
 from humanclaw.records import Feedback
 from humanclaw.scene import distance_to_box
-from humanclaw_scripted.seeing import WanderingAgent
+from humanclaw_scripted.blind import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
 WALL = 3.0
