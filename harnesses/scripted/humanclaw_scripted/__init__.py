@@ -1,4 +1,4 @@
-"""HumanCLAW harness: scripted agents, from the privileged oracle down to standing still."""
+"""HumanCLAW harness: scripted agents, from the privileged oracle to one that stands still."""
 
 from __future__ import annotations
 
@@ -21,13 +21,11 @@ __version__ = "0.1.0"
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
-    register("seeing", _seeing, "depth and ids of its own view, no map and no pose: what perfect eyes can do")
-    register("seeing-colour", _seeing_colour, "as seeing, but a detector of your own tells what is where, and no ids")
-    register("wanderer", _wanderer, "walks and turns at random and never stops: what luck brings")
+    register("seeing", _seeing, "depth and ids of its own view, no map, no pose: perfect perception")
+    register("seeing-colour", _seeing_colour, "as seeing, but with a detector of your own instead of ids")
+    register("wanderer", _wanderer, "walks and turns at random, never stops: chance")
     register("still", _still, "stops at once")
-    register(
-        "faulty", _faulty, "the oracle with a capability missing or a bounded agent, for ablations and root causes"
-    )
+    register("faulty", _faulty, "the oracle without a capability or with limits, for ablations and root causes")
 
 
 @hookimpl(optionalhook=True)
@@ -40,7 +38,7 @@ def humanclaw_faults(register: Callable[[Fault], None]) -> None:
 
 @hookimpl
 def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
-    register("oracle", _oracle_verifier, "privileged: lets nobody stop out of reach of the target")
+    register("oracle", _oracle_verifier, "privileged: rejects a stop out of reach of the target")
 
 
 def _oracle(options: Mapping[str, Any]) -> Agent:

@@ -1,4 +1,4 @@
-"""Agents that do not see: one stands still, one draws at random, one wanders. They are the floors of the metrics."""
+"""Agents that do not see: one stands still, one acts at random, one wanders. They bound the metrics from below."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from humanclaw_scripted.calls import TURN, WALK, asking, ending
 
 
 class StillAgent:
-    """Stops at once: the floor of every metric."""
+    """Stops at once: the lower bound of every metric."""
 
     name = "still"
     privileged = False
@@ -26,7 +26,7 @@ class StillAgent:
 
 
 class RandomAgent:
-    """A skill drawn uniformly from those that can run, with parameters drawn uniformly from their bounds."""
+    """Draws a trained skill uniformly, and its parameters uniformly from their bounds."""
 
     name = "random"
     privileged = False
@@ -37,7 +37,7 @@ class RandomAgent:
         self._seed = context.seed
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        # The step is part of the seed, so that an interrupted episode continues with the draws it would have had.
+        # The step is part of the seed, so that a resumed episode continues with the same draws.
         rng = np.random.default_rng([self._seed, observation.step])
         name = str(rng.choice(sorted(self._skills)))
         params = {key: _draw(part, rng) for key, part in _properties(self._skills[name]).items()}
@@ -45,7 +45,7 @@ class RandomAgent:
 
 
 class WanderingAgent:
-    """Walks and turns at random, never stops and sees nothing: what luck alone brings."""
+    """Walks and turns at random and never stops: chance."""
 
     name = "wanderer"
     privileged = False

@@ -1,6 +1,6 @@
-"""Calls by measure: an agent names what a body should do, and the skill that commands it is looked up.
+"""Calls by measure: an agent names the measures to command, and this module finds the skill that commands them.
 
-Nothing here knows a skill's name.
+No scripted agent knows the name of a skill.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ BACK: Final = ("hips.back",)
 UP: Final = ("hips.rise", "hips.forward")
 DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
-"""Measures that the parameters of a skill command, whatever the skill is called."""
+"""Measures that the parameters of a skill command, for each kind of motion that agents ask for."""
 TURN_FIRST: Final = float(np.radians(60))
-"""Heading error above which it turns on the spot before it walks, radians: what a person does who does not stop at
-every corner, and a fifth less jerk than at 28 degrees."""
+"""Heading error above which an agent turns on the spot before it walks, radians. One fifth less jerk than with
+28 degrees; people do not stop at every corner either."""
 MAX_STEP: Final = 0.6
-"""Its longest step, metres in 0.5 s: an easy walk."""
+"""Longest step, metres in 0.5 s: an easy walk."""
 AT_SEAT: Final = 0.09
 """Distance from the pelvis to the edge of a seat at which the calves touch it, metres."""
 HIPS_OVER_SEAT: Final = (0.1, 0.06, 0.02)
-"""How far over the seat it asks the pelvis to be, at the first sit and at the next: the lower, the surer the hips touch
-it."""
+"""Height of the pelvis over the seat at the first, second and third sit, metres. Lower sits touch the seat more
+surely."""
 LEVEL_THIGHS: Final = (0.54, 0.5, 0.46)
-"""The highest pelvis it asks for, metres: on a high seat sloping thighs would carry the body, and the hips would
-hover."""
+"""Greatest height of the pelvis at each sit, metres. On a high seat sloping thighs would carry the body, and the hips
+would not touch it."""
 
 
 def ending(skills: Mapping[str, Skill]) -> str:
-    """Name of the skill that ends an episode."""
+    """Return the name of the skill that ends an episode. Raises PluginError if there is none."""
     found = [name for name, skill in skills.items() if skill.role == "stop"]
     if not found:
         raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
@@ -45,7 +45,7 @@ def ending(skills: Mapping[str, Skill]) -> str:
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
-    """Return the skill that commands these measures and least besides: of role sit for SIT, else of locomotion.
+    """Return the skill that commands these measures and the fewest others; of role sit for SIT, else of locomotion.
 
     Raises PluginError if there is none, or if its adapter is not trained.
     """
@@ -63,8 +63,10 @@ def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
 
 
 def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float]) -> Call:
-    """Return a call for so much of these measures, SI, rounded to the unit of each parameter and held within its
-    bounds."""
+    """Return a call for these amounts of the measures, SI units.
+
+    Each amount is rounded to the unit of its parameter and clipped to its bounds.
+    """
     skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
     return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
 

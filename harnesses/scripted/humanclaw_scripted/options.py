@@ -14,7 +14,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class FaultyOptions(BaseModel):
-    """Of `--agent faulty`. history, images and mid_level mean what they mean for a model."""
+    """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -22,22 +22,22 @@ class FaultyOptions(BaseModel):
     fault: str = "none"
     """A name of FAULTS, two of them joined by a plus sign, or `none`."""
     repair: str = ""
-    """A capability whose faults are put right: the check of a root cause."""
+    """A capability whose faults are removed, to check a root cause."""
     history: int = Field(10, ge=0)
     images: int = Field(1, ge=1)
     mid_level: bool = True
     bounded: bool = False
-    """Whether memory, attention and the sense of distance have limits."""
+    """Whether memory, attention and distance estimates have limits."""
     misjudged: float = Field(0.2, ge=0, le=1)
-    """How often, within 4 m of a target in view, a bounded agent takes it to be within reach."""
+    """Probability that a bounded agent takes a target in view within 4 m to be within reach."""
     confusion: float = Field(0.1, ge=0)
-    """How strongly each further picture competes with the current one for a bounded agent's attention."""
+    """Weight of each further picture against the current one in a bounded agent's attention."""
     miss: float = Field(0.0, ge=0, le=1)
-    """Of the verifier `oracle`: how often it lets pass what it should reject."""
+    """Probability that the verifier `oracle` accepts a call that it should reject."""
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
-        """Check options. Raises HumanclawError that says which is wrong."""
+        """Check options. Raises HumanclawError that names the wrong one."""
         found = _read(cls, given)
         unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
         if unknown:
@@ -48,30 +48,30 @@ class FaultyOptions(BaseModel):
 
 
 class DetectorOptions(BaseModel):
-    """Of `--agent seeing-colour`."""
+    """Options of `--agent seeing-colour`."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
 
     detector: str = Field(min_length=1)
-    """The command line of a program that knows things in pictures."""
+    """Command line of a program that detects things in pictures."""
     score: float = Field(0.3, ge=0, le=1)
-    """From which on it is believed."""
-    seconds: float = Field(60.0, gt=0)
-    """After which a program that has not answered is given up."""
+    """Least score of a box that counts."""
+    seconds: float = Field(60.0, gt=0, le=3600)
+    """Time limit of one answer, seconds."""
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> DetectorOptions:
-        """Check options. Raises HumanclawError that says which is wrong."""
+        """Check options. Raises HumanclawError that names the wrong one."""
         if not str(given.get("detector", "")).strip():
-            told = "the agent 'seeing-colour' needs a program that knows things in pictures, and none was given."
             raise HumanclawError(
-                told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
+                "the agent 'seeing-colour' needs a program that detects things in pictures, and none was given.",
+                "Give its command, as in --option detector='node detect.mjs'; see the README of humanclaw-scripted.",
             )
         return _read(cls, given)
 
 
 def _read(model: type[M], given: Mapping[str, Any]) -> M:
-    """Check options. Raises HumanclawError that says which is wrong."""
+    """Check options. Raises HumanclawError that names the first wrong one and lists all options."""
     try:
         return model(**given)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""The oracle: it reads the way off the scene, and calls skills as a model does."""
+"""The oracle: it plans on the true scene and calls skills as a model does."""
 
 from __future__ import annotations
 
@@ -44,26 +44,26 @@ from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, 
 
 _WAY: Final = ("hips.left", "hips.forward", "hips.back")
 STOP_DISTANCE: Final = 0.19
-"""Distance to the target's bounding box at which the oracle stops, metres: inside the benchmark's 0.2."""
+"""Distance to the target's bounding box at which the oracle stops, metres: just below the benchmark's 0.2."""
 
 
 @dataclass
 class Memory:
-    """What the oracle carries from step to step."""
+    """The oracle's state from step to step."""
 
     floors: MultiFloorMap
     way: list[LevelSegment | StairRun] = field(default_factory=list)
-    """What is still to be walked and climbed, the present part first; empty while there is no plan."""
+    """The rest of the way, the current part first; empty without a plan."""
     stand: Viewpoint | None = None
     before: PelvisPose | None = None
     blocked: int = 0
-    """Steps in a row that were asked to move the body and did not."""
+    """Consecutive steps that should have moved the body and did not."""
     sits: int = 0
-    """Sits in a row up to now."""
+    """Consecutive sits up to now."""
     arrived: bool = False
-    """Whether the standing place was reached; from there on the last segment is walked by eye."""
+    """Whether the body has reached the standing place; from there on it goes by the target, not by the path."""
     sideways: bool = False
-    """Whether it has found that its feet are too far from the target face to face."""
+    """Whether the feet cannot get near enough when the body faces the target."""
     seen: bool = False
     """Whether a target has been in view."""
     given_up: set[tuple[float, float]] = field(default_factory=set)
@@ -72,10 +72,9 @@ class Memory:
 
 
 class OracleAgent:
-    """Walks to the nearest target along a route that it reads off the scene, and sits down on it if it should.
+    """Walks to the target with the cheapest route, and sits down on it if the task says so.
 
-    Privileged: it sees the scene and the true state. It looks at them afresh before every call, and plans again when
-    blocked.
+    Privileged: it reads the scene and the true state before every call, and plans again when blocked.
     """
 
     name = "oracle"
@@ -102,7 +101,7 @@ class OracleAgent:
         self._memory.goal = self._goal()
         return Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
 
-    # what it wants
+    # the task
     @property
     def _spec(self) -> EpisodeSpec:
         return self._context.spec
@@ -145,14 +144,14 @@ class OracleAgent:
 
     # on stairs
     def _to_stairs(self, state: WorldState, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
-        """Go on this floor to where the next stairs begin."""
+        """Walk on this floor to the next stairs."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)
         return self._act(state, pose)
 
     def _climb(self, pose: PelvisPose, run: StairRun) -> tuple[Call, str]:
-        """One step up or down, from where the body really is: contact shortens some steps."""
+        """Take one step up or down from the true place of the body: contact shortens some steps."""
         along, left = on_stairs(pose, run)
         k = int(np.argmin(np.abs(run.levels - (pose.root[1] - STANDING_HEIGHT))))
         if k == len(run.edges):
@@ -174,9 +173,9 @@ class OracleAgent:
         call = self._call(UP if word == "up" else DOWN, height, gap + float(tread))
         return call, f"I take step {k + 1} of {len(run.edges)} {word} the stairs."
 
-    # on the way
+    # at the target
     def _reach(self, pose: PelvisPose) -> tuple[Call, str]:
-        """Go to the standing place, then close in on the target until it is within reach."""
+        """Go to the standing place, then approach the target until it is within reach."""
         stand = self._memory.stand
         assert stand is not None
         if not self._arrived(pose, stand, 0.2):
@@ -194,8 +193,7 @@ class OracleAgent:
         return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
 
     def _sideways(self, pose: PelvisPose, edge: Array) -> tuple[Call, str]:
-        """Bring the nearer side to the target: over a piece of furniture an arm reaches farther than the toes let the
-        chest."""
+        """Turn the nearer side to the target: an arm reaches over furniture that stops the toes."""
         left, forward = pose.local(edge)
         bearing = float(np.arctan2(left, forward))
         side = 1.0 if bearing >= 0 else -1.0
@@ -205,7 +203,7 @@ class OracleAgent:
         return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
 
     def _seat(self, pose: PelvisPose) -> tuple[Call, str]:
-        """Go to the place in front of the seat, turn round, step back to its edge, sit down."""
+        """Go to the place in front of the seat, turn round, step back to its edge and sit down."""
         stand = self._memory.stand
         assert stand is not None
         assert stand.seat_height is not None
@@ -250,13 +248,13 @@ class OracleAgent:
 
     @property
     def _last(self) -> LevelSegment:
-        """The part of the way that ends at the standing place."""
+        """Return the last part of the way, which ends at the standing place."""
         part = self._memory.way[-1]
         assert isinstance(part, LevelSegment)
         return part
 
     def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
-        """One step along a segment of the route."""
+        """Take one step along a segment of the way."""
         towards, rest = aim(part.grid, part.path, pose.point)
         left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
@@ -273,9 +271,9 @@ class OracleAgent:
             return self._side(left)
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
-    # when it does not go on
+    # when blocked
     def _notice(self, pose: PelvisPose, history: Sequence[HistoryEntry]) -> None:
-        """Compare the last step with what it was to do."""
+        """Compare the last step with its call: count sits and blocked steps."""
         memory = self._memory
         last = history[-1].executed if history else None
         sat = [self._sits(past.executed) for past in reversed(history)]
@@ -288,7 +286,7 @@ class OracleAgent:
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
 
     def _break_free(self, pose: PelvisPose) -> tuple[Call, str]:
-        """Remember the obstacle, step towards the open side, and plan anew from there."""
+        """Remember the obstacle, step to the side with most room, and plan again from there."""
         memory = self._memory
         ahead = np.array([np.sin(pose.yaw), np.cos(pose.yaw)])
         beside = np.array([ahead[1], -ahead[0]])
@@ -304,7 +302,7 @@ class OracleAgent:
         ways = {"back": -ahead, "left": beside, "right": -beside}
         plan = self._plan(pose)
         room = {name: float(plan.at(plan.clearance, pose.point + 0.3 * way)) for name, way in ways.items()}
-        # The same way out twice running did not help: after every second jam it takes the next best.
+        # After every second jam the next best side has its turn, since the best one did not help.
         best = sorted(room, key=lambda name: -room[name])[memory.jams % 4 // 2]
         reason = (
             f"Something is in my way: I step {'back' if best == 'back' else 'to the ' + best} and look for another way."
@@ -315,7 +313,7 @@ class OracleAgent:
         return call is not None and self._context.skills[call.skill].role == "sit"
 
     def _way(self, call: Call) -> float:
-        """How far over the floor a call is to take the body, metres."""
+        """Return how far over the floor a call should take the body, metres."""
         parameters = self._context.skills[call.skill].parameters
         asked = [call.params.get(one.key, 0) for one in parameters if one.measure in _WAY]
         return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
@@ -341,7 +339,7 @@ class OracleAgent:
         return self._call(SIT, min(seat_height + HIPS_OVER_SEAT[tries], LEVEL_THIGHS[tries]))
 
     def _plan(self, pose: PelvisPose) -> OccupancyGrid:
-        """Return the plan of the floor or the stairs that the body is on."""
+        """Return the grid of the floor or the stairs that the body is on."""
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
     # words
@@ -350,7 +348,7 @@ class OracleAgent:
         return str(self._spec.target_category).replace("_", " ") or "target"
 
     def _distance(self, state: WorldState) -> float:
-        """From the nearest joint to the nearest target, metres."""
+        """Return the distance from the nearest joint to the nearest target, metres."""
         return distance_to_nearest(state.body.joints()[-1], [box(self._scene, state, k) for k in self._spec.target_ids])
 
     def _goal(self) -> str:
@@ -370,7 +368,7 @@ class OracleAgent:
         return f"I am on the way, {remaining(self._memory.way, pose):.1f} m from the place to stand."
 
     def _look(self, state: WorldState) -> str:
-        """Where one is, and whether a target is in view and where."""
+        """Describe the room, and the nearest target in view."""
         pose = PelvisPose.of(state)
         plan = self._plan(pose)
         room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)

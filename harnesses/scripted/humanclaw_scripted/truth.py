@@ -21,7 +21,7 @@ TOUCHING: Final = 0.005
 
 @dataclass(frozen=True)
 class PelvisPose:
-    """Where the pelvis is and where it faces."""
+    """Position and heading of the pelvis, metres and radians."""
 
     root: Array
     yaw: float
@@ -35,7 +35,7 @@ class PelvisPose:
         return self.root[[0, 2]]
 
     def local(self, point: Array) -> tuple[float, float]:
-        """Return a (2,) point as (left, forward) of the body, metres."""
+        """Return a (2,) point in the body's frame as (left, forward), metres."""
         here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
         left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
         return float(left), float(forward)
@@ -43,7 +43,7 @@ class PelvisPose:
 
 @dataclass
 class Perception:
-    """The true state of an episode, for those who are allowed to know it."""
+    """The true state of an episode, as distances and bearings of its targets."""
 
     context: EpisodeContext
 
@@ -60,26 +60,26 @@ class Perception:
         return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
 
     def reach(self) -> float:
-        """From the nearest body point to the nearest target's bounding box, metres."""
+        """Return the distance from the nearest joint to the nearest target's bounding box, metres."""
         return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
 
     def away(self) -> float:
-        """From the pelvis to the nearest target over the floor, metres."""
+        """Return the horizontal distance from the pelvis to the nearest target, metres."""
         here = self._state().body.root[-1, [0, 2]]
         return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
 
     def here(self) -> Array:
-        """(3,) where the pelvis is."""
+        """Return the (3,) position of the pelvis."""
         return np.asarray(self._state().body.root[-1])
 
     def bearing(self) -> float:
-        """Of the nearest target's middle, radians, left positive; 0 without a target."""
+        """Return the bearing of the nearest target's middle, radians, left positive; 0 without a target."""
         middles = [(low + high) / 2 for low, high in self.boxes()]
         flat = [float(np.hypot(*(middle - self.here())[[0, 2]])) for middle in middles]
         return self.bearing_of(middles[int(np.argmin(flat))]) if middles else 0.0
 
     def bearing_of(self, point: Array) -> float:
-        """Of a (3,) point, radians, left positive."""
+        """Return the bearing of a (3,) point, radians, left positive."""
         body = self._state().body
         frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
         left, _, forward = frame.point_to_local(point)
@@ -87,23 +87,23 @@ class Perception:
 
 
 def box(scene: Scene, state: WorldState, target: int) -> tuple[Array, Array]:
-    """Bounding box of a target where it now is."""
+    """Return the bounding box of a target at its current place."""
     return scene.aabb(target, state.objects.get(target))
 
 
 def _hip_ends(state: WorldState) -> Array:
-    """(2, 3) ends of the axis of the pelvis link, world frame."""
+    """Return the (2, 3) ends of the axis of the pelvis link, world frame."""
     turn = matrix_from_vector(state.body.rotations[-1, 0])
     return np.asarray(state.body.root[-1] + np.array([_HIPS.a, _HIPS.b]) @ turn.T)
 
 
 def _hip_bottom(state: WorldState) -> float:
-    """Height of the lowest point of the pelvis link, metres."""
+    """Return the height of the lowest point of the pelvis link, metres."""
     return float(_hip_ends(state)[:, 1].min() - _HIPS.radius)
 
 
 def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
-    """Whether some of the hips is over a target and down on its seat."""
+    """Whether a part of the hips is over a target and rests on its seat."""
     low, high = box(scene, state, target)
     obj = scene.by_id[target]
     seat = scene.assets[obj.asset].seat_height
@@ -113,9 +113,9 @@ def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
 
 
 def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
-    """Bearing (radians, left positive) and distance (metres) of a target in the ego view; None if it is out of sight.
+    """Return bearing (radians, left positive) and distance (metres) of a target in view; None if it is not.
 
-    It counts as in sight if at least three of 27 points of its bounding box are in the view cone and not hidden.
+    A target is in view if at least three of 27 points of its bounding box are in the view cone and not hidden.
     """
     camera = ego_camera(state.body)
     low, high = box(scene, state, target)

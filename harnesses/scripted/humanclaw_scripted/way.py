@@ -1,4 +1,4 @@
-"""The oracle's way through a house: level segments and runs of stairs, and the point on them to walk to next."""
+"""A way through a house: level segments and runs of stairs, and the next point to walk to."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from humanclaw.pose import Array
 from humanclaw_scripted.truth import PelvisPose
 
 LOOK_AHEAD: Final = 0.7
-"""How far along the route it aims, metres."""
+"""Greatest distance along the way to the next point to walk to, metres."""
 BEFORE_STEPS: Final = 0.24
-"""From the pelvis to the first edge of a run of stairs, where one stands before the first step, metres."""
+"""Distance from the pelvis to the first edge of a run of stairs before the first step, metres."""
 ONTO_FLOOR: Final = 0.16
-"""How far beyond the last edge of a run of stairs the pelvis is to come, metres."""
+"""Distance of the pelvis beyond the last edge after the last step, metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class LevelSegment:
-    """A part of the way that is walked on the level."""
+    """A part of the way without stairs."""
 
     grid: OccupancyGrid
     path: Array
@@ -31,7 +31,7 @@ class LevelSegment:
 
 
 def parts(segments: Sequence[Segment]) -> list[LevelSegment | StairRun]:
-    """Return a route as segments on the level and runs of stairs, in turn; it begins and ends with a segment."""
+    """Split a route into level segments and runs of stairs, alternating; the first and last are segments."""
     way: list[LevelSegment | StairRun] = []
     for segment in segments:
         path, first = segment.samples, segment.points[:1]
@@ -45,7 +45,7 @@ def parts(segments: Sequence[Segment]) -> list[LevelSegment | StairRun]:
 
 
 def _joined(way: list[LevelSegment | StairRun]) -> list[LevelSegment | StairRun]:
-    """Neighbouring segments as one, on the grid of the storey that they share with the foot of the stairs."""
+    """Join neighbouring segments, on the grid of the storey and not of the stairs."""
     result: list[LevelSegment | StairRun] = []
     for part in way:
         last = result[-1] if result else None
@@ -58,13 +58,13 @@ def _joined(way: list[LevelSegment | StairRun]) -> list[LevelSegment | StairRun]
 
 
 def on_stairs(pose: PelvisPose, run: StairRun) -> tuple[float, float]:
-    """How far along a run of stairs and how far left of its middle line the body is, metres."""
+    """Return how far along a run of stairs, and how far left of its middle line, the body is, metres."""
     along, across = pose.point - run.foot, np.array([run.way[1], -run.way[0]])
     return float(along @ run.way), float(along @ across)
 
 
 def remaining(way: Sequence[LevelSegment | StairRun], pose: PelvisPose) -> float:
-    """Return what is left of the way, metres over the floor."""
+    """Return the rest of the way, metres over the floor."""
     first, *rest = way
     if isinstance(first, StairRun):
         here = max(0.0, float(first.edges[-1]) - on_stairs(pose, first)[0])
@@ -74,14 +74,14 @@ def remaining(way: Sequence[LevelSegment | StairRun], pose: PelvisPose) -> float
 
 
 def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
-    """Return the farthest point within LOOK_AHEAD on the route that can be walked to in a line, and what is left."""
+    """Return the farthest point of the path within LOOK_AHEAD that a straight walk reaches, and the metres left."""
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
     here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))
     rest = float(along[-1] - along[here])
     ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
     for k in reversed(ahead):
-        # What is nearer than a step is no aim, unless the route ends there: one would mark time.
+        # A point nearer than a step would make the body mark time; only the end of the path may be that near.
         if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], 0.2):
             return marks[k], rest
     return marks[ahead[len(ahead) // 2]], rest

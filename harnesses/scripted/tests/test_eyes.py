@@ -87,9 +87,15 @@ def test_its_settings_are_recorded(tmp_path: Path) -> None:
     assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4, "seconds": 60.0}
 
 
+@pytest.mark.parametrize("seconds", [0, -1, 3601, float("inf"), float("nan"), "soon"])
+def test_a_time_limit_out_of_bounds_is_refused(seconds: object) -> None:
+    with pytest.raises(HumanclawError, match=r"--option seconds: .*The options are detector, score, seconds"):
+        Plugins.discover().make("agents", "seeing-colour", {"detector": "program", "seconds": seconds})
+
+
 @pytest.mark.parametrize("options", [{}, {"detector": ""}, {"detector": "  "}])
 def test_without_a_program_it_says_what_to_give(options: dict[str, str]) -> None:
-    with pytest.raises(HumanclawError, match="needs a program that knows things") as raised:
+    with pytest.raises(HumanclawError, match="needs a program that detects things") as raised:
         Plugins.discover().make("agents", "seeing-colour", options)
     assert "--option detector=" in str(raised.value)
 
