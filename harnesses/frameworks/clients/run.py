@@ -99,8 +99,10 @@ def environment(name: str, needs: Sequence[str]) -> str:
         subprocess.run([python, "-m", "pip", "install", "--quiet", "--only-binary=:all:", *needs], check=True)
         theirs = subprocess.run(
             [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-            capture_output=True, text=True, check=True,
-        ).stdout.strip()  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
         (Path(theirs) / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({ours!r})\n")
         mark.write_text(json.dumps([ours, *needs]))
     return str(python)

@@ -99,9 +99,13 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
     largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
     turns = ceil(np.pi / largest - 1e-9)
     return Sitting(
-        _written(walk, "hips.forward", 0.4), _written(turn, "heading.left", np.pi / turns), turns,
-        _written(back, "hips.back", 0.2), _written(sit, "hips.height", 0.5), _written(stop),
-    )  # fmt: skip
+        _written(walk, "hips.forward", 0.4),
+        _written(turn, "heading.left", np.pi / turns),
+        turns,
+        _written(back, "hips.back", 0.2),
+        _written(sit, "hips.height", 0.5),
+        _written(stop),
+    )
 
 
 def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "locomotion") -> Skill | None:

@@ -208,9 +208,8 @@ class SeenMap:
         origin = self.origin[0] + rows[0] * CELL, self.origin[1] + columns[0] * CELL
         shape = known[part].shape
         none, ground = np.zeros(shape), np.where(known | blocked, 0.0, np.nan)[part]
-        return OccupancyGrid(
-            origin, blocked[part], none > 0, none.astype(np.int32), none, (none + np.inf, none), ground
-        )  # fmt: skip
+        overhead = (none + np.inf, none)
+        return OccupancyGrid(origin, blocked[part], none > 0, none.astype(np.int32), none, overhead, ground)
 
     def heights(self, grid: OccupancyGrid) -> Array:
         """Return the target's heights in the cells of a grid cut from this map."""

@@ -129,13 +129,10 @@ class GeminiServer(OpenAIServer):
             hint = {"@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": f"{wait}s"}
             return {"error": error | ({"details": [hint]} if wait else {})}
         tokens = _usage(reply)
-        told = {
-            "promptTokenCount": tokens[0],
-            "candidatesTokenCount": tokens[1],
-            "totalTokenCount": sum(tokens),
-        } if tokens else {}  # fmt: skip
+        names = ("promptTokenCount", "candidatesTokenCount", "totalTokenCount")
+        counts = dict(zip(names, (*tokens, sum(tokens)), strict=True)) if tokens else {}
         body: Json = {"candidates": self._candidates(reply), "modelVersion": "scripted", "responseId": "test"}
-        return body | ({"usageMetadata": told} if told else {})
+        return body | ({"usageMetadata": counts} if counts else {})
 
     def headers(self, reply: Reply) -> Mapping[str, str]:
         return {name: value for name, value in reply.headers.items() if name != "Retry-After"}
