@@ -156,7 +156,7 @@ def test_the_sampling_options_are_sent_as_given(begin, view):
 
 # -- answers that hold no single call ----------------------------------------------------------------------------------
 def handed_back(begin, view, skills, reply):
-    """The decision that a reply becomes, and what the loop says of it."""
+    """Return the decision for a reply, and the loop's error for it."""
     with OpenAIServer([reply]) as server:
         decision = begin(server, mode="tools").decide(view(), ())
     with pytest.raises(CallError) as fault:

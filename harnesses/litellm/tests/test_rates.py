@@ -1,4 +1,4 @@
-"""How fast a model is asked, by whom, and in which form the answer comes."""
+"""Rate limits shared by workers, and answers that are streamed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from humanclaw_litellm.settings import ModelError, Settings
 
 
 class Clock:
-    """Shows the time that it is told."""
+    """A clock that tests set."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -167,7 +167,7 @@ def test_a_server_that_only_streams_is_found_out_once(begin, view):
 
 
 class PiecesServer(OpenAIServer):
-    """Sends pieces whether or not they were asked for."""
+    """Always streams, also unasked."""
 
     def respond(self, request):
         asked = "stream" in request.body
@@ -185,7 +185,7 @@ def test_a_server_that_sends_pieces_unasked_is_found_out_at_once(begin, view):
 
 
 class EndlessServer(OpenAIServer):
-    """The first reply in pieces ends in good order, and before the model was done."""
+    """The first streamed reply ends cleanly before the model has finished."""
 
     def stream(self, reply, request):
         data = super().stream(reply, request)

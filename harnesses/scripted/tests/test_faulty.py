@@ -109,7 +109,7 @@ def test_who_dawdles_sets_out_when_sixteen_steps_are_left():
 
 
 def test_who_loses_heart_stops_where_it_started():
-    """A folding screen hides the couch until one is round it."""
+    """A folding screen hides the couch until the body is past it."""
     screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
     walker = Walker(two_rooms(0.9, (screen, scene_object(30, screen, 6.0, 2.6))), (COUCH,))
     log = play(FaultyAgent(FaultyOptions.of({"fault": "give_up"})), walker, spec(False))
@@ -171,7 +171,7 @@ def test_of_two_faults_at_once_either_can_be_put_right():
 
 
 def test_the_table_of_faults_loads_no_agent():
-    """Every command of the terminal asks for it."""
+    """Every command loads the table."""
     script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_scripted.faults" in loaded
@@ -189,7 +189,7 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
 
 
 def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
-    """Ten seeds: with a history of ten steps most sit down, with none nobody does."""
+    """Ten seeds: with a history of ten steps most agents sit down, without a history none does."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
     assert sat[0] == 0
     assert sat[10] >= 8
