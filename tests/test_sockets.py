@@ -5,8 +5,7 @@ import subprocess
 import sys
 
 import pytest
-
-from humanclaw.testing.openai_server import OpenAIServer, call
+from model_servers import OpenAIServer, call
 
 slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes half a minute: HUMANCLAW_SLOW=1")
 GUARD = """

@@ -1,8 +1,8 @@
-"""Let agent frameworks drive a body by `body.tools`: python harnesses/frameworks/clients/run.py [NAME ...]
+"""Drive a body with agent frameworks by `body.tools`: python harnesses/frameworks/clients/run.py [NAME ...]
 
-Each framework is one small file with the version it was tried with. It runs in an environment of its own, which sees
-the packages of this one behind its own, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop.
-What counts is what the model got: the requests. Needs PyPI; no key, no other network.
+Each framework is one small file with its tested version. It runs in its own environment, which falls back to the
+packages of this one, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. The check reads
+the model's requests. Needs PyPI; no key, no other network.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ from typing import Any
 import click
 import platformdirs
 
-import humanclaw.testing
-from humanclaw.testing.openai_server import Reply, Request, calls, text
-
 HERE = Path(__file__).parent
+# No package contains the scripted model: it is a test helper of humanclaw-litellm.
+sys.path.insert(0, str(HERE.parents[1] / "litellm" / "tests"))
+import model_servers  # noqa: E402
+from model_servers import Reply, Request, calls, text  # noqa: E402
+
 CLIENTS = sorted(path.stem.removesuffix("_client") for path in HERE.glob("*_client.py"))
 TASK = "Walk forward, turn to the left, and stop."
 CALLS = (("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), ("turn_in_place", {"yaw_deg": 30}), ("stop", {}))
@@ -36,7 +38,7 @@ HEAD = ("body.tools", "tried with", "calls executed", "text reaches the model", 
 
 
 def script() -> Callable[[Request], Reply]:
-    """Three calls, then the end, in the way that the framework knows: with words, or with a tool of its own."""
+    """Return a script of three calls and the framework's kind of end: text, or a tool of its own."""
     wanted, numbers = iter(CALLS), itertools.count()
 
     def reply(request: Request) -> Reply:
@@ -49,22 +51,22 @@ def script() -> Callable[[Request], Reply]:
 
 
 def _numbered(reply: Reply, number: int) -> Reply:
-    """Return the reply with a name of its own for its call, as providers give them."""
+    """Return the reply with a unique call id, as providers send."""
     reply.body["choices"][0]["message"]["tool_calls"][0]["id"] = f"call_{number}"
     return reply
 
 
 def trial(name: str) -> tuple[str, ...]:
-    """One row of the table."""
+    """Return a row of the table."""
     path = HERE / f"{name}_client.py"
     needs = metadata(path)
     python = environment(name, needs["dependencies"])
-    server = getattr(humanclaw.testing, needs.get("dialect", "OpenAIServer"))
+    server = getattr(model_servers, needs.get("dialect", "OpenAIServer"))
     with server(script()) as model:
         env = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
         env |= {"TASK": TASK, "MODEL_URL": model.url}
         done = subprocess.run([python, path], env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False)
-        # All requests together: Anthropic's client sends what is new alone.
+        # All requests together: Anthropic's client sends only new messages.
         seen = tuple(model.requests)
     if done.returncode:
         print(done.stderr[-3000:], file=sys.stderr)
@@ -83,12 +85,12 @@ def _mark(true: bool) -> str:
 def metadata(path: Path) -> dict[str, Any]:
     """Read the inline metadata of a script."""
     block = re.search(r"(?m)^# /// script\n((?:# .*\n)+)# ///$", path.read_text("utf-8"))
-    assert block, f"{path} says no versions"
+    assert block, f"{path} has no inline metadata"
     return tomllib.loads(re.sub(r"(?m)^# ", "", block[1]))
 
 
 def environment(name: str, needs: Sequence[str]) -> str:
-    """Make an environment with these packages and, behind them, those of this one; return its Python."""
+    """Return the Python of a cached environment with these packages, then those of this environment."""
     folder = Path(platformdirs.user_cache_dir("humanclaw")) / "frameworks" / name
     python, mark = folder / "bin" / "python", folder / "packages.json"
     ours = sysconfig.get_path("purelib")
@@ -97,8 +99,10 @@ def environment(name: str, needs: Sequence[str]) -> str:
         subprocess.run([python, "-m", "pip", "install", "--quiet", "--only-binary=:all:", *needs], check=True)
         theirs = subprocess.run(
             [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-            capture_output=True, text=True, check=True,
-        ).stdout.strip()  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
         (Path(theirs) / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({ours!r})\n")
         mark.write_text(json.dumps([ours, *needs]))
     return str(python)
@@ -111,7 +115,7 @@ def line(cells: Sequence[str]) -> str:
 @click.command()
 @click.argument("names", nargs=-1, type=click.Choice(CLIENTS))
 def main(names: tuple[str, ...]) -> None:
-    """Try the named frameworks, or all. Exits with 1 if one does not make the body do what the model called for."""
+    """Try the named frameworks, or all. Exits with 1 if the body does not execute a framework's calls."""
     print(line(HEAD), line(["---"] * len(HEAD)), sep="\n", flush=True)
     rows = []
     for name in names or CLIENTS:

@@ -1,7 +1,7 @@
-"""HumanCLAW harness: the skills as the tools of an agent framework, one module a framework.
+"""HumanCLAW harness: the skills as tools of agent frameworks, one module for each framework.
 
-Body.tools("langchain") imports humanclaw_frameworks.langchain and calls its `wrap`. Another framework is another
-plugin with the same hook.
+Body.tools("langchain") imports humanclaw_frameworks.langchain and calls its `wrap`. A plugin can add a framework with
+the same hook.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FRAMEWORKS: Final[Mapping[str, tuple[str, str]]] = {
     "openai_agents": ("openai-agents", "agents.FunctionTool"),
     "smolagents": ("smolagents", "smolagents.Tool, and `see` for `step_callbacks`, which shows the model the pictures"),
 }
-"""Framework to the distribution that it comes in, and what Body.tools gives."""
+"""Framework to its distribution, and to what Body.tools returns."""
 
 
 @hookimpl

@@ -1,4 +1,4 @@
-"""Anthropic's SDK: tools that its runner calls by itself.
+"""Anthropic's SDK: tools that its runner calls.
 
 runner = client.beta.messages.tool_runner(tools=body.tools("anthropic"), model=..., messages=messages, max_tokens=4096)
 runner.until_done()

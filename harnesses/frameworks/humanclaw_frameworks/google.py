@@ -1,4 +1,4 @@
-"""Google's Gen AI SDK: declared functions, carried out by `answer`.
+"""Google's Gen AI SDK: declared functions, executed by `answer`.
 
 tools = body.tools("google")
 response = client.models.generate_content(model=..., contents=contents, config=GenerateContentConfig(tools=tools))
@@ -15,17 +15,16 @@ from humanclaw.skills import BodyTool, ToolResult, in_format
 
 
 class Tools(list[types.Tool]):
-    """The list of types.Tool, which also carries out what a model calls."""
+    """A list of types.Tool that also executes calls."""
 
     def __init__(self, tools: Sequence[BodyTool]) -> None:
         super().__init__(types.Tool.model_validate(one) for one in in_format([tool.spec for tool in tools], "gemini"))
         self._tools = {tool.name: tool for tool in tools}
 
     def answer(self, response: types.GenerateContentResponse) -> list[types.Content]:
-        """Carry out the calls of a response in their order; returns the contents that answer it, none if it has no
-        call.
+        """Execute the calls of a response in order; return the contents that answer it, none without a call.
 
-        Pictures are parts of a content of their own: only the newest models read those within a function's response.
+        Pictures are a content of their own: only the newest models read pictures within a function's response.
         """
         answered = [(call, self._run(call)) for call in response.function_calls or ()]
         said = [_said(call, result) for call, result in answered]

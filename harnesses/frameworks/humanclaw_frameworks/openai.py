@@ -1,4 +1,4 @@
-"""OpenAI's chat completions, which most servers of models speak.
+"""OpenAI's chat completions, the API of most model servers.
 
 tools = body.tools("openai")
 message = client.chat.completions.create(model=..., messages=messages, tools=tools).choices[0].message
@@ -16,16 +16,16 @@ Json = dict[str, Any]
 
 
 class Tools(list[Json]):
-    """The tool list, which also carries out what a model calls."""
+    """The tool list, which also executes calls."""
 
     def __init__(self, tools: Sequence[BodyTool]) -> None:
         super().__init__(in_format([tool.spec for tool in tools], "openai"))
         self._tools = {tool.name: tool for tool in tools}
 
     def answer(self, message: Any) -> list[Json]:
-        """Carry out the calls of a message in their order; returns the messages that answer it, none if it has no call.
+        """Execute the calls of a message in order; return the messages that answer it, none without a call.
 
-        A tool message holds text alone, so a user message with the pictures follows: more models read those.
+        A tool message holds only text, so the pictures follow in a user message, which more models read.
         """
         answered = [(call.id, self._run(call.function)) for call in message.tool_calls or ()]
         said = [{"role": "tool", "tool_call_id": key, "content": result.text} for key, result in answered]

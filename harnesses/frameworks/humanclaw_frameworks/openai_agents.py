@@ -12,7 +12,7 @@ from humanclaw.skills import BodyTool
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[FunctionTool]:
-    """Make a FunctionTool of each. The schemas are not strict: that mode knows no optional parameter."""
+    """Make a FunctionTool of each. The schemas are not strict: strict mode has no optional parameters."""
     return [_tool(tool) for tool in tools]
 
 

@@ -1,4 +1,4 @@
-"""smolagents, whose tools hand text to the model alone; pictures reach it through a callback.
+"""smolagents. Its tools return only text to the model; a callback adds the pictures.
 
 tools = body.tools("smolagents")
 ToolCallingAgent(tools, model, step_callbacks=[tools.see]).run(task)
@@ -17,14 +17,14 @@ from humanclaw.skills import BodyTool
 
 
 class BodyTools(list[Tool]):
-    """The tools, and `see`."""
+    """The tools, and the callback `see`."""
 
     def __init__(self, tools: Sequence[BodyTool]) -> None:
         self._seen: list[bytes] = []
         super().__init__(_tool(tool, self._seen) for tool in tools)
 
     def see(self, step: Any, agent: Any = None) -> None:
-        """Show the model what the eyes saw in a step: a callback for `step_callbacks`."""
+        """Add the views of a step to its observations: a callback for `step_callbacks`."""
         if self._seen:
             step.observations_images = [Image.open(io.BytesIO(picture)) for picture in self._seen]
             self._seen.clear()
@@ -48,7 +48,7 @@ def _tool(tool: BodyTool, seen: list[bytes]) -> Tool:
 
 
 def _inputs(tool: BodyTool) -> dict[str, Any]:
-    """smolagents marks what may be left out as nullable, and wants a description of everything."""
+    """Return the inputs: smolagents marks optional ones as nullable, and requires a description of each."""
     required = set(tool.parameters.get("required", ()))
     return {
         key: {"description": key, **part, **({} if key in required else {"nullable": True})}

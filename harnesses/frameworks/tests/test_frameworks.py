@@ -1,4 +1,4 @@
-"""A body's skills as the tools of agent frameworks: those whose packages the tests have, and what holds for all.
+"""A body's skills as tools of agent frameworks: common behaviour, and the frameworks that are installed.
 
 Every framework is tried with its real package by `make frameworks`, each in an environment of its own.
 """

@@ -1,4 +1,4 @@
-"""HumanCLAW harness: the body as a Gymnasium environment. Importing it makes `gymnasium.make("HumanCLAW-v0")` known."""
+"""HumanCLAW harness: the body as a Gymnasium environment. The import registers `HumanCLAW-v0`."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from humanclaw_gymnasium.env import BodyEnv
 __version__ = "0.1.0"
 __all__ = ["Actions", "BodyEnv"]
 
-# The environment counts its own steps, so no TimeLimit is asked for.
+# No max_episode_steps: the environment counts its own steps.
 gymnasium.register("HumanCLAW-v0", entry_point="humanclaw_gymnasium.env:BodyEnv")

@@ -1,4 +1,4 @@
-"""Skill calls as vectors of integers, which every reinforcement-learning library takes."""
+"""Skill calls as vectors of integers, a form that every reinforcement-learning library takes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_LEVELS = 10_000
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a skill and the values that it can take, in order."""
+    """A parameter of a skill and its possible values, in order."""
 
     skill: str
     name: str
@@ -27,14 +27,14 @@ class Parameter:
 
 
 class Actions:
-    """The first number of an action picks the skill; each further one picks a value of one parameter of one skill.
+    """The first number of an action selects the skill; each further number selects a value of one skill's parameter.
 
-    Numbers that belong to another skill than the picked one are not read. A skill whose parameters are not bounded
-    integers, booleans or choices has no place in a vector; it is named in `left_out`.
+    Numbers of other skills are ignored. Skills with parameters other than bounded integers, booleans or choices do not
+    fit into a vector; `left_out` names them.
     """
 
     def __init__(self, skills: Mapping[str, Skill]) -> None:
-        """skills: those without a trained adapter are left out too. Raises HumanclawError if none is left."""
+        """Build the space, without untrained skills. Raises HumanclawError if no skill is left."""
         tables = {name: _parameters(skill) for name, skill in skills.items() if skill.trained}
         usable = {name: table for name, table in tables.items() if table is not None}
         if not usable:
@@ -45,7 +45,7 @@ class Actions:
         self.space = MultiDiscrete([len(self.skills), *(len(parameter.values) for parameter in self.parameters)])
 
     def decode(self, action: Action) -> Call:
-        """Return the call that an action stands for. Raises ValueError for what is not in the space."""
+        """Return the call of an action. Raises ValueError for an action outside the space."""
         numbers = np.asarray(action)
         if not self.space.contains(numbers.astype(self.space.dtype)):
             raise ValueError(
@@ -56,8 +56,10 @@ class Actions:
         return Call(skill, {p.name: p.values[int(index)] for p, index in chosen if p.skill == skill})
 
     def encode(self, skill: str, **params: Any) -> Action:
-        """Return the action for a call; a parameter that is not given takes the value nearest to 0. Raises
-        ValueError."""
+        """Return the action of a call. An omitted parameter takes its value nearest to 0.
+
+        Raises ValueError for an unknown skill or parameter, or an impossible value.
+        """
         if skill not in self.skills:
             raise ValueError(f"there is no skill {skill!r} among {', '.join(self.skills)}")
         own = {parameter.name for parameter in self.parameters if parameter.skill == skill}
@@ -81,7 +83,7 @@ def _size(value: Any) -> float:
 
 
 def _parameters(skill: Skill) -> tuple[Parameter, ...] | None:
-    """None if one of them cannot be counted."""
+    """Return a skill's parameters; None if one has no finite list of values."""
     found = [Parameter(skill.name, name, _values(part)) for name, part in parameter_schema(skill).items()]
     return tuple(found) if all(parameter.values for parameter in found) else None
 

@@ -1,4 +1,4 @@
-"""A body in a scene as a Gymnasium environment: an action is a skill call, an observation is what the eyes see next."""
+"""A body in a scene as a Gymnasium environment: actions are skill calls, observations are ego views."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Picture = NDArray[np.uint8]
 
 
 class BodyEnv(gymnasium.Env[Picture, Action]):
-    """Find something and, if the instruction says so, sit on it.
+    """Find an object and, if the instruction says so, sit on it.
 
     Observation: (size, size, 3) uint8, the ego view. Action: see Actions; `env.unwrapped.actions.encode("walk",
     z_cm=40)` makes one. Terminated by a skill that ends the episode, such as stop; truncated after max_steps.
-    Reward: metres by which the way to the nearest target became shorter, times shaping, and 1 for stopping in success.
-    The way goes along the free floor, around walls and furniture.
+    Reward: decrease of the path length to the nearest target, metres, times shaping, plus 1 for a successful stop. The
+    path runs along the free floor, around walls and furniture.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as in gymnasium.Env
@@ -42,9 +42,9 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         render_mode: str | None = None,
         plugins: Plugins | None = None,
     ) -> None:
-        """scene: one reference, or several of which each reset picks one. size: edge of the observation in pixels.
+        """scene: one reference, or several of which each reset picks one. size: edge of the observation, pixels.
 
-        Raises HumanclawError if no skill can be called, ValueError for a render mode that there is not.
+        Raises HumanclawError if no skill can be called, ValueError for an unknown render mode.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be rgb_array or None; got {render_mode!r}")
@@ -61,15 +61,14 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
     @property
     def episode(self) -> Episode:
-        """The episode under way, for what the spaces leave out. Raises gymnasium.error.ResetNeeded before the first
-        reset."""
+        """The current episode. Raises gymnasium.error.ResetNeeded before the first reset."""
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("an episode is begun by reset(); call it first.")
         return self._episode
 
     @property
     def body(self) -> Body:
-        """The body itself. Raises gymnasium.error.ResetNeeded before the first reset."""
+        """The body. Raises gymnasium.error.ResetNeeded before the first reset."""
         return self.episode.body
 
     def reset(
@@ -100,7 +99,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         return self._measured[1]
 
     def step(self, action: Action) -> tuple[Picture, float, bool, bool, dict[str, Any]]:
-        """Carry out one call: about half a second. One that the skill refuses moves nothing; info says why."""
+        """Execute one call, about half a second. A refused call moves nothing; info['error'] says why."""
         episode, call = self.episode, self.actions.decode(action)
         episode.submit(Decision((call,)))
         before, self._left = self._left, self._distance_to_goal()
@@ -110,9 +109,9 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         return self._see(), reward, stopped, episode.done and not stopped, self._info(call)
 
     def _distance_to_goal(self) -> float | None:
-        """Metres along the floor to the nearest target; None if the instruction names none, or no way leads to it.
+        """Return metres along the floor to the nearest target; None without a reachable target.
 
-        0 for a body that has arrived: on a couch it is off the floor that leads there.
+        0 for a body within reach: on a couch it is off the floor, from where no path starts.
         """
         straight = self.episode.target_distance()
         return 0.0 if straight is not None and straight <= REACHED else self.episode.distance_to_goal()
@@ -131,7 +130,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         }
 
     def _see(self) -> Picture:
-        self._picture = self.episode.observe().rgb.copy()  # What a learner is given it may write to.
+        self._picture = self.episode.observe().rgb.copy()  # A copy, because a learner may write to it.
         size = self.observation_space.shape[0] if self.observation_space.shape else len(self._picture)
         if size == len(self._picture):
             return self._picture

@@ -1,5 +1,4 @@
-"""What a person types, as a call: a skill or its first letters, then numbers in the order of the skill's schema; and
-what keys stand for."""
+"""Typed lines and keys as calls. A line is a skill or its first letters, then numbers in the order of its schema."""
 
 from __future__ import annotations
 
@@ -18,20 +17,20 @@ _MOVES: Final[Mapping[str, tuple[int, tuple[str, ...]]]] = {
     "Shift+ArrowLeft": (1, ("hips.left",)),
     "Shift+ArrowRight": (-1, ("hips.left",)),
 }
-"""Key to a sign and the measures of a skill: half of the most that it takes of the first is asked for."""
+"""Key to a sign and the measures of a skill. A key commands half the bound of the first measure."""
 _ENDS: Final[Mapping[str, Role]] = {"s": "sit", "End": "stop"}
 
 
 @dataclass(frozen=True)
 class TypedCall:
-    """One line. seen: what the person says is in view."""
+    """A line as a call. seen: what the person reports in view."""
 
     call: Call
     seen: str = ""
 
 
 def parse(line: str, skills: Mapping[str, Skill]) -> TypedCall:
-    """Read one line. Raises CallError that says what was expected."""
+    """Read a line. Raises CallError that says what was expected."""
     text, _, seen = line.partition("#")
     words = text.replace(",", " ").split()
     if not words:
@@ -41,8 +40,7 @@ def parse(line: str, skills: Mapping[str, Skill]) -> TypedCall:
 
 
 def _name(word: str, skills: Mapping[str, Skill]) -> str:
-    """Return the one skill meant: its name, its first letters, or those of a later word of it, as in back for
-    step_back."""
+    """Return the skill for a name, its first letters, or the first letters of a later word: back for step_back."""
     word = word.lower()
     if word in skills:
         return word
@@ -59,7 +57,7 @@ def _params(skill: Skill, words: Sequence[str]) -> dict[str, Any]:
     if len(words) > len(parts):
         raise CallError(f"{usage(skill)} takes {len(parts)} numbers; you gave {len(words)}.")
     given = {key: _value(key, part, word) for (key, part), word in zip(parts.items(), words, strict=False)}
-    # What has a bound on either side of 0 may be left out: nothing is asked for there.
+    # A parameter whose bounds include 0 may be omitted and is 0 then.
     left_out = {
         key: 0
         for key, part in parts.items()
@@ -86,7 +84,7 @@ def usage(skill: Skill) -> str:
 
 
 def manual(skills: Mapping[str, Skill]) -> str:
-    """All skills with the bounds of their parameters."""
+    """Return all skills with the bounds of their parameters."""
     return "\n".join(_entry(skill) for skill in skills.values() if skill.trained)
 
 
@@ -96,8 +94,7 @@ def _entry(skill: Skill) -> str:
 
 
 def forms(skills: Mapping[str, Skill]) -> tuple[dict[str, Any], ...]:
-    """Return each skill as a form: its description, and for each parameter what a model is told of it and a value to
-    begin with."""
+    """Return each skill as a form: its description, and each parameter as a model gets it, with an initial value."""
     return tuple(_form(skill) for skill in skills.values() if skill.trained)
 
 
@@ -112,7 +109,7 @@ def _form(skill: Skill) -> dict[str, Any]:
 
 
 def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
-    """Return what each key of the page stands for, the line that would be typed; keys without a skill are left out."""
+    """Return the typed line for each key of the page, without keys that have no skill."""
     ready = {name: skill for name, skill in skills.items() if skill.trained}
     moves = {key: _move(ready, measures, sign) for key, (sign, measures) in _MOVES.items()}
     ends = {key: _line(skill) for key, role in _ENDS.items() for skill in ready.values() if skill.role == role}
@@ -128,7 +125,7 @@ def _move(skills: Mapping[str, Skill], measures: Sequence[str], sign: int) -> st
 
 
 def _line(skill: Skill, moved: str = "", sign: int = 1) -> str:
-    """Write a call: half the bound of what is moved, nothing of the rest; what cannot be nothing in its middle."""
+    """Write a call: half the bound of `moved`, 0 for the rest, or the middle of bounds that exclude 0."""
     parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
     return " ".join([skill.name, *(str(_amount(part, sign if key == moved else 0)) for key, part in parts.items())])
 

@@ -1,4 +1,4 @@
-// What the body sees, what a model is told, and calls by key, button or form.
+// Shows the view and the text that a model gets; sends calls by key, button or form.
 // @ts-check
 "use strict";
 
@@ -19,7 +19,7 @@
   /** @template {keyof HTMLElementTagNameMap} T @param {T} tag @param {string} text @returns {HTMLElementTagNameMap[T]} */
   const made = (tag, text = "") => Object.assign(document.createElement(tag), { textContent: text });
 
-  /** Send a call; what is wrong with it is told. @param {string} line */
+  /** Send a call, and show an error. @param {string} line */
   async function send(line) {
     const words = seen.value.trim(), before = at("step").textContent;
     at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;

@@ -1,4 +1,4 @@
-"""The agent: shows the view, reads a line, and asks again until the line is a call."""
+"""The agent: it shows the view and reads lines until one is a call."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from humanclaw_human.commands import forms, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
 _REVISIT: Final = 1.0
-"""Seconds in which the page of the episode before may come back to the same port; else a new one is opened."""
+"""Seconds for the last episode's page to reconnect to the same port, before a new page opens."""
 _POLL: Final = 0.2
-"""Seconds; on some systems Ctrl-C is not heard while one waits without an end."""
+"""Seconds. Some systems ignore Ctrl-C during a wait without a timeout."""
 
 
 class Settings(BaseModel):
-    """Options of `--agent human`. Those that only concern a model are accepted, so that one command line serves
-    both."""
+    """Options of `--agent human`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     profile: str = "default"
+    """Ignored; accepted so that one command line serves models and persons."""
     browser: bool = True
-    """Whether to open the page."""
+    """Whether to open the page in the browser."""
     port: int = Field(0, ge=0, le=65535)
-    """Of the page; 0 takes any free one."""
+    """Port of the page; 0 for any free port."""
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Settings:
-        """Read a person's options. Raises HumanclawError for an option that a person does not have."""
+        """Read a person's options. Raises HumanclawError for an unknown or invalid option."""
         try:
             return cls(**options)
         except ValidationError as error:
@@ -49,9 +49,9 @@ class Settings(BaseModel):
 
 
 class Person:
-    """Reads decisions from `ask`, which gets a prompt and returns a line; by default the terminal and the page.
+    """Reads decisions from `ask`, which gets a prompt and returns a line; by default from terminal and page.
 
-    A person is told what a model is told: `at_terminal` keeps what only the scene knows off the terminal.
+    A person gets the same information as a model: `at_terminal` keeps facts of the scene off the terminal.
     """
 
     name = "human"
@@ -97,19 +97,19 @@ class Person:
 
 
 class Lines:
-    """Lines from the terminal and from the page, in the order in which they come."""
+    """Lines from the terminal and the page, in order of arrival."""
 
     def __init__(self) -> None:
         self._queue: queue.Queue[str | None] = queue.Queue()
         self._reading = False
 
     def put(self, line: str | None) -> None:
-        """Take the line of a key or button; None when the person leaves."""
+        """Add the line of a key or button; None if the person leaves."""
         click.echo(line or "left")
         self._queue.put(line)
 
     def ask(self, prompt: str) -> str:
-        """Wait for the next line. Raises KeyboardInterrupt when the person leaves or the terminal is closed."""
+        """Wait for the next line. Raises KeyboardInterrupt if the person leaves or the terminal closes."""
         click.echo(prompt, nl=False)
         if not self._reading and not _is_nothing(sys.stdin):
             self._reading = True
@@ -130,7 +130,7 @@ class Lines:
 
 
 def _is_nothing(stream: TextIO) -> bool:
-    """Whether there is no terminal behind it, as in the processes of a benchmark: then the page alone is asked."""
+    """Whether the stream is the null device, as in processes of a benchmark: then only the page gives lines."""
     try:
         return os.path.samestat(os.fstat(stream.fileno()), os.stat(os.devnull))
     except (OSError, ValueError):

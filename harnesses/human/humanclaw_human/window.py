@@ -1,4 +1,4 @@
-"""A page on 127.0.0.1 that shows what the body sees and tells what a model is told; its keys and buttons move it."""
+"""A page on 127.0.0.1 with the view and text that a model gets, and keys and buttons that move the body."""
 
 from __future__ import annotations
 
@@ -19,30 +19,29 @@ from humanclaw import CallError
 from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
-"""Bytes of a line and what is seen."""
+"""Longest line, bytes, with the report of what is seen."""
 LEAVE: Final = "leave the episode"
-"""The line of somebody who has had enough."""
+"""The line that ends the episode for a person who leaves."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What the page tells before a decision: what a model is told, and nothing that only the scene knows."""
+    """Content of the page before a decision: what a model gets, and nothing that only the scene knows."""
 
     step: int
     of: int
-    """The most steps that the episode may take."""
+    """Most steps of the episode."""
     instruction: str
     feedback: str = ""
     past: tuple[tuple[str, str], ...] = ()
-    """Calls so far, and what became of each."""
+    """Calls so far, each with its result."""
 
 
 @dataclass(frozen=True)
 class Controls:
-    """What can be called from the page.
+    """The calls of the page.
 
-    keys: name of a key (KeyboardEvent.key) to the line that it stands for; skills: their names, descriptions and
-    parameters, which become a form.
+    keys: name of a key (KeyboardEvent.key) to its line. skills: names, descriptions and parameters, for a form.
     """
 
     keys: Mapping[str, str] = field(default_factory=dict)
@@ -53,24 +52,29 @@ NO_CONTROLS: Final = Controls()
 
 
 class Window:
-    """Serves the page until it is closed, to browsers of this machine alone."""
+    """Serves the page until closed, to browsers of this machine only."""
 
     def __init__(
-        self, port: int = 0, submit: Callable[[str | None], None] = lambda line: None,
-        check: Callable[[str], object] = lambda line: None, controls: Controls = NO_CONTROLS,
-    ) -> None:  # fmt: skip
-        """port 0: any free one. submit: gets the line of a call, None when the person leaves. check: raises CallError
-        for a line that is no call. Raises OSError if the port is taken."""
+        self,
+        port: int = 0,
+        submit: Callable[[str | None], None] = lambda line: None,
+        check: Callable[[str], object] = lambda line: None,
+        controls: Controls = NO_CONTROLS,
+    ) -> None:
+        """Start the server; port 0 takes any free port. Raises OSError if the port is taken.
+
+        submit: gets the line of a call, or None if the person leaves. check: raises CallError for an invalid line.
+        """
         self._picture = b""
         self._state: dict[str, Any] = {"step": -1}
         self._submit, self._check, self._controls = submit, check, controls
         self.visited = False
-        """Whether a page has asked for anything."""
+        """Whether a page has connected."""
         self._asking = threading.Lock()
-        """Free while a call is waited for: a key that is pressed while the body moves moves nothing."""
+        """Free while the page may submit a call. It is held while the body moves, so that keys have no effect then."""
         self._asking.acquire()
         self._secret = secrets.token_urlsafe(16)
-        """Known to the page alone: no other page of the browser can press a key."""
+        """Known only to the page, so that no other page of the browser can submit calls."""
         self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
         self._server.daemon_threads = True
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
@@ -80,15 +84,14 @@ class Window:
         return f"http://127.0.0.1:{self._server.server_port}/"
 
     def show(self, rgb: NDArray[np.uint8], moment: Moment) -> None:
-        """Put a (H, W, 3) picture, the JPEG that a model is shown, and words on the page. From now on one call is
-        taken."""
+        """Show a (H, W, 3) picture, as the JPEG that a model gets, and text; then accept one call."""
         self._picture = jpeg(rgb)
         self._state = asdict(moment)
         self.settle()
         self._asking.release()
 
     def settle(self) -> None:
-        """Take no key until the next picture: a call has come from elsewhere."""
+        """Accept no call until the next picture, because one has come from the terminal."""
         self._asking.acquire(blocking=False)
 
     def close(self) -> None:
@@ -115,8 +118,7 @@ class Window:
                     self._answer(code, words.encode(), "text/plain; charset=utf-8")
 
             def _is_ours(self) -> bool:
-                """Only names of this machine are answered: a page elsewhere whose name was rebound to it has
-                another."""
+                """Answer only to host names of this machine, against DNS rebinding."""
                 port = window._server.server_port
                 if self.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}"):
                     return True
@@ -136,7 +138,7 @@ class Window:
         return Handler
 
     def _press(self, line: str) -> tuple[int, str]:
-        """Return the status to answer with, and words: whether a line was waited for, and is a call or LEAVE."""
+        """Submit a line; return HTTP status and message."""
         try:
             if line != LEAVE:
                 self._check(line)
@@ -155,7 +157,7 @@ class Window:
         return (self._picture, "image/jpeg") if path == "/view.jpg" else (b"", "text/plain")
 
     def _page(self) -> bytes:
-        """Page, style and script in one, with what it may call."""
+        """Return page, style, script and controls as one document."""
         told = {"secret": self._secret, "leave": LEAVE, **asdict(self._controls)}
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
         return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()

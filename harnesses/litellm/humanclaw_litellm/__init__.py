@@ -1,5 +1,4 @@
-"""HumanCLAW harness: any model that litellm can reach decides what the body does, and verifies it (paper, section
-3.2)."""
+"""HumanCLAW harness: a model that litellm can reach chooses and verifies the body's calls (paper, section 3.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How to ask for structured answers: with tools, with a JSON schema, or with words, whichever the model can do."""
+"""Structured answers from any model: by tools, by a JSON schema, or by instructions in the prompt."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from dataclasses import dataclass
 from typing import Any, Final, get_args
 
 from humanclaw import Meter, ProviderError
-from humanclaw_litellm.client import Client, Completion, RefusalError
+from humanclaw_litellm.client import Client, Completion
+from humanclaw_litellm.failures import RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 Json = dict[str, Any]
 ModeCache = dict[tuple[str, str], Mode]
-"""Model and address to the mode in which it answered; shared by all that one set of plugins makes."""
+"""Model and address to the mode that worked; shared by the agents and verifiers of one set of plugins."""
 MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 
 
 @dataclass(frozen=True)
 class Form:
-    """What an answer looks like: one of these tools, in OpenAI's format, or else one object of this schema."""
+    """The form of an answer: a call of one of these tools, in OpenAI's format, or one object of this schema."""
 
     tools: tuple[Json, ...]
     schema: Json
 
     def request(self, mode: Mode) -> Json:
-        """Return the parameters of a request that asks for it."""
+        """Return the parameters of a request that asks for this form."""
         if mode == "prompt":
             return {}
         if mode == "schema":
@@ -38,7 +39,7 @@ class Form:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer, the mode that it was asked for in, and the digest of all that was sent."""
+    """An answer, the mode of its request, and the digest of the messages and parameters sent."""
 
     completion: Completion
     mode: Mode
@@ -46,7 +47,7 @@ class Reply:
 
     @property
     def raw(self) -> str:
-        """The answer as it came, as JSON."""
+        """The answer as received, as JSON."""
         calls = [{"name": name, "arguments": arguments} for name, arguments in self.completion.calls]
         answer = {
             "mode": self.mode,
@@ -60,11 +61,10 @@ class Reply:
 
 
 class ModeNegotiator:
-    """Finds the first mode in which a model can answer, keeps to it, and remembers it for the next that asks this
-    model.
+    """Finds the first mode in which a model can answer, keeps it, and caches it for others that ask this model.
 
-    A mode is given up when the provider refuses it, or when the model says something complete that holds no answer. It
-    is settled by the first answer that does.
+    The negotiator drops a mode when the provider refuses it, or when a complete text of the model holds no answer. The
+    first usable answer settles the mode.
     """
 
     def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
@@ -85,7 +85,10 @@ class ModeNegotiator:
         self._client.begin(meter or Meter())
 
     def ask(self, form: Form, messages: Callable[[Mode], list[Json]]) -> Reply:
-        """messages: the conversation for a mode. Raises ProviderError, and ModelError if every mode is refused."""
+        """Ask for an answer. messages: returns the conversation for a mode.
+
+        Raises ProviderError, and ModelError if the provider refuses every mode.
+        """
         while True:
             sent, request = messages(self.mode), form.request(self.mode)
             try:
@@ -94,7 +97,7 @@ class ModeNegotiator:
                 self._refused(str(refusal))
 
     def report(self, reply: Reply, understood: bool) -> None:
-        """Tell whether the reply held an answer."""
+        """Learn from a reply. understood: whether it held a usable answer."""
         completion = reply.completion
         said_something = bool(completion.text.strip()) and not (
             completion.calls or completion.cut_off or completion.withheld

@@ -1,4 +1,4 @@
-"""The agent: a vision-language model in the contextual high-to-mid-to-low harness (paper, section 3.2)."""
+"""The agent: a vision-language model that plans from high to mid to low level (paper, section 3.2)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class _Episode:
 
 
 class ModelAgent:
-    """Asks a model for one call a step. An answer that holds no call is still a Decision: the loop explains it to the
-    model."""
+    """Asks a model for one call a step. An answer without a call is still a Decision; the loop explains the fault to
+    the model."""
 
     privileged = False
 
     def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
-        """cache: how models were asked with success before."""
+        """cache: modes that worked before."""
         self.name = settings.model
         self.settings = settings.in_force
         self._settings = settings
@@ -37,7 +37,7 @@ class ModelAgent:
 
     @property
     def mode(self) -> Mode:
-        """How the model is asked at present."""
+        """The mode of the next request."""
         return self._negotiator.mode
 
     def begin(self, context: EpisodeContext) -> None:
@@ -45,14 +45,16 @@ class ModelAgent:
         self._negotiator.begin(context.meter)
         skills = usable(context)
         mid_level = self._settings.mid_level
-        # The prompt tells what the fields are for.
+        # The prompt explains the fields, so the schemas need not.
         tools = openai_tools(skills, mid_level=mid_level, described=False, brief=self._settings.brief)
         form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Ask the model for a decision. Raises ProviderError if the provider gives no answer, and ModelError if it does
-        not take the model or the key."""
+        """Ask the model for a decision.
+
+        Raises ProviderError if the provider gives no answer, and ModelError if it rejects the model or the key.
+        """
         if self._episode is None:
             raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         episode = self._episode
@@ -70,7 +72,7 @@ class ModelAgent:
 
 
 def usable(context: EpisodeContext) -> tuple[Skill, ...]:
-    """Return the skills that can run: an untrained one is not offered."""
+    """Return the trained skills. Raises ModelError if there is none."""
     skills = tuple(skill for skill in context.skills.values() if skill.trained)
     if not skills:
         raise ModelError("no installed skill has a trained adapter.", "Install skills or train their adapters.")
@@ -78,13 +80,12 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
 
 
 def read(completion: Completion, prose: bool = True) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
-    """Every call of an answer; if there is none that can be read, why. Nothing is guessed: half an answer is no answer.
+    """Return every call of an answer, or the reason why it holds none. A broken answer is never repaired.
 
-    prose: whether words may stand around a call that is written as text.
+    prose: whether a call written as text may have words around it.
     """
-    if (
-        completion.cut_off
-    ):  # Even a call that looks whole may lack its last parameters: some providers close what was open.
+    if completion.cut_off:
+        # Even a call that looks whole may lack its last parameters: some providers close open brackets.
         return (), "The last answer was cut off before its call was complete: be brief."
     if completion.withheld:
         return (), "The last answer was withheld by the provider's filter."
@@ -97,7 +98,7 @@ def read(completion: Completion, prose: bool = True) -> tuple[tuple[tuple[Reason
 
 
 def _read_calls(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
-    """Among several calls an unreadable one still counts, so that none of the others is executed in its stead."""
+    """Read tool calls. An unreadable one among several still counts, so that no other is executed in its place."""
     found, faults = [], []
     for name, arguments in completion.calls:
         try:

@@ -1,4 +1,4 @@
-"""litellm itself, made quiet, kept to the address that it is given, and to so many bytes of what that sends."""
+"""litellm: loaded on first use, made quiet, and restrained: no redirects, and a bound on the size of replies."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 LONGEST_REPLY: Final = 64 * 2**20
-"""Bytes. The longest answer of a model in pieces, a hundred thousand tokens, has about thirty million."""
+"""Bytes. A streamed answer of a hundred thousand tokens, about the longest, has about thirty million."""
 
 
 class TooLongError(Exception):
-    """A reply that has not ended after LONGEST_REPLY bytes."""
+    """A reply is longer than LONGEST_REPLY."""
 
 
 @functools.cache
 def load() -> Any:
-    """litellm, silent and without telemetry. Imported on first use: it takes seconds."""
+    """Return litellm, silent and without telemetry. The import takes seconds."""
     for part in ("MODEL_COST_MAP", "ANTHROPIC_BETA_HEADERS"):
-        os.environ.setdefault(f"LITELLM_LOCAL_{part}", "True")  # Otherwise these lists are fetched from the network.
+        os.environ.setdefault(f"LITELLM_LOCAL_{part}", "True")  # Otherwise litellm downloads these lists.
     import litellm
 
     _restrain_clients()
@@ -29,15 +29,15 @@ def load() -> Any:
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # It logs requests, and so pictures and perhaps keys.
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # Its logs hold requests: pictures, and perhaps keys.
     return litellm
 
 
 def _restrain_clients() -> None:
-    """Prompt and picture go to the address that was named: a redirect is an answer, and its address nobody's choice.
-    And no reply fills the memory.
+    """Make HTTP clients follow no redirects and bound every reply.
 
-    litellm has no setting for either; it makes all of its clients in these two places.
+    Prompt and picture go only to the address that the user chose, and no reply fills the memory. litellm has no setting
+    for either; it makes all of its clients in these two functions.
     """
     from litellm.llms.custom_httpx.http_handler import HTTPHandler
     from litellm.llms.openai.common_utils import BaseOpenAILLM
@@ -49,9 +49,11 @@ def _restrain_clients() -> None:
 
 
 def _leave_arguments() -> None:
-    """Keep litellm from reading what a model wrote as arguments: where it cannot be read, that is refused in words.
-    litellm looks there for a mistake of older models, and takes a number or a nesting that Python's reader does not
-    hold for the failure of the provider."""
+    """Keep litellm from parsing a model's arguments; the harness does, and explains errors to the model.
+
+    litellm looks there for a mistake of older models. It reports arguments that Python's JSON reader rejects as a
+    failure of the provider.
+    """
     from litellm.litellm_core_utils.llm_response_utils import convert_dict_to_response as reading
 
     reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
@@ -70,7 +72,7 @@ def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _bound(response: Any) -> None:
-    """Let no more than LONGEST_REPLY bytes of a reply be read, unpacked, in one piece or in many."""
+    """Bound the decompressed size of a reply to LONGEST_REPLY."""
     read = response.iter_bytes
 
     def iter_bytes(chunk_size: int | None = None) -> Iterator[bytes]:
@@ -85,9 +87,9 @@ def _bound(response: Any) -> None:
 
 
 def missing_keys(model: str) -> list[str]:
-    """Variables of API keys that the model's provider wants and that are not set; one that is empty is not set.
+    """Return the variables of API keys that the model's provider needs and that are unset or empty.
 
-    Other credentials, such as a cloud's, can be found in places that litellm's check does not look into.
+    Other credentials, such as a cloud's, are left out: litellm's check does not know all of their places.
     """
     with _empty_unset():
         missing = load().validate_environment(model)["missing_keys"]
@@ -96,7 +98,7 @@ def missing_keys(model: str) -> list[str]:
 
 @contextmanager
 def _empty_unset() -> Iterator[None]:
-    """litellm takes a variable that is there for one that is set; for a moment the empty ones are not there."""
+    """Remove empty key variables for a moment: litellm would take them as set."""
     empty = {name: value for name, value in os.environ.items() if name.endswith("_API_KEY") and not value.strip()}
     for name in empty:
         del os.environ[name]

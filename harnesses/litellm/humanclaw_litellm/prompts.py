@@ -1,8 +1,6 @@
-"""What a model is told and shown. The words are in the folder templates; all that they say of skills comes from the
-skills.
+"""The prompts that models read. Their text is in the folder templates; the skills supply all that it says of skills.
 
-What was seen, thought and reported before is data: it stands between tags, on lines of its own, and cannot write tags
-itself.
+Earlier observations, thoughts and results are data: they stand between tags, one line each, and cannot write a tag.
 """
 
 from __future__ import annotations
@@ -29,22 +27,22 @@ from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
 _ROWS: Final = (40, 50, 60, 70, 80, 90, 100)
-"""Per cent of the height of a picture: providers scale pictures."""
+"""Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
 
 
 @dataclass(frozen=True)
 class Eyes:
-    """The ego camera of the standing body. Metres, degrees."""
+    """The ego camera of the standing body. Metres and degrees."""
 
     fov: int
     pitch: int
     height: float
     centre: float
-    """How far away the floor is that the centre of the picture shows."""
+    """Distance to the floor in the centre of the picture."""
     bottom: float
-    """The same for the middle of its lower edge."""
+    """Distance to the floor in the middle of its lower edge."""
     rows: tuple[tuple[int, float], ...] = ()
-    """Rows of the picture, per cent of its height from the top, and how far away the floor is that they show."""
+    """Rows of the picture, per cent of its height from the top, each with the distance to the floor in it."""
     horizon: int = 0
     """The row above which there is no floor."""
 
@@ -62,13 +60,13 @@ def eyes() -> Eyes:
 
 
 def _floor_at(row: float, pitch: float, height: float, tangent: float) -> float:
-    """Metres to the floor in the middle of a row. tangent: of half the vertical field of view."""
+    """Return metres to the floor in the middle of a row. tangent: of half the vertical field of view."""
     return height / float(np.tan(pitch + np.arctan((row / 50 - 1) * tangent)))
 
 
 @dataclass(frozen=True)
 class Sitting:
-    """Calls that sit the body down on a seat it faces, as text, from skills that there are."""
+    """The worked example: calls of installed skills, as text, that sit the body down on a seat in front of it."""
 
     walk: str
     turn: str
@@ -79,7 +77,10 @@ class Sitting:
 
 
 def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
-    """Return the skill that turns on the spot and how many of its largest turns make a circle; None without one."""
+    """Return the skill that turns on the spot, and how many of its largest turns make a circle.
+
+    None without such a skill.
+    """
     found = _commanding(skills, ("heading.left",))
     if found is None:
         return None
@@ -97,9 +98,13 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
     largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
     turns = ceil(np.pi / largest - 1e-9)
     return Sitting(
-        _written(walk, "hips.forward", 0.4), _written(turn, "heading.left", np.pi / turns), turns,
-        _written(back, "hips.back", 0.2), _written(sit, "hips.height", 0.5), _written(stop),
-    )  # fmt: skip
+        _written(walk, "hips.forward", 0.4),
+        _written(turn, "heading.left", np.pi / turns),
+        turns,
+        _written(back, "hips.back", 0.2),
+        _written(sit, "hips.height", 0.5),
+        _written(stop),
+    )
 
 
 def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "locomotion") -> Skill | None:
@@ -109,7 +114,7 @@ def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "
 
 
 def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
-    """Write a call of a skill: one measure at a value (SI), the rest at nothing."""
+    """Write a call of a skill: one measure at a value (SI units), the others at 0."""
     params = {
         part.key: round(from_si(part.key, value if part.measure == measure else 0.0)) for part in skill.parameters
     }
@@ -117,9 +122,9 @@ def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
 
 
 def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Settings, schema: Json | None) -> str:
-    """Who the model is, its goal, its skills and their rules: the same for every step of an episode.
+    """Return the system prompt: role, goal, skills and rules. It is the same for every step of an episode.
 
-    schema: what the answer must look like, for a model that is not given tools.
+    schema: form of the answer, for a model without tools.
     """
     return _fill(
         "system.jinja",
@@ -138,8 +143,7 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
 
 
 def system_message(words: str, settings: Settings) -> Json:
-    """Return the message of role system; with a mark behind it where a provider's cache wants one, which covers the
-    tools too."""
+    """Return the message of role system, with a cache mark if the provider needs one. The mark covers the tools too."""
     mark = {"cache_control": {"type": "ephemeral"}}
     return {"role": "system", "content": [_text(words) | mark] if settings.marks_cache else words}
 
@@ -149,8 +153,8 @@ def step_content(
 ) -> list[Json]:
     """Return the user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
-    The parts of past steps never change, so the message of the next step begins as this one does until old steps are
-    left out.
+    The parts of past steps never change. So the next message begins like this one, and a provider's cache applies,
+    until old steps are dropped.
     """
     first = first_told(len(history), settings)
     content = [_text(_past(history, index, settings.mid_level)) for index in range(first, len(history))]
@@ -171,7 +175,7 @@ def step_content(
 
 
 def first_told(steps: int, settings: Settings) -> int:
-    """Return the first of so many past steps that is still told. It moves by history_slack + 1 steps at a time."""
+    """Return the index of the oldest past step in the prompt. It advances history_slack + 1 steps at a time."""
     if not settings.history:
         return steps
     stride = settings.history_slack + 1
@@ -179,7 +183,7 @@ def first_told(steps: int, settings: Settings) -> int:
 
 
 def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
-    """One step. A mid-level goal that is the same as in the step before is not written out again."""
+    """Write one past step. A mid-level goal that did not change is written as `kept`."""
     past = history[index]
     goal = past.decision.mid_level_goal if mid_level else ""
     kept = bool(goal) and index > 0 and history[index - 1].decision.mid_level_goal == goal
@@ -197,7 +201,7 @@ def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
 
 
 def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
-    """Return the verifier's part: the same for every call of a skill."""
+    """Return the verifier's system prompt. It is the same for every call of a skill."""
     return _fill("verifier_system.jinja", skills=[_gist(skill) for skill in skills], eyes=eyes(), schema=_dump(schema))
 
 
@@ -209,16 +213,15 @@ def verifier_content(
     checks: Iterable[tuple[str, Check]],
     detail: str = "",
 ) -> list[Json]:
-    """Return the user message of a verification: the proposed call, its checklist and the current view, and nothing of
-    the past."""
+    """Return the user message of a verification: the proposed call, its checklist and the current view, no history."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
     return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb, detail)]
 
 
 def picture(rgb: NDArray[np.uint8], detail: str = "") -> Json:
-    """Return an image as a part of a user message: a JPEG in a data URL, of the size that it has.
+    """Return an image as a part of a user message: a JPEG in a data URL, in its own size.
 
-    detail: as OpenAI has it.
+    detail: OpenAI's parameter of that name.
     """
     url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
     return {"type": "image_url", "image_url": {"url": url} | ({"detail": detail} if detail else {})}
@@ -229,27 +232,26 @@ def _text(words: str) -> Json:
 
 
 def _sheet(skill: Skill) -> Json:
-    """Return what there is to know of a skill before calling it."""
+    """Return a skill's name, description and parameters."""
     params = [f"{key} ({_range(part)}): {part.get('description', '')}" for key, part in parameter_schema(skill).items()]
     return {"name": skill.name, "description": skill.description, "params": params}
 
 
 def _gist(skill: Skill) -> Json:
-    """Return the least there is to know of a skill to name it: parameters with their bounds, and the first sentence
-    about it."""
+    """Return a skill's signature with bounds, and the first sentence of its description."""
     params = ", ".join(f"{key} {_range(part, kind=False)}" for key, part in parameter_schema(skill).items())
     return {"signature": f"{skill.name}({params})", "gist": skill.description.split(". ")[0].rstrip(".") + "."}
 
 
 def data(value: object, longest: int = 600) -> str:
-    """Text of somebody else's as one line that holds no tag and has so many letters at most."""
+    """Return untrusted text as one line of at most `longest` characters that cannot hold a tag."""
     line = " ".join(str(value).split())
     short = line if len(line) <= longest else line[:longest].rsplit(" ", 1)[0] + " ..."
     return short.replace("<", "&lt;")
 
 
 def _range(part: Mapping[str, Any], kind: bool = True) -> str:
-    """Return what a parameter may be, in words; kind: whether to say integer or number where there are bounds."""
+    """Return the values that a parameter takes, in words. kind: whether to name the type where there are bounds."""
     if "enum" in part:
         return "one of " + ", ".join(map(str, part["enum"]))
     name = str(part.get("type", "any value"))

@@ -1,8 +1,7 @@
-"""How fast a model may be asked by all workers of this machine together: one gate for each model, address and key.
+"""A rate limit that all workers of this machine share: one gate for each model, address and key variable.
 
-Requests and tokens are paced evenly over the minute, so what is kept is one moment: the next one that is free.
-Libraries that share a limit between processes keep a row for each token instead, and none lets a count be mended
-afterwards.
+Requests and tokens are spread evenly over the minute, so a gate stores one number: the time of the next free slot.
+Libraries that share a limit between processes store a row for each token, and cannot correct a count afterwards.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ from humanclaw.storage import Cache
 from humanclaw_litellm.settings import ModelError, Settings
 
 _LONGEST: Final = 3600.0
-"""A moment further away than this was left behind by a machine that has been started anew since, seconds."""
+"""Seconds. A stored time that differs more from the clock dates from before a restart of the machine."""
 
 
 class Gate:
-    """Lets one request through after the other. Any number of processes and threads may share its file."""
+    """Spaces requests in time. Any number of processes and threads may share its file."""
 
     def __init__(
         self,
@@ -34,24 +33,24 @@ class Gate:
         tokens: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Keep to so many requests and tokens a minute; None for no limit.
+        """Limit requests and tokens per minute; None for no limit.
 
-        clock: one for the whole machine, which nobody can set.
+        clock: monotonic seconds, the same for all processes of the machine.
         """
         self._path, self._clock = path, clock
         self._requests, self._tokens = requests, tokens
 
     @classmethod
     def of(cls, settings: Settings) -> Gate:
-        """Return the gate of a model; its file lies in the user's cache folder."""
+        """Return the gate of a model. Its file is in the user's cache folder."""
         who = "\n".join((settings.model, settings.api_base, settings.auth_env))
         path = Cache("rates").folder / hashlib.sha256(who.encode()).hexdigest()[:32]
         return cls(path, settings.requests_per_minute, settings.tokens_per_minute)
 
     def enter(self, tokens: int) -> float:
-        """Take the next free moment for a request of so many tokens; return the seconds until then.
+        """Reserve the next free slot for a request of so many tokens; return the seconds until then.
 
-        Raises ModelError if there is a rate to keep and no file to share it by.
+        Raises ModelError if there is a limit but its file cannot be written.
         """
         wait = 0.0
         with self._next() as free:
@@ -60,24 +59,24 @@ class Gate:
         return wait
 
     def settle(self, tokens: int) -> None:
-        """So many tokens more (less, if negative) were used than had been thought."""
+        """Correct a reservation: the request took so many tokens more (fewer, if negative) than estimated."""
         if self._tokens and tokens:
             with self._next() as free:
                 free[0] += self._seconds(0, tokens)
 
     def close(self, seconds: float) -> None:
-        """Let nobody through for so long, because the provider asks for it."""
+        """Let no request through for so many seconds, because the provider asks for it."""
         with self._next() as free:
             free[0] = max(free[0], self._clock() + seconds)
 
     def _seconds(self, requests: int, tokens: int) -> float:
-        """How long these keep the gate occupied: as long as the slower of the two rates asks for."""
+        """Return the seconds that these occupy the gate: those of the stricter limit."""
         spans = [60.0 * count / rate for count, rate in ((requests, self._requests), (tokens, self._tokens)) if rate]
         return min(spans, default=0.0) if tokens < 0 else max(spans, default=0.0)
 
     @contextmanager
     def _next(self) -> Iterator[list[float]]:
-        """Hand out the next free moment, to be changed while nobody else does."""
+        """Lock the gate and yield the time of the next free slot, as a list of one number to change."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self._path.with_suffix(".lock"))

@@ -1,4 +1,4 @@
-"""Keys: what looks like one, and texts without them. What is recorded or shown goes through here."""
+"""API keys: find them in options, and remove them from every text that is recorded or shown."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ _SECRET_FIELD: Final = re.compile(
     r"key|pass(word|wd|phrase)|secret|credential|auth|bearer|cookie|headers?$|(^|_)(id_|access_|refresh_|session_)?token$",
     re.IGNORECASE,
 )
-"""Names that hold keys. Counts and prices of tokens, such as max_tokens and input_cost_per_token, do not."""
+"""Names of fields that hold keys. Counts and prices of tokens, such as max_tokens, do not match or are exempt."""
 _NO_SECRET: Final = frozenset({"input_cost_per_token", "output_cost_per_token", "prompt_cache_key"})
 _RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{20,}")
-"""A part of a path that nobody would choose as a name: capitals, small letters and digits, and long."""
+"""A part of a path that looks random: 20 characters or more, with capitals, small letters and digits."""
 _PARTS: Final = re.compile(r"[^\w.~+=-]+")
-"""What lies between the parts of a path."""
+"""Separators between the parts of a path."""
 
 
 def redact(text: str, *secrets: str) -> str:
-    """Return the text without these secrets, without the values of secret environment variables and without what looks
-    like a key."""
+    """Remove these secrets, the values of secret environment variables, and strings that look like keys."""
     for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
         text = text.replace(value, "[redacted]")
     return _SECRET_FORM.sub("[redacted]", text)
 
 
 def holds_key(path: str) -> bool:
-    """Whether a part of an address's path looks like a key, or is one."""
+    """Whether a part of a URL's path is a key or looks like one."""
     return redact(path) != path or any(map(_RANDOM.fullmatch, _PARTS.split(path)))
 
 
 def secrets_in(value: Any, where: str = "") -> Iterator[str]:
-    """Yield the places in nested options that hold a key, by their names or by what is there."""
+    """Yield the places in nested options that hold a key, judged by field name or by value."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             place = f"{where}.{key}" if where else str(key)

@@ -1,4 +1,4 @@
-"""The options of a run that concern the model."""
+"""The options of a run that configure the model."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from humanclaw import PluginError
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
-"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema for its answer, or words
-alone."""
+"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema, or instructions alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     "paper": {
         "history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0, "guide": False,
@@ -24,11 +23,9 @@ PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     },
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
 }  # fmt: skip
-"""What the options are when they are not given. paper: the baseline of the paper's ablation, decided greedily."""
+"""Defaults by profile. paper: the baseline of the paper's ablation, with greedy decoding."""
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
-"""The verifier's own budget, when none is given: it is a safeguard, so an episode waits for it only a while."""
-
-
+"""The verifier's default budget. It is smaller, so that an episode does not wait long for a safeguard."""
 _OURS: Final = frozenset(
     {
         "api_base", "api_key", "base_url", "client", "drop_params", "max_retries", "max_tokens", "messages", "model",
@@ -36,15 +33,15 @@ _OURS: Final = frozenset(
         "tool_choice", "tools",
     }
 )  # fmt: skip
-"""What every request says already. A response_format may be given, for a server that knows a better one."""
+"""Parameters that the harness sets itself. response_format is not among them: a server may have a better one."""
 
 
 class ModelError(PluginError):
-    """The model cannot be used as it was asked for, and what to do about it."""
+    """The model cannot be used with these options; the message says what to do."""
 
 
 def _address(url: str) -> str:
-    """Hold an address to what a request can be sent to; of anything else nobody knows where a key would stand."""
+    """Check that an address is an HTTP URL. In any other form a key could hide anywhere."""
     if url and not re.fullmatch(r"https?://[^\s/@]+(/\S*)?", url):
         raise ValueError("it must be an address, such as http://localhost:8000/v1, without user, password and spaces")
     return url
@@ -71,52 +68,54 @@ Params = Annotated[dict[str, Any], AfterValidator(_without_keys)]
 
 
 class Settings(BaseModel):
-    """How to reach a model and what to show it."""
+    """How to reach a model, and what its prompt contains."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
     model: Annotated[str, Field(min_length=1)]
-    """As litellm writes it: provider/name."""
+    """provider/name, as litellm writes it."""
     profile: Literal["default", "paper"] = "default"
     api_base: Annotated[str, AfterValidator(_without_credentials), AfterValidator(_address)] = ""
     auth_env: str = ""
-    """Environment variable that holds the key; by default the provider's own."""
+    """Environment variable with the key; by default the provider's own variable."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
     history: Annotated[int, Field(ge=0)] = 20
-    """Past steps told in words."""
+    """Past steps in the prompt."""
     history_slack: Annotated[int, Field(ge=0)] = 0
-    """So many more may be told, until the oldest of them are left out at once: a provider's cache holds in between."""
+    """Extra past steps that accumulate before the oldest are dropped together, so that a provider's cache applies."""
     images: Annotated[int, Field(ge=0)] = 1
-    """Pictures shown, the current view included; 0 for a model that takes none."""
+    """Pictures in the prompt, the current view included; 0 for a model that takes none."""
     mid_level: bool = True
     """Whether the model keeps a mid-level goal (an ablation of the paper)."""
     guide: bool = True
-    """Whether the prompt also tells how far the floor is in each row of the picture, when a target counts as reached,
-    how many turns make a circle, and one worked example."""
+    """Whether the prompt also gives the distance to the floor for rows of the picture, when a target counts as
+    reached, how many turns make a circle, and one worked example."""
     brief: bool = True
-    """Whether a tool asks for the reasoning as one text of named lines rather than as a field each."""
+    """Whether a tool takes the reasoning as one text of named lines instead of five fields."""
     detail: Literal["", "low", "high", "auto"] = ""
-    """How closely the provider is to look at a picture, where it knows such a thing; empty leaves it to the
-    provider."""
+    """Resolution at which the provider reads a picture, if it supports the parameter; empty for its default."""
     temperature: Annotated[float, Field(ge=0)] | None = None
     max_tokens: Annotated[int, Field(ge=1)] | None = None
     timeout: Annotated[float, Field(gt=0)] = 120.0
-    """Seconds that one request may take."""
+    """Seconds for one request."""
     num_retries: Annotated[int, Field(ge=0)] = 5
     backoff: Annotated[float, Field(ge=0)] = 1.0
-    """Seconds before the first retry; each further wait doubles, up to a minute."""
+    """Seconds before the first retry; the wait doubles each time, up to 60 seconds."""
     stream: bool = False
-    """Whether answers are asked for in pieces; a server that gives no others is found out without it."""
+    """Whether to stream answers. A server that only streams is detected without this option."""
     requests_per_minute: Annotated[float, Field(gt=0)] | None = None
-    """At most, of all workers of this machine together."""
+    """Limit for all workers of this machine together."""
     tokens_per_minute: Annotated[float, Field(gt=0)] | None = None
-    """The same for tokens, those of the answer included."""
+    """Limit for all workers together; tokens of the answer count."""
     params: Params | Json[Params] = {}
     """Further parameters of litellm.completion, such as {"reasoning_effort": "low"}."""
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Self:
-        """Read the options of a run; those of other parts are passed over, misspelt ones refused. Raises ModelError."""
+        """Read the options of a run. Raises ModelError for an invalid or misspelt option.
+
+        Options of other plugins are ignored.
+        """
         given = {key: value for key, value in options.items() if value is not None}
         if "model" not in given:
             raise ModelError("no model is named.", "Name one with --model, such as --model openai/gpt-4o-mini.")
@@ -130,8 +129,10 @@ class Settings(BaseModel):
 
     @classmethod
     def of_verifier(cls, options: Mapping[str, Any]) -> Self:
-        """Return the same, for the verifier: verifier_model, verifier_api_base and so on go before model, api_base and
-        so on."""
+        """Read the verifier's options: verifier_model overrides model, verifier_api_base overrides api_base, and so on.
+
+        A verifier with a model of its own does not inherit api_base and auth_env.
+        """
         own = {key.removeprefix("verifier_"): value for key, value in options.items() if key.startswith("verifier_")}
         shared = {key: value for key, value in options.items() if not key.startswith("verifier_")}
         if own.get("model") and "api_base" not in own:
@@ -141,12 +142,12 @@ class Settings(BaseModel):
 
     @property
     def marks_cache(self) -> bool:
-        """Whether the provider wants to be told what to cache. For other models such a mark does nothing, or harm."""
+        """Whether the provider needs cache marks. For other models a mark does nothing or harms."""
         return "claude" in self.model
 
     @property
     def in_force(self) -> dict[str, Any]:
-        """Everything that was chosen, as JSON can hold it. There is no key among it."""
+        """All settings as JSON values. They hold no key."""
         return self.model_dump(mode="json")
 
     @classmethod
@@ -161,7 +162,7 @@ class Settings(BaseModel):
 
 
 def _refuse_secrets(given: Mapping[str, Any]) -> None:
-    """Options of other parts are recorded too, such as the address of a verifier that is not in use."""
+    """Refuse keys in any option. Options of other plugins are recorded too."""
     for key, value in given.items():
         try:
             if isinstance(value, str) and "://" in value:
@@ -173,9 +174,9 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
 
 
 def _hides(key: str, value: Any) -> bool:
-    """Whether an option of another part holds a key in what is nested in it, also as text."""
+    """Whether an option of another plugin holds a key in a nested value, or in JSON text."""
     if key in Settings.model_fields:
-        return False  # These tell more of what is wrong with them.
+        return False  # The checks of these options give a better message.
     try:
         return any(secrets_in(json.loads(value) if isinstance(value, str) else value, key))
     except ValueError:
@@ -183,7 +184,7 @@ def _hides(key: str, value: Any) -> bool:
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the profile. A history of so many steps, asked for by number, is one of just so many."""
+    """Return the values of the profile. An explicit `history` has no slack."""
     values = dict(PROFILES.get(str(given.get("profile", "default")), {}))
     return values | ({"history_slack": 0} if "history" in given else {})
 

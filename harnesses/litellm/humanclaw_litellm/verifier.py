@@ -1,5 +1,4 @@
-"""The skill-specific spatial response verifier (paper, section 3.2 and appendix A): a second, short look at the current
-view."""
+"""The skill-specific spatial response verifier (paper, section 3.2 and appendix A)."""
 
 from __future__ import annotations
 
@@ -19,14 +18,14 @@ _YES: Final = {"yes": True, "true": True, "no": False, "false": False}
 
 
 class ModelVerifier:
-    """Puts a skill's checklist to a model that sees the current view and no history.
+    """Asks a model the checklist of a skill. The model sees the current view and no history.
 
-    It fails open: if no verdict can be had, the call passes and the verdict says why. A skill without checks passes
-    unasked. Only a limit of the episode ends its asking for good: LimitError passes through.
+    The verifier fails open: without a verdict the call passes, and `failed_open` says why. A skill without checks
+    passes without a request. LimitError, a limit of the episode, passes through.
     """
 
     def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
-        """cache: how models were asked with success before."""
+        """cache: modes that worked before."""
         self.name = f"litellm:{settings.model}"
         self.settings = settings.in_force
         self._settings = settings
@@ -39,8 +38,7 @@ class ModelVerifier:
         self._skills = usable(context)
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
-        """Ask the model about a call. Raises ModelError if the provider does not take the model or the key: that is to
-        be mended, not passed over."""
+        """Ask the model about a call. Raises ModelError if the provider rejects the model or the key."""
         if not self._skills:
             raise HumanclawError("a verifier must begin an episode before it verifies.", "Call begin first.")
         if not skill.checks:
@@ -63,7 +61,7 @@ class ModelVerifier:
 
 
 def _numbered(skill: Skill) -> dict[str, Check]:
-    """Put checks under names that every provider takes as a property's."""
+    """Name the checks check_1, check_2, ...: every provider accepts these as names of properties."""
     return {f"check_{number}": check for number, check in enumerate(skill.checks, start=1)}
 
 
@@ -87,7 +85,7 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
 
 
 def _object(completion: Completion) -> Json | None:
-    """Return the verdict's object, wherever the model put it; None if there is none that is whole, or one key twice."""
+    """Return the verdict's object from a tool call or the text; None if it is missing, cut off, or repeats a key."""
     if completion.cut_off or completion.withheld:
         return None
     said = completion.calls[0][1] if completion.calls else completion.text
@@ -121,8 +119,7 @@ def _passed(found: Mapping[str, Any], key: str) -> bool | None:
 
 
 def _replacement(found: Mapping[str, Any]) -> Call | None:
-    """Return the call named in place of the proposal. It is not checked here: the loop holds every call to its
-    schema."""
+    """Return the call to make instead, unchecked: the loop checks every call against its schema."""
     if not found.get("skill"):
         return None
     try:

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from model_servers import OpenAIServer
 
 import humanclaw_litellm
 from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing.openai_server import OpenAIServer
 
-sys.path.insert(0, str(Path(__file__).parent))  # The helpers beside these tests are importable by name.
 GOAL = "Find the couch and sit on it."
 
 
 @pytest.fixture(autouse=True)
 def no_keys(monkeypatch, tmp_path):
-    """No key of the person who runs the tests is used, no file .env of theirs, and no rate that they have to keep."""
+    """Use no key, no file .env and no rate limit of the person who runs the tests."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
     for name in (
@@ -73,7 +70,7 @@ def begin(context):
 
 @pytest.fixture
 def view():
-    """view(step): what the body sees: a picture of smooth colours, another one each step."""
+    """view(step): a view of smooth colours, different in each step."""
     ramp = np.linspace(0, 200, 512).astype(np.uint8)
 
     def observe(step: int = 0, feedback: Feedback | str = "") -> Observation:

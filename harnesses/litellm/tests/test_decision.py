@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_servers import OpenAIServer, call, calls, message, refusing, text
 
 import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
-from humanclaw.skills import REASONING_FIELDS, THOUGHTS
 from humanclaw.testing import check
-from humanclaw.testing.openai_server import OpenAIServer, call, calls, message, refusing, text
+from humanclaw.tools import REASONING_FIELDS, THOUGHTS
 
 SAID = {
     "visible_state": "a couch 3 m ahead",
@@ -156,7 +156,7 @@ def test_the_sampling_options_are_sent_as_given(begin, view):
 
 # -- answers that hold no single call ----------------------------------------------------------------------------------
 def handed_back(begin, view, skills, reply):
-    """The decision that a reply becomes, and what the loop says of it."""
+    """Return the decision for a reply, and the loop's error for it."""
     with OpenAIServer([reply]) as server:
         decision = begin(server, mode="tools").decide(view(), ())
     with pytest.raises(CallError) as fault:

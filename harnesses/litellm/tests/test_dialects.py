@@ -1,15 +1,14 @@
-"""Five kinds of servers over HTTP, through litellm: whatever the dialect, the same becomes of the same answer."""
+"""Five dialects over HTTP, through litellm: the same answer has the same result in each."""
 
 import json
 import time
 from dataclasses import dataclass
 
 import pytest
-
-from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
-from humanclaw.testing import check
-from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
-from humanclaw.testing.openai_server import (
+from model_servers import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
     OpenAIServer,
     call,
     calls,
@@ -25,6 +24,9 @@ from humanclaw.testing.openai_server import (
     truncated,
     without_usage,
 )
+
+from humanclaw import Call, CallError, EpisodeContext, Keyframes, ProviderError, skill
+from humanclaw.testing import check
 from humanclaw_litellm import library
 from humanclaw_litellm.settings import ModelError
 
@@ -54,7 +56,7 @@ def dialect(request):
 
 @pytest.fixture
 def talk(begin, view, dialect):
-    """talk(reply, ...): the last of as many decisions, the server, and the agent."""
+    """talk(reply, ...): take a decision for each reply; return the last one, the server and the agent."""
 
     def run(script, decisions=1, **options):
         spoken = DIALECTS[dialect]
@@ -90,7 +92,7 @@ def test_every_parameter_keeps_its_type_and_bounds(talk, skills):
 
 
 def test_alternatives_that_a_provider_would_drop_are_not_sent(begin, view, context, dialect):
-    """litellm turns oneOf into {} for Gemini; an optional parameter is written without."""
+    """litellm turns oneOf into {} for Gemini, so schemas of optional parameters avoid it."""
 
     @skill()
     def hop(times: int | None = None) -> Keyframes:
@@ -168,7 +170,7 @@ def test_an_answer_of_nothing_is_handed_back(talk, skills):
 
 
 def test_a_model_that_may_call_but_only_talks_is_asked_for_json_next(talk, skills, dialect):
-    """Ollama knows no tool_choice, and elsewhere it is not always heeded."""
+    """Ollama has no tool_choice, and other servers may ignore it."""
     whole = json.dumps({**SAID, "skill": "walk", "parameters": WALK}, ensure_ascii=False)
     decision, server, agent = talk([text("I see a sofa."), text(whole), text(whole)], decisions=3)
     assert check(decision, skills) == Call("walk", WALK)

@@ -1,4 +1,4 @@
-"""What a model is sent: word for word, in what order, and how much of it."""
+"""The prompts: their exact text, order and size."""
 
 import dataclasses
 import importlib
@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import walkthrough
+from model_servers import AnthropicServer, OpenAIServer, call
 
 from humanclaw import Call, Decision, HistoryEntry, Plugins
 from humanclaw.records import Feedback
-from humanclaw.testing.openai_server import OpenAIServer, call
 from humanclaw_litellm.library import load
 from humanclaw_litellm.prompts import data
 from humanclaw_litellm.settings import Settings
@@ -35,7 +35,7 @@ def skills():
 
 @pytest.fixture
 def same():
-    """same(name, text): the text is what the file of that name holds. HUMANCLAW_SNAPSHOTS=write writes it anew."""
+    """same(name, text): the text equals the snapshot of that name. HUMANCLAW_SNAPSHOTS=write rewrites it."""
 
     def compare(name: str, words: str) -> None:
         path = SNAPSHOTS / name
@@ -102,7 +102,7 @@ def test_the_verifier_is_told_just_this(begin, view, skills, same, name):
 
 # -- a prefix that stays -----------------------------------------------------------------------------------------------
 def prefix(request, told):
-    """The bytes before what changes: tools, the system message and so many parts of past steps."""
+    """The bytes that stay the same: tools, the system message and so many parts of past steps."""
     system, user = request.messages
     return json.dumps([request.body["tools"], system, user["content"][:told]]).encode()
 
@@ -137,8 +137,6 @@ def test_a_model_of_anthropic_is_told_where_its_cache_may_end_and_others_are_not
 
 
 def _sent(begin, view, lived, **options):
-    from humanclaw.testing.dialects import AnthropicServer
-
     server = AnthropicServer if "claude" in options["model"] else OpenAIServer
     with server([call("stop")]) as scripted:
         begin(scripted, **options).decide(view(2), lived(2))
@@ -191,7 +189,7 @@ def test_a_step_at_the_papers_settings_sends_at_most_4400_tokens(counted):
 
 
 def test_what_the_guide_adds_to_the_prompt_the_brief_tools_save(begin, view, skills):
-    """What the default profile adds to the prompt it saves on the tools, which hold the envelope once each no more."""
+    """The default profile saves more on the tools, which have one reasoning field each, than it adds to the prompt."""
     used = {}
     for profile in ("paper", "default"):
         with OpenAIServer([call("stop")]) as server:

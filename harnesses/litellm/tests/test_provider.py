@@ -1,4 +1,4 @@
-"""What happens when the provider fails, what a request costs, and where a key may never appear."""
+"""Failures of the provider, the cost of requests, and places where a key must not appear."""
 
 import contextlib
 import datetime
@@ -13,9 +13,7 @@ import time
 import traceback
 
 import pytest
-
-from humanclaw import HumanclawError, Meter, ProviderError
-from humanclaw.testing.openai_server import (
+from model_servers import (
     OpenAIServer,
     Reply,
     call,
@@ -28,6 +26,8 @@ from humanclaw.testing.openai_server import (
     truncated,
     without_usage,
 )
+
+from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw_litellm import library
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
@@ -207,7 +207,7 @@ def test_a_key_appears_in_no_answer_error_or_log(begin, view, monkeypatch, caplo
         decision = agent.decide(view(), ())
         with pytest.raises(ProviderError, match=r"bad key \[redacted\]") as fault:
             agent.decide(view(), ())
-    assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"  # So the key was in play.
+    assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"  # The key was in use.
     trace = "".join(traceback.format_exception(fault.value))
     seen = [repr(decision), trace, caplog.text, server.requests[0].text]
     assert not [text for text in seen if KEY in text]
@@ -218,7 +218,7 @@ def test_tokens_are_the_providers_count(begin, view):
     with OpenAIServer([call("stop")]) as server:
         usage = begin(server).decide(view(), ()).usage
     assert (usage.tokens_in, usage.tokens_out, usage.estimated, usage.cost) == (1000, 100, False, 0.0)
-    assert usage.cost_estimated  # Nobody knows what this model costs.
+    assert usage.cost_estimated  # This model has no known price.
 
 
 def test_a_missing_count_is_estimated_and_says_so(begin, view):
@@ -287,7 +287,10 @@ def test_the_name_that_a_provider_answers_by_holds_no_key_and_no_book(begin, vie
 
 def test_what_a_provider_says_is_printed_and_not_obeyed(begin, view):
     said = status(500, "over\x1b]52;c;aGk=\x07loaded\x9b2J")
-    with OpenAIServer([said]) as server, pytest.raises(ProviderError, match=r"over ]52;c;aGk= loaded 2J$"):
+    with (
+        OpenAIServer([said]) as server,
+        pytest.raises(ProviderError, match=r"over\ufffd]52;c;aGk=\ufffdloaded\ufffd2J$"),
+    ):
         begin(server, num_retries=0).decide(view(), ())
 
 
@@ -381,7 +384,7 @@ import sys, humanclaw_litellm
 places = set()
 sys.addaudithook(lambda event, args: places.add(args[0]) if event == "socket.getaddrinfo" else None)
 assert "litellm" not in sys.modules
-from humanclaw.testing import OpenAIServer, status
+from model_servers import OpenAIServer, status
 from humanclaw import Meter
 from humanclaw_litellm import library
 from humanclaw_litellm.client import Client
@@ -402,7 +405,7 @@ with OpenAIServer([status(500)]) as server:
 
 
 def drip(listener, stop):
-    """A server that answers every request with one byte a tenth of a second, without an end."""
+    """Answer every request with an endless reply of one byte each 0.1 s."""
     while not stop.is_set():
         try:
             connection, _ = listener.accept()

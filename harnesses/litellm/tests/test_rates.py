@@ -1,4 +1,4 @@
-"""How fast a model is asked, by whom, and in which form the answer comes."""
+"""Rate limits shared by workers, and answers that are streamed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import threading
 import time
 
 import pytest
-
-from humanclaw import LimitError, Meter
-from humanclaw.testing.dialects import AnthropicServer, GeminiServer, OllamaServer, VLLMServer
-from humanclaw.testing.openai_server import (
+from model_servers import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
     OpenAIServer,
     call,
     redirected,
@@ -20,12 +20,14 @@ from humanclaw.testing.openai_server import (
     truncated,
     without_usage,
 )
+
+from humanclaw import LimitError, Meter
 from humanclaw_litellm.rates import Gate
 from humanclaw_litellm.settings import ModelError, Settings
 
 
 class Clock:
-    """Shows the time that it is told."""
+    """A clock that tests set."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -164,7 +166,7 @@ def test_a_server_that_only_streams_is_found_out_once(begin, view):
 
 
 class PiecesServer(OpenAIServer):
-    """Sends pieces whether or not they were asked for."""
+    """Always streams, also unasked."""
 
     def respond(self, request):
         asked = "stream" in request.body
@@ -182,7 +184,7 @@ def test_a_server_that_sends_pieces_unasked_is_found_out_at_once(begin, view):
 
 
 class EndlessServer(OpenAIServer):
-    """The first reply in pieces ends in good order, and before the model was done."""
+    """The first streamed reply ends cleanly before the model has finished."""
 
     def stream(self, reply, request):
         data = super().stream(reply, request)

@@ -3,9 +3,9 @@
 import json
 
 import pytest
+from model_servers import OpenAIServer, call, calls, no_choices, refusing, status, text
 
 from humanclaw import Call
-from humanclaw.testing.openai_server import OpenAIServer, call, calls, no_choices, refusing, status, text
 from humanclaw_litellm.settings import ModelError
 
 WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})

@@ -1,4 +1,4 @@
-"""A scripted episode of 100 steps in the words that a talkative model would use, to count what an episode sends."""
+"""A scripted episode of 100 steps in the words of a talkative model, to count the tokens of an episode."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # /// script
 # dependencies = ["fastmcp==4.1.2", "openai==3.52.0"]
 # ///
-"""The FastMCP client under the plainest agent there is."""
+"""The FastMCP client with a minimal agent."""
 
 import asyncio
 import os

@@ -2,7 +2,7 @@
 # dependencies = []
 # npm = ["node@22", "@modelcontextprotocol/inspector@2.12.0"]
 # ///
-"""The MCP Inspector's command line. It has no agent: each command opens a session, asks one thing and leaves."""
+"""The MCP Inspector's command line. It has no agent: each command opens a session and sends one request."""
 
 import json
 import os

@@ -1,8 +1,7 @@
 # /// script
 # dependencies = ["mcp==2.3.0", "openai==3.52.0"]
 # ///
-"""The official Python client under the plainest agent there is: ask the model, call the tool, until it has nothing to
-call."""
+"""The official Python client with a minimal agent: ask the model and call its tools until it calls none."""
 
 import asyncio
 import os

@@ -1,9 +1,8 @@
-"""Let the agents that people already have drive the body: python harnesses/mcp/clients/run.py [NAME ...]
+"""Drive the body with existing MCP clients: python harnesses/mcp/clients/run.py [NAME ...]
 
-Each client is one small file with the versions it was tried with. It runs in an environment of its own, over HTTP and
-over standard streams, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. What counts is
-what others saw: the record that the server wrote, and the requests that the model got. Needs PyPI, for the Inspector
-npx; no key, no other network.
+Each client is one small file with its tested versions. It runs in its own environment, over HTTP and over standard
+streams, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. The check reads the server's
+record and the model's requests. Needs PyPI, and npx for the Inspector; no key, no other network.
 """
 
 from __future__ import annotations
@@ -28,9 +27,12 @@ import click
 import platformdirs
 
 from humanclaw import load_run
-from humanclaw.testing.openai_server import OpenAIServer, Reply, Request, call, text
 
 HERE = Path(__file__).parent
+# No package contains the scripted model: it is a test helper of humanclaw-litellm.
+sys.path.insert(0, str(HERE.parents[1] / "litellm" / "tests"))
+from model_servers import OpenAIServer, Reply, Request, call, text  # noqa: E402
+
 CLIENTS = {
     "MCP Inspector (CLI)": "inspector",
     "mcp (official Python)": "official",
@@ -44,22 +46,22 @@ TASK = "Walk forward, turn to the left, and stop."
 WANTED = [("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), ("turn_in_place", {"yaw_deg": 30}), ("stop", {})]
 COMMAND = (sys.executable, "-m", "humanclaw", "mcp", "--instruction", TASK, "--out")
 TIMEOUT = 300
-"""Seconds for one client; it asks four questions and waits for three half seconds of motion."""
+"""Seconds for one client, with four model requests and three half seconds of motion."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one client over one transport."""
+    """Result of one client over one transport."""
 
     client: str
     versions: str
     transport: str
     called: bool
-    """Whether the record holds the calls of the script, executed."""
+    """Whether the record holds the script's calls as executed."""
     words: bool
-    """Whether the model was told what became of its calls."""
+    """Whether the model got the text of its results."""
     pictures: int
-    """Views that the model got; -1 for a client without a model."""
+    """Most views in one model request; -1 for a client without a model."""
     fault: str = ""
 
     def cells(self) -> tuple[str, ...]:
@@ -70,8 +72,8 @@ class Row:
 
 
 def script() -> Callable[[Request], Reply]:
-    """Three calls, then the end, in the way that the client knows: with words, or with a tool of its own."""
-    # Every parameter is given: smolagents refuses a call that leaves out an optional one.
+    """Return a script of three calls and the client's kind of end: text, or a tool of its own."""
+    # All parameters are given: smolagents refuses a call without its optional ones.
     calls = iter([call("walk", x_cm=0, z_cm=40, yaw_deg=0), call("turn_in_place", yaw_deg=30), call("stop")])
     numbers = itertools.count()
 
@@ -83,7 +85,7 @@ def script() -> Callable[[Request], Reply]:
 
 
 def numbered(reply: Reply, number: int) -> Reply:
-    """Return the reply with a name of its own for its call, as providers give them and some clients demand."""
+    """Return the reply with a unique call id, as providers send and some clients require."""
     body = copy.deepcopy(reply.body)
     for wanted in body["choices"][0]["message"].get("tool_calls", ()):
         wanted["id"] = f"call_{number}"
@@ -107,7 +109,7 @@ def trial(name: str, transport: str, folder: Path) -> Row:
 
 
 def attempt(command: Sequence[str], transport: str, model: str, folder: Path) -> str:
-    """Run a client. Returns what went wrong, or nothing."""
+    """Run a client. Return the error, empty on success."""
     env = os.environ | {"TASK": TASK, "MODEL_URL": model}
     if transport == "stdio":
         return _run([*command, *COMMAND, str(folder)], env)
@@ -135,8 +137,7 @@ def http_server(folder: Path) -> Iterator[str]:
 
 
 def executed(folder: Path, agentless: bool) -> bool:
-    """Whether the body did what the script says: in one episode, or, without an agent, in as many as there were
-    calls."""
+    """Whether the body executed the script: in one episode, or in one for each call without an agent."""
     episodes = sorted(load_run(folder), key=lambda episode: episode.folder.stat().st_mtime) if folder.exists() else []
     steps = [[(step.call.skill, step.call.params) for step in episode.steps if step.call] for episode in episodes]
     return [step for episode in steps for step in episode] == WANTED if agentless else WANTED in steps
@@ -146,13 +147,12 @@ def executed(folder: Path, agentless: bool) -> bool:
 def requirements(path: Path) -> dict[str, Any]:
     """Return the inline metadata of a script."""
     block = re.search(r"(?m)^# /// script\n((?:# .*\n)+)# ///$", path.read_text())
-    assert block, f"{path} says no versions"
+    assert block, f"{path} has no inline metadata"
     return tomllib.loads(re.sub(r"(?m)^# ", "", block[1]))
 
 
 def environment(name: str, needs: Sequence[str]) -> str:
-    """Return the Python of an environment that holds exactly these packages and what they need; kept for the next
-    time."""
+    """Return the Python of a cached environment with exactly these packages and their dependencies."""
     folder = Path(platformdirs.user_cache_dir("humanclaw")) / "mcp-clients" / name
     python, mark = folder / "bin" / "python", folder / "packages.json"
     if not mark.exists() or json.loads(mark.read_text()) != list(needs):
@@ -174,7 +174,7 @@ def line(cells: Sequence[str]) -> str:
 @click.command()
 @click.argument("names", nargs=-1, type=click.Choice(list(CLIENTS)))
 def main(names: tuple[str, ...]) -> None:
-    """Try the named clients, or all. Exits with 1 if one does not make the body do what the model called for."""
+    """Try the named clients, or all. Exits with 1 if the body does not execute a client's calls."""
     rows = []
     print(line(HEAD), line(["---"] * len(HEAD)), sep="\n", flush=True)
     with tempfile.TemporaryDirectory() as scratch:

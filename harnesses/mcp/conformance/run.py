@@ -1,8 +1,8 @@
-"""Hold the server to the official conformance suite: python harnesses/mcp/conformance/run.py
+"""Run the official conformance suite on the server: python harnesses/mcp/conformance/run.py
 
-The server with the suite's fixtures mounted (server.py) must pass every scenario, and `humanclaw mcp` as it is shipped
-every one that asks for no fixture. Needs npx and the npm registry. The suite wants a newer Node than many systems have,
-so npx brings one.
+The server with the suite's fixtures (server.py) must pass every scenario, and `humanclaw mcp` as shipped every scenario
+without a fixture. Needs npx and the npm registry. npx installs Node too: the suite needs a newer one than many systems
+have.
 """
 
 from __future__ import annotations
@@ -20,11 +20,8 @@ NODE = "node@22"
 HERE = Path(__file__).parent
 FIXTURES = (str(HERE / "server.py"),)
 SHIPPED = ("-m", "humanclaw", "mcp", "--http", "--port", "0")
-
-
 NEWEST = ("0.2.0-alpha.12", "--spec-version", "2025-11-25")
-"""The newest suite, a pre-release. It also knows a protocol without sessions, which is not for bodies: each belongs to
-one."""
+"""The newest suite, a pre-release. It also tests a sessionless protocol, which the server refuses over HTTP."""
 RELEASED = ("0.1.16", "--expected-failures", str(HERE / "expected-failures.yml"))
 AS_SHIPPED = (
     "server-initialize",
@@ -37,7 +34,7 @@ AS_SHIPPED = (
     "prompts-list",
     "dns-rebinding-protection",
 )
-"""Scenarios that ask for no fixture."""
+"""Scenarios without a fixture."""
 
 
 def main() -> int:
@@ -62,7 +59,7 @@ def started(arguments: tuple[str, ...]) -> Iterator[str]:
 
 
 def url_of(server: subprocess.Popen[str]) -> str:
-    """Return the address that the server tells once it listens."""
+    """Return the address that the server prints."""
     assert server.stderr
     for line in server.stderr:
         if found := re.search(r"http://\S+", line):
@@ -71,7 +68,7 @@ def url_of(server: subprocess.Popen[str]) -> str:
 
 
 def check(title: str, url: str, version: str, *options: str) -> bool:
-    """Run scenarios; whether one failed that is not expected to, or passed that is expected to fail."""
+    """Run scenarios; return whether a result differs from the expected ones."""
     print(f"\n== {title} ==", flush=True)
     suite = ["conformance", "server", "--url", url, *options]
     with tempfile.TemporaryDirectory() as scratch:  # The suite may leave results where it runs.

@@ -1,9 +1,7 @@
-"""The product's server with the fixtures that the official suite asks for by name: python
-harnesses/mcp/conformance/server.py
+"""The product's server with the fixtures of the official suite: python harnesses/mcp/conformance/server.py
 
-The fixtures are answers only. Sessions, streams, progress, log messages, subscriptions and errors are those of
-`humanclaw mcp`: the handlers are its handlers with more in their lists, served by its own function for HTTP. The body
-and its skills are there too.
+The fixtures are only answers. Sessions, streams, progress, log messages, subscriptions and errors are those of
+`humanclaw mcp`: its handlers with longer lists, served by its own function for HTTP, with the body and its skills.
 """
 
 from __future__ import annotations
@@ -198,7 +196,7 @@ class Fixtures(Handlers):
         question = types.SamplingMessage(role="user", content=text(arguments["prompt"]))
         params = types.CreateMessageRequestParams(messages=[question], max_tokens=100)
         request = types.CreateMessageRequest(params=params)
-        # On the stream of this call: a client need not have another one open.
+        # On the stream of this call, because a client may have no other open.
         metadata = ServerMessageMetadata(related_request_id=ctx.request_id)
         answer = await ctx.session.send_request(request, types.CreateMessageResult, metadata=metadata)
         return said(f"LLM response: {getattr(answer.content, 'text', '')}")

@@ -1,4 +1,4 @@
-"""HumanCLAW harness: a Model Context Protocol server. Any agent that speaks MCP gets the skills as its tools."""
+"""HumanCLAW harness: a Model Context Protocol server. Any MCP client gets the skills as tools."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ __version__ = "0.1.0"
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Hand the skills to an agent over the Model Context Protocol."
-    cli.add_command(LazyCommand("mcp", "humanclaw_mcp.command:command", told))
+    help_text = "Serve the skills to agents over the Model Context Protocol."
+    cli.add_command(LazyCommand("mcp", "humanclaw_mcp.command:command", help_text))

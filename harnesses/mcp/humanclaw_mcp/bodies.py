@@ -1,4 +1,4 @@
-"""Which session has which body."""
+"""The bodies of a server, one for each session."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from humanclaw_mcp.settings import Settings
 
 
 class Bodies:
-    """One body a session, up to a limit. Used from one event loop; the bodies themselves move on worker threads."""
+    """One body for each session, up to a limit. Used from one event loop; the bodies move on worker threads."""
 
     def __init__(self, settings: Settings, plugins: Plugins | None = None) -> None:
-        """plugins: those of all sessions; by default what is installed."""
+        """plugins: shared by all sessions; by default the installed ones."""
         self.settings = settings
         self.plugins = plugins or Plugins.discover()
         self._stage = threading.Lock()
@@ -31,9 +31,10 @@ class Bodies:
         return self._sessions.get(key)
 
     def of(self, key: str, client: str) -> Session:
-        """Return the body of a session, which is made if there is none.
+        """Return the body of a session; make it if there is none.
 
-        Raises HumanclawError at the limit, and once if the body was put away: a new one must not pass for it.
+        Raises HumanclawError at the limit, and once after an idle body was closed: a client must not take a new body
+        for the old one.
         """
         if key in self._put_away:
             self._put_away.remove(key)
@@ -49,27 +50,27 @@ class Bodies:
         return self._sessions[key]
 
     async def release(self, key: str) -> None:
-        """Put a session's body away; it may have none."""
+        """Close a session's body, if it has one."""
         self._put_away.discard(key)
         session = self._sessions.pop(key, None)
         if session:
             await anyio.to_thread.run_sync(session.close)
 
     async def release_idle(self) -> None:
-        """Put away the bodies that nobody has called for a while."""
+        """Close the bodies without a call for `idle` seconds."""
         oldest = time.monotonic() - self.settings.idle
         for key in [key for key, session in self._sessions.items() if session.used < oldest and not session.busy]:
             await self.release(key)
             self._put_away.add(key)
 
     async def tend(self) -> None:
-        """Release idle bodies for as long as the server runs."""
+        """Release idle bodies while the server runs."""
         while True:
             await anyio.sleep(min(self.settings.idle / 4, 30.0))
             await self.release_idle()
 
     async def close(self) -> None:
-        """Put all bodies away; calls under way are broken off after their chunk."""
+        """Close all bodies; running calls stop after their current chunk of motion."""
         for session in self._sessions.values():
             session.stop()
         for key in list(self._sessions):

@@ -15,14 +15,21 @@ from humanclaw.cli import engine_options, plugin_options
 @click.command("mcp")
 @click.option("--http", is_flag=True, help="Serve streamable HTTP on 127.0.0.1 instead of the standard streams.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port for --http.")
-@click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must bear.")
-@click.option("--scene", "scenes", multiple=True, default=("house:0",), show_default=True, help="Repeatable.")
-@click.option("--instruction", help="What the body is to do, if the client does not say.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must carry.")
+@click.option(
+    "--scene",
+    "scenes",
+    multiple=True,
+    default=("house:0",),
+    show_default=True,
+    help="Scene that clients may choose. Repeatable.",
+)
+@click.option("--instruction", help="The task, if the client gives none.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Steps an episode.")
-@click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Bodies at most at one time.")
-@click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds an idle body is kept.")
-@click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as the benchmark does.")
+@click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Most bodies at one time.")
+@click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds to keep an idle body.")
+@click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as in the benchmark.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
 @click.option(
@@ -30,12 +37,12 @@ from humanclaw.cli import engine_options, plugin_options
     "sensors",
     type=click.Choice(SENSORS),
     multiple=True,
-    help="Told besides the view, always there. Repeatable.",
+    help="Sensor besides the view. Repeatable.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Record the episodes here; without it none is recorded.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for records; without it none are kept.")
 @plugin_options
 def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **options: Any) -> None:
-    """Hand the skills to an agent over the Model Context Protocol."""
+    """Serve the skills to agents over the Model Context Protocol."""
     import anyio
 
     from humanclaw import Plugins
@@ -44,10 +51,10 @@ def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **op
     from humanclaw_mcp.serve import serve_http, serve_stdio
     from humanclaw_mcp.settings import Settings
 
-    # Session names are keys to a body, and the protocol library logs them below this level.
+    # Whoever knows a session's name can use its body, and the protocol library logs names below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     if options["auth_env"] and not http:
-        raise HumanclawError("--auth-env guards HTTP; over standard streams there is one client.", "Add --http.")
+        raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")
     settings = Settings(**{key: value for key, value in options.items() if value is not None})
     handlers = Handlers(Bodies(settings, Plugins.discover(files, choice)))
     try:

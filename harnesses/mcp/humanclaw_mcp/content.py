@@ -1,4 +1,4 @@
-"""What a client is shown: tools, results, the body's own state, the log and the task in words."""
+"""Content for clients: tools, results, resources (state, view, log, skills) and the prompt."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ VIEW: Final = "humanclaw://body/view"
 LOG: Final = "humanclaw://episode/log"
 SKILL: Final = "humanclaw://skill/"
 BODY_RESOURCES: Final = (STATE, VIEW, LOG)
-"""Those that a step changes."""
+"""Resources that a step changes."""
 INSTRUCTIONS: Final = tuple(
     f"Find a {ALIASES[category][0]}" + (" and sit on it." if category in SEATS else ".") for category in ALIASES
 )
-"""What a body may be asked to do, as the benchmark asks it."""
+"""Completions for an instruction: the benchmark's tasks."""
 
 
 # -- tools -------------------------------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ class Outcome(BaseModel):
 
 
 def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
-    """List every skill that can run, then `look` and `reset`, whose names the contract keeps from skills."""
+    """List every trained skill, then `look` and `reset`; the skill contract reserves these two names."""
     ready = [skill for skill in skills if skill.trained]
     schema = Outcome.model_json_schema()
     acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
@@ -135,9 +135,9 @@ def _title(name: str) -> str:
 
 # -- results -----------------------------------------------------------------------------------------------------------
 def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
-    """Text, then the view, then the same as values. A refused call has no view: nothing has changed.
+    """Return text, the view, and structured values. A refused call has no view: nothing has changed.
 
-    executed: whether the command was a call at all, which `look` and `reset` are not.
+    executed: whether the command was a skill call; `look` and `reset` are not.
     """
     content: list[Any] = [TextContent(text=_words(snapshot))]
     if not snapshot.refused:
@@ -147,7 +147,7 @@ def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
 
 
 def failure(text: str) -> CallToolResult:
-    """Return a result for a call that reached no body."""
+    """Return the result of a call that reached no body."""
     return CallToolResult(content=[TextContent(text=text)], is_error=True)
 
 
@@ -161,7 +161,7 @@ def _words(snapshot: Snapshot) -> str:
 
 
 def note(snapshot: Snapshot) -> tuple[LoggingLevel, str]:
-    """Return what a log says of a snapshot, and how severe it is."""
+    """Return severity and text of the log message for a snapshot."""
     where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
     if snapshot.refused:
         return "warning", f"{snapshot.feedback} {where}"
@@ -190,7 +190,7 @@ def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
 
 # -- resources ---------------------------------------------------------------------------------------------------------
 def resources() -> list[Resource]:
-    """Return what there is to read besides the skills' sheets."""
+    """List the resources other than the skills' sheets."""
     state = Resource(
         uri=STATE,
         name="body-state",
@@ -243,14 +243,16 @@ def state(snapshot: Snapshot) -> TextResourceContents:
 
 
 def log(steps: Sequence[StepRecord]) -> TextResourceContents:
-    """Return the episode so far, a JSON object a line: what was said, called and answered. Nothing that only the scene
-    knows."""
+    """Return the episode so far, a JSON object a line for each step: reasoning, call and result.
+
+    The log holds nothing that only the scene knows.
+    """
     text = "".join(json.dumps(_entry(step), ensure_ascii=False) + "\n" for step in steps)
     return TextResourceContents(uri=LOG, mime_type="application/jsonl", text=text)
 
 
 class BodyState(BaseModel):
-    """What a body knows of itself, and nothing of the scene. Metres and degrees; a left turn is positive."""
+    """A body's own state, and nothing of the scene. Metres and degrees; a left turn is positive."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -258,18 +260,18 @@ class BodyState(BaseModel):
     max_steps: int
     outcome: str
     forward: float
-    """Way made since the episode began, in the direction that the body faced then; the next likewise to its left."""
+    """Displacement since the episode began, along the heading of the start; `left` is to the left of it."""
     left: float
     heading: float
-    """Turned since then."""
+    """Turn since the episode began."""
     pelvis_height: float
-    """Over the floor of the start."""
+    """Height over the floor of the start."""
     joints: dict[str, tuple[float, float, float]]
-    """Each joint in the body's own frame on that floor: to the left, up, to the front."""
+    """Each joint in the body's frame on that floor: left, up, forward."""
     touching: tuple[str, ...]
-    """Links that touched anything but the floor in the last step."""
+    """Links that touched anything except the floor in the last step."""
     seated: bool
-    """Whether the pelvis rests on something."""
+    """Whether the pelvis touched something in the last step."""
 
 
 def body_state(snapshot: Snapshot) -> BodyState:
@@ -318,7 +320,7 @@ def _entry(step: StepRecord) -> Json:
     }
 
 
-# -- the task in words -------------------------------------------------------------------------------------------------
+# -- the prompt --------------------------------------------------------------------------------------------------------
 def task_prompt(name: str) -> Prompt:
     argument = PromptArgument(name="instruction", description="What the body is to do.", required=False)
     return Prompt(
@@ -330,7 +332,7 @@ def task_prompt(name: str) -> Prompt:
 
 
 def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
-    """Who the model is, what it is to do, with which skills, and what to beware of."""
+    """Return the prompt: the body, the instruction, the skills and their rules."""
     ready = [skill for skill in skills if skill.trained]
     return _template().render(
         instruction=instruction,

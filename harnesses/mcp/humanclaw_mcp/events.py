@@ -1,4 +1,4 @@
-"""The sessions of HTTP: who may have one, and what a client is sent again whose stream was cut."""
+"""HTTP sessions: places for newcomers, and messages kept for streams that were cut."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from starlette.types import Receive, Scope, Send
 from humanclaw_mcp.settings import SESSION_HEADER
 
 KEPT = 32
-"""Messages kept for a session. Each may hold a picture of 100 KB, and a client that is further behind begins anew."""
+"""Messages kept for a session, each with a picture of up to 100 KB. A client that missed more must start again."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class _Event:
     id: str
     stream: str
     message: JSONRPCMessage | None
-    """None only marks the beginning of a stream."""
+    """None marks the beginning of a stream."""
 
 
 class Events(EventStore):
@@ -40,9 +40,9 @@ class Events(EventStore):
         return str(self._count)
 
     async def replay_events_after(self, last_event_id: str, send_callback: EventCallback) -> str | None:
-        """Send again what came after that event on its stream.
+        """Resend the messages after an event on its stream.
 
-        Returns the stream if more may come on it: None if its answer has been sent, or if the event is not known.
+        Returns the stream if more may follow; None if its answer has been sent, or if the event is unknown.
         """
         last = next((event for event in self._events if event.id == last_event_id), None)
         if last is None:
@@ -56,15 +56,14 @@ class Events(EventStore):
 
 
 class SessionManager(StreamableHTTPSessionManager):
-    """Gives each session events of its own, and a newcomer the place of whoever does nothing with theirs.
+    """Gives each session its own events, and a newcomer the place of a silent session without a body.
 
-    The library would share one store of events among all, though its streams are named by request numbers, which every
-    client counts from one: a client could be sent the pictures of another. And where all places are taken it would
-    refuse a newcomer until one of them has been idle for long.
+    The library would share one event store. It names streams by request numbers, which every client counts from one,
+    so a client could get the pictures of another. At the limit of sessions it would refuse newcomers until one expires.
     """
 
     def __init__(self, *args: Any, in_use: Callable[[str], bool], **options: Any) -> None:
-        """in_use: whether a session has a body; such a one is never ended for another."""
+        """in_use: whether a session has a body; such a session is never ended for a newcomer."""
         super().__init__(*args, **options)
         self._in_use = in_use
 
@@ -74,7 +73,7 @@ class SessionManager(StreamableHTTPSessionManager):
         await super()._handle_request(scope, receive, send)
 
     async def _make_room(self) -> None:
-        """End the session that has been silent for longest if there is no place left; one with an open stream last."""
+        """At the limit, end the session that has been silent longest; those with an open stream come last."""
         while self.max_sessions and len(self._server_instances) >= self.max_sessions:
             idle = [key for key in self._server_instances if not self._in_use(key)]
             if not idle:
@@ -88,9 +87,9 @@ class SessionManager(StreamableHTTPSessionManager):
 
     @property
     def event_store(self) -> Events:
-        """Read once for each new session."""
+        """A new store: the library reads this property once for each session."""
         return Events()
 
     @event_store.setter
     def event_store(self, store: EventStore | None) -> None:
-        """Take what the library sets; it is not used."""
+        """Ignore the store that the library sets."""

@@ -1,4 +1,4 @@
-"""The protocol's side: requests in, content out. What a body does is decided in session.py and the core."""
+"""Handlers of MCP requests. They translate between the protocol and sessions; session.py moves the bodies."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PROMPT: Final = "task"
 
 
 class Handlers:
-    """Answers the requests of every session. What is offered is in plain lists, which a subclass may extend."""
+    """Answers the requests of every session. Tools, resources and prompts are lists that a subclass may extend."""
 
     def __init__(self, bodies: Bodies) -> None:
         self.bodies = bodies
         self.skills = {name: skill for name, skill in bodies.plugins.skills.items() if skill.trained}
-        # Made once, so that a skill that cannot be published stops the server and not a client.
+        # Made at the start, so that a skill that cannot be published stops the server and not a client.
         self.tools = content.tools(self.skills.values(), bodies.settings)
         self.resources = content.resources()
         self.templates = [content.skill_template()]
@@ -38,7 +38,7 @@ class Handlers:
         self.bus = InMemorySubscriptionBus()
         self._subscriptions = telling.Subscriptions(SESSIONS)
 
-    # -- what there is -------------------------------------------------------------------------------------------------
+    # -- lists ---------------------------------------------------------------------------------------------------------
     async def list_tools(self, ctx: Context, params: types.PaginatedRequestParams | None) -> types.ListToolsResult:
         return types.ListToolsResult(tools=self.tools)
 
@@ -57,7 +57,7 @@ class Handlers:
 
     # -- tools ---------------------------------------------------------------------------------------------------------
     async def call_tool(self, ctx: Context, params: types.CallToolRequestParams) -> types.CallToolResult:
-        """Whatever goes wrong is told in words, for the model to mend or to report."""
+        """Call a tool. Failures become text, which the model can correct or report."""
         try:
             return await self.call(ctx, params.name, params.arguments or {})
         except (CallError, HumanclawError) as error:
@@ -70,8 +70,7 @@ class Handlers:
             return content.failure(text)
 
     async def call(self, ctx: Context, name: str, arguments: dict[str, Any]) -> types.CallToolResult:
-        """Call a tool. Raises CallError for arguments and HumanclawError for circumstances that do not allow the
-        call."""
+        """Call a tool. Raises CallError for invalid arguments and HumanclawError if the call is impossible now."""
         if name == content.LOOK:
             _hold_to(name, arguments, {"type": "object", "additionalProperties": False})
             session = self._session(ctx)
@@ -97,7 +96,7 @@ class Handlers:
         return Task(**(vars(before) | arguments))
 
     async def _act(self, ctx: Context, session: Session, command: Callable[[], Snapshot]) -> Snapshot:
-        """Give a command, and tell those who want to know what became of it."""
+        """Run a command; then log it and announce changed resources to clients that asked for this."""
         before = (session.title, len(session.steps))
         snapshot = await self._apart(ctx, session, command)
         if (session.title, len(snapshot.steps)) != before:
@@ -110,7 +109,7 @@ class Handlers:
 
     # -- resources -----------------------------------------------------------------------------------------------------
     async def read_resource(self, ctx: Context, params: types.ReadResourceRequestParams) -> types.ReadResourceResult:
-        """Read a resource. Raises MCPError for a resource that is not there, and for a body that cannot be had."""
+        """Read a resource. Raises MCPError if there is no such resource, or if no body is available."""
         try:
             return types.ReadResourceResult(contents=[await self.read(ctx, params.uri)])
         except HumanclawError as error:
@@ -152,7 +151,7 @@ class Handlers:
         return types.GetPromptResult(messages=messages)
 
     def prompt(self, name: str, arguments: dict[str, str]) -> list[types.PromptMessage] | None:
-        """Return the messages of a prompt; None if there is none of that name."""
+        """Return the messages of a prompt; None for an unknown name."""
         if name != PROMPT:
             return None
         settings = self.bodies.settings
@@ -160,13 +159,13 @@ class Handlers:
         return [types.PromptMessage(role="user", content=types.TextContent(text=words))]
 
     async def complete(self, ctx: Context, params: types.CompleteRequestParams) -> types.CompleteResult:
-        """Return what an argument could go on as: instructions for the prompt, skills for their resources."""
+        """Complete an argument: instructions for the prompt, skill names for resources."""
         choices = content.INSTRUCTIONS if isinstance(params.ref, types.PromptReference) else tuple(self.skills)
         typed = params.argument.value.lower()
         values = sorted((c for c in choices if typed in c.lower()), key=lambda c: not c.lower().startswith(typed))
         return types.CompleteResult(completion=types.Completion(values=values, total=len(values), has_more=False))
 
-    # -- telling -------------------------------------------------------------------------------------------------------
+    # -- notifications -------------------------------------------------------------------------------------------------
     def subscription(self, ctx: Context) -> Subscription:
         return self._subscriptions.of(key_of(ctx))
 
@@ -175,12 +174,12 @@ class Handlers:
         return types.EmptyResult()
 
     async def log(self, ctx: Context, level: types.LoggingLevel, words: str) -> None:
-        """Send a log message to a client that asked for messages of that level."""
+        """Send a log message to a client that asked for this level."""
         await telling.log(ctx, self.subscription(ctx), level, words)
 
 
 def key_of(ctx: Context) -> str:
-    """Names the session: the transport's own name for it, or that of the connection where there is only one client."""
+    """Return the session's name: from the HTTP header, or from the connection if it has one client."""
     if ctx.request is None:
         return ctx.lifespan_context
     return str(ctx.request.headers[SESSION_HEADER])

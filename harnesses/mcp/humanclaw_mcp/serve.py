@@ -1,4 +1,4 @@
-"""The two transports: standard streams, and streamable HTTP on this machine alone."""
+"""The two transports: standard streams, and streamable HTTP for this machine only."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from humanclaw_mcp.settings import SESSION_HEADER, SESSIONS
 HOST: Final = "127.0.0.1"
 PATH: Final = "/mcp"
 _BODY_BYTES: Final = 256 * 1024
-"""A request holds a call, not a file."""
+"""Longest request, bytes: a request holds a call and no file."""
 _RETRY: Final = 1000
-"""Milliseconds after which a client whose stream was cut should ask for the rest."""
+"""Milliseconds after which a client should resume a stream that was cut."""
 
 
 async def serve_stdio(handlers: Handlers) -> None:
-    """Serve the one client at the other end of the standard streams until it leaves, or a signal asks for the end."""
+    """Serve the client on the standard streams until it disconnects, or until a signal."""
     server = make_server(handlers)
     async with anyio.create_task_group() as tasks:
-        if os.name != "nt":  # Windows has no signals that ask.
+        if os.name != "nt":  # Windows has no such signals.
             tasks.start_soon(_end_by_signal, handlers.bodies)
         async with stdio_server() as (reading, writing):
             await server.run(reading, writing, server.create_initialization_options())
@@ -49,9 +49,9 @@ async def serve_stdio(handlers: Handlers) -> None:
 
 
 async def _end_by_signal(bodies: Bodies) -> None:
-    """Close the records at the first signal, and end.
+    """Close the records at the first signal, and exit.
 
-    The thread that waits for the client's next line cannot be woken, and Python would wait for it: hence so abruptly.
+    os._exit, because Python would wait for the thread that reads the client's next line, and nothing can wake it.
     """
     with anyio.open_signal_receiver(signal.SIGTERM, signal.SIGINT) as signals:
         async for number in signals:
@@ -61,7 +61,7 @@ async def _end_by_signal(bodies: Bodies) -> None:
 
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
-    """Serve until interrupted. announce: called with the URL. Raises HumanclawError if the port is taken."""
+    """Serve until interrupted. announce: gets the URL. Raises HumanclawError if the port is taken."""
     with _listen(port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(
@@ -76,7 +76,7 @@ async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], No
 
 
 def http_app(handlers: Handlers, port: int) -> Starlette:
-    """Return the ASGI application. Only names of this machine are answered, which keeps rebound DNS names out."""
+    """Return the ASGI application. It answers only host names of this machine, against DNS rebinding."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     security = TransportSecuritySettings(
         enable_dns_rebinding_protection=True, allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
@@ -100,19 +100,19 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
 
 
 class _OneToken:
-    """Whoever bears this token is let in."""
+    """Accepts one token."""
 
     def __init__(self, token: str) -> None:
         self._token = token.encode()
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        # Compared in the same time wherever they differ, so that nobody can feel the way to it.
+        # In constant time, so that its duration tells nothing about the token.
         right = hmac.compare_digest(token.encode(), self._token)
         return AccessToken(token=token, client_id="owner", scopes=[]) if right else None
 
 
 class _ReleasesBodies:
-    """Puts a body away as soon as its session is deleted, rather than when it has been idle for long."""
+    """Closes a body as soon as its session is deleted, and not only when it is idle."""
 
     def __init__(self, app: ASGIApp, bodies: Bodies) -> None:
         self._app, self._bodies = app, bodies

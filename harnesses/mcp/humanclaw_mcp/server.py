@@ -1,4 +1,4 @@
-"""The server for any transport, and the requests that it does not let through."""
+"""The MCP server for any transport, and the requests that it refuses."""
 
 from __future__ import annotations
 
@@ -28,13 +28,12 @@ INSTRUCTIONS: Final = (
 
 
 def make_server(handlers: Handlers) -> Server[str]:
-    """Return a server for any transport. Over streams it has one client and one body, over HTTP a body for each
-    session."""
+    """Return a server for any transport: one body over standard streams, one for each session over HTTP."""
     bodies = handlers.bodies
 
     @asynccontextmanager
     async def lifespan(_: Server[str]) -> AsyncIterator[str]:
-        """Names the only client of a transport that knows no sessions."""
+        """Yield the name of the only client of a transport without sessions."""
         key = uuid.uuid4().hex
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(bodies.tend)
@@ -64,17 +63,16 @@ def make_server(handlers: Handlers) -> Server[str]:
         on_get_prompt=handlers.get_prompt,
         on_completion=handlers.complete,
     )
-    # The constructor warns that the newest protocol version has no such request; the others have, and their clients
-    # send it.
+    # Added here because the constructor would warn: the newest protocol version lacks this request, older ones have it.
     server.add_request_handler("logging/setLevel", types.SetLevelRequestParams, handlers.set_level)
     server.middleware.append(_needs_a_session)
     return server
 
 
 async def _needs_a_session(ctx: Context, call_next: CallNext) -> HandlerResult:
-    """Refuse HTTP requests of the sessionless protocol: a body belongs to somebody.
+    """Refuse HTTP requests of the sessionless protocol: each body belongs to a session.
 
-    Clients that speak both fall back to the handshake. Streams have one client each, and need no session.
+    Clients that speak both protocols fall back to the handshake. A standard stream has one client and needs no session.
     """
     if ctx.request is not None and ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
         data = {"supported": list(HANDSHAKE_PROTOCOL_VERSIONS), "requested": ctx.protocol_version}

@@ -1,8 +1,7 @@
-"""One client's body and its episodes, one after another.
+"""A client's body and its episodes, one after another.
 
-Requests come on any thread. A session carries out one at a time, and a stage that all sessions share lets one body move
-at a time: the simulator is not made for threads, and what a body does must not depend on what another one does
-meanwhile.
+Requests come on any thread. A session runs one at a time, and a lock that all sessions share lets one body move at a
+time: the simulator is not thread-safe, and the motion of a body must not depend on other bodies.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _WAITING: Final = "Another body is moving; this one is next."
 
 @dataclass(frozen=True)
 class Task:
-    """What an episode is begun with."""
+    """The task of an episode."""
 
     instruction: str
     scene: str
@@ -43,14 +42,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """How things are between two requests."""
+    """The state between two requests."""
 
     rgb: NDArray[np.uint8]
-    """(512, 512, 3): what the eyes see."""
+    """(512, 512, 3): the view."""
     world: WorldState
     start: Pose2D
     feedback: str
-    """What became of the request, in words."""
+    """Result of the request, as text."""
     refused: bool
     """Whether the request was a call that was not executed."""
     outcome: Outcome
@@ -61,20 +60,20 @@ class Snapshot:
 
 
 def printable(client: str) -> str:
-    """Return what a client calls itself as far as a table can hold it."""
+    """Return a client's name for use in tables: one line of at most 64 characters."""
     return "".join(letter if letter.isprintable() else " " for letter in client[:_LONGEST_NAME])
 
 
 class Session:
-    """A body and its episodes. Thread-safe: requests are carried out one at a time."""
+    """A body and its episodes. Thread-safe: requests run one at a time."""
 
     def __init__(self, plugins: Plugins, settings: Settings, stage: threading.Lock, client: str = "") -> None:
-        """Nothing is made before the first request. stage: shared by all sessions."""
+        """Make nothing before the first request. stage: lock shared by all sessions."""
         self.used = time.monotonic()
         self.doing = ""
-        """What a request under way waits for, in words."""
+        """Activity of the current request, as text."""
         self.task = Task(settings.instruction, settings.scenes[0], settings.seed)
-        """That of the current episode, or of the one that the first request will begin."""
+        """Task of the current episode, or of the first one before it begins."""
         self._name = f"mcp:{printable(client)}" if client else "mcp"
         self._plugins, self._settings, self._stage = plugins, settings, stage
         self._turn = threading.Lock()
@@ -90,7 +89,7 @@ class Session:
 
     @property
     def title(self) -> str:
-        """Names the current episode in its record."""
+        """Name of the current episode in its record."""
         return f"mcp-{self._id}-{self._begun}"
 
     @property
@@ -99,12 +98,12 @@ class Session:
         return self._episode.steps if self._episode else ()
 
     def look(self) -> Snapshot:
-        """Say how things are; makes the body if there is none yet."""
+        """Return the current state; make the body if there is none yet."""
         with self._acting():
             return self._snapshot(self._episode or self._begin())
 
     def call(self, decision: Decision) -> Snapshot:
-        """Take one step. A call that is refused is a snapshot with `refused`, not an error."""
+        """Take one step. A refused call returns a snapshot with `refused` and raises nothing."""
         with self._acting():
             episode = self._episode or self._begin()
             if episode.done:
@@ -116,18 +115,18 @@ class Session:
             return self._snapshot(episode, str(feedback), refused=bool(feedback.refusal))
 
     def restart(self, task: Task) -> Snapshot:
-        """Begin a new episode, whatever the last one had come to."""
+        """End the current episode, if any, and begin a new one."""
         with self._acting():
             self.task = task
             return self._snapshot(self._begin())
 
     def stop(self) -> None:
-        """Take no further call, and break off the one under way; does not wait for it."""
+        """Stop the current call and refuse further ones, without waiting."""
         if self._episode:
             self._episode.stop()
 
     def close(self) -> None:
-        """Put the body away; an episode under way is recorded as interrupted. Waits for a request under way."""
+        """Close the body after the current request; an unfinished episode is recorded as interrupted."""
         with self._turn, self._stage:
             self._closed = True
             self._end()
@@ -137,7 +136,7 @@ class Session:
 
     @contextmanager
     def _acting(self) -> Iterator[None]:
-        """One request of this session at a time, and one body of the server."""
+        """Run one request of this session and one body of the server at a time."""
         with self._turn:
             if self._closed:
                 raise HumanclawError("this body has been put away.", "Open a new session.")
@@ -164,7 +163,7 @@ class Session:
             self._episode = None
 
     def _embody(self) -> Body:
-        """Return the body, in the scene of the task."""
+        """Return the body in the scene of the task; make or move it there if needed."""
         if self._body is None:
             self.doing, asked = _MAKING, self._settings
             backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.sensors)

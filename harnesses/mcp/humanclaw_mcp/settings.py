@@ -1,4 +1,4 @@
-"""What a server is started with."""
+"""The settings of a server."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from typing import Final, Literal
 from humanclaw import Backends, HumanclawError
 
 _SHORTEST_TOKEN: Final = 16
-"""Letters: shorter ones can be guessed."""
+"""Characters: shorter tokens can be guessed."""
 SESSION_HEADER: Final = "mcp-session-id"
 SESSIONS: Final = 256
-"""Open sessions at most. A session costs little; bodies have a limit of their own."""
+"""Most open sessions. A session needs little memory; bodies have their own limit."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How bodies are made, and how many. Raises HumanclawError for values that cannot work."""
+    """Settings of bodies and their episodes. Raises HumanclawError for invalid values."""
 
     scenes: tuple[str, ...] = ("house:0",)
-    """The scenes that a client may choose from; the first is the default."""
+    """Scenes that a client may choose; the first is the default."""
     instruction: str = "Do as you are asked."
-    """What episodes are recorded as, unless the client says what it is after."""
+    """Task in the record, unless the client gives one."""
     seed: int = 0
     max_steps: int = 100
     profile: Literal["default", "paper"] = "default"
     simulator: str = ""
-    """By name; empty: the one that bodies run in by default."""
+    """Name of the simulator; empty for the default one."""
     generator: str = Backends.generator
     sensors: tuple[str, ...] = ()
-    """What a call's answer tells besides the view (humanclaw.sensors)."""
+    """Sensors of an answer besides the view (humanclaw.sensors)."""
     reasoning: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
     bodies: int = 4
-    """Bodies at most at one time, one a session."""
+    """Most bodies at one time, one for each session."""
     idle: float = 900.0
-    """Seconds after which a body that nobody calls is put away."""
+    """Seconds without a call after which a body is closed."""
     tell_every: float = 1.0
-    """Seconds between two messages to a client that asked to be told of a call's progress."""
+    """Seconds between two progress messages to a client that asked for them."""
     auth_env: str = ""
-    """Environment variable of the token that every request over HTTP must bear; empty asks for none."""
+    """Environment variable with the token that every HTTP request must carry; empty for none."""
     out: Path | None = None
     """Folder for the records of the episodes; None keeps none."""
 
     @property
     def token(self) -> str:
-        """What requests over HTTP must bear; empty for nothing."""
+        """Token that HTTP requests must carry; empty for none."""
         return os.environ.get(self.auth_env, "").strip() if self.auth_env else ""
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Settings:
             told = f"{self.auth_env} holds no token of {_SHORTEST_TOKEN} letters or more."
             raise HumanclawError(told, f'For example: export {self.auth_env}="$(openssl rand -hex 32)".')
         if not self.scenes:
-            raise HumanclawError("there is no scene to offer.", "Name at least one, such as --scene house:0.")
+            raise HumanclawError("no scene is given.", "Name at least one, such as --scene house:0.")
         if self.bodies < 1 or self.max_steps < 1 or self.idle <= 0:
             raise HumanclawError("bodies, max_steps and idle must be positive.", "Leave them out for the defaults.")
         if not self.instruction.strip():

@@ -1,6 +1,6 @@
-"""What a client is told while a call is under way and after it: progress, log messages, resources that have changed.
+"""Notifications to clients: progress of a call, log messages, and changed resources.
 
-Each is sent only to a client that asked for it: with a progress token, with logging/setLevel, with a subscription.
+A client gets them only if it asked: with a progress token, with logging/setLevel, or with a subscription.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _LOGGER: Final = "humanclaw"
 
 @dataclass
 class Subscription:
-    """What one session subscribes to."""
+    """The notifications that a session asked for."""
 
     level: types.LoggingLevel | None = None
-    """The least severe log messages that are sent; None for none."""
+    """Least severity of log messages; None for no messages."""
     uris: set[str] = field(default_factory=set)
 
 
 class Subscriptions:
-    """The subscriptions of every session; those of the longest silent are forgotten beyond the limit."""
+    """The subscriptions of all sessions; beyond the limit the least recently used is dropped."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -50,7 +50,7 @@ class Subscriptions:
 
 
 async def log(ctx: Context, subscription: Subscription, level: types.LoggingLevel, words: str) -> None:
-    """Send a log message, on the stream of the request that it is about."""
+    """Send a log message on the stream of its request."""
     if subscription.level is None or LEVELS.index(level) < LEVELS.index(subscription.level):
         return
     params = types.LoggingMessageNotificationParams(level=level, logger=_LOGGER, data=words)
@@ -58,7 +58,7 @@ async def log(ctx: Context, subscription: Subscription, level: types.LoggingLeve
 
 
 async def changed(ctx: Context, subscription: Subscription, bus: InMemorySubscriptionBus, uris: Iterable[str]) -> None:
-    """Tell of resources that have changed: one by one to those who subscribed, as the protocol version has it."""
+    """Announce changed resources, in the way of the client's protocol version."""
     for uri in uris:
         if ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
             await bus.publish(ResourceUpdated(uri=uri))
@@ -67,11 +67,9 @@ async def changed(ctx: Context, subscription: Subscription, bus: InMemorySubscri
 
 
 async def apart(ctx: Context, work: Callable[[], T], doing: Callable[[], str], every: float) -> T:
-    """Do the work off the event loop: a body takes a second, and other clients shall be heard meanwhile.
+    """Run work on a thread, so that the event loop serves other clients meanwhile. Raises what the work raises.
 
-    A client that asked for it is told at once and every so many seconds how long the call has taken, and what it waits
-    for.
-    Raises what the work raises.
+    A client with a progress token gets a message at once and every so many seconds: the seconds so far and `doing()`.
     """
     began = time.monotonic()
 
@@ -90,7 +88,7 @@ async def apart(ctx: Context, work: Callable[[], T], doing: Callable[[], str], e
 
 
 def _caught(work: Callable[[], T]) -> Callable[[], T | Exception]:
-    """Return an error as a value: a task group would wrap it in a group of errors."""
+    """Make the work return its error: raised inside a task group, it would become an exception group."""
 
     def run() -> T | Exception:
         try:

@@ -31,7 +31,7 @@ EXAMPLES = int(os.environ.get("HUMANCLAW_FUZZ", "60"))
 
 
 def malformed(rng: random.Random) -> bytes:
-    """A request with something wrong in it. Nothing of it reaches a body: no name is that of a skill."""
+    """Return a malformed request. None reaches a body, because no name is that of a skill."""
     params = {rng.choice(["name", "uri", "arguments", "ref", "level", "_meta"]): rng.choice(ODD) for _ in range(3)}
     request = {"jsonrpc": "2.0", "id": rng.choice([1, "a", None, 1.5]), "method": rng.choice(METHODS), "params": params}
     for key in rng.sample(list(request), rng.randint(0, 2)):

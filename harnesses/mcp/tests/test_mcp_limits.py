@@ -1,4 +1,4 @@
-"""Limits that no body needs to move for."""
+"""Limits that need no motion to test."""
 
 from __future__ import annotations
 

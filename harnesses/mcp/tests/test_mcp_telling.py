@@ -31,7 +31,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def heard():
-    """What has reached the client without being an answer."""
+    """The notifications that the client got."""
     return []
 
 
@@ -51,7 +51,7 @@ async def client(heard):
 
 @pytest.fixture
 async def begun(client, heard):
-    """A client whose episode has just begun, and who has asked to be told nothing."""
+    """A client at the start of an episode, without any subscription."""
     await client.call_tool("reset", {"seed": 0})
     heard.clear()
     return client

@@ -185,7 +185,7 @@ def test_a_server_on_streams_that_is_asked_to_end_closes_its_record_and_ends(tmp
             server.stdin.write(json.dumps(line) + "\n")
         server.stdin.flush()
         next(line for line in server.stdout if json.loads(line).get("id") == 2)
-        server.terminate()  # Its standard input stays open, as it does under a client that has no more to say.
+        server.terminate()  # Its standard input stays open, as with a silent client.
         assert server.wait(60) == 128 + signal.SIGTERM
     (episode,) = load_run(tmp_path / "out")
     assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)

@@ -1,4 +1,4 @@
-"""HumanCLAW harness: scripted agents, from the privileged oracle down to standing still."""
+"""HumanCLAW harness: scripted agents, from the privileged oracle to one that stands still."""
 
 from __future__ import annotations
 
@@ -21,13 +21,11 @@ __version__ = "0.1.0"
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
-    register("seeing", _seeing, "depth and ids of its own view, no map and no pose: what perfect eyes can do")
-    register("seeing-colour", _seeing_colour, "as seeing, but a detector of your own tells what is where, and no ids")
-    register("wanderer", _wanderer, "walks and turns at random and never stops: what luck brings")
+    register("seeing", _seeing, "depth and ids of its own view, no map, no pose: perfect perception")
+    register("seeing-colour", _seeing_colour, "as seeing, but with a detector of your own instead of ids")
+    register("wanderer", _wanderer, "walks and turns at random, never stops: chance")
     register("still", _still, "stops at once")
-    register(
-        "faulty", _faulty, "the oracle with a capability missing or a bounded agent, for ablations and root causes"
-    )
+    register("faulty", _faulty, "the oracle without a capability or with limits, for ablations and root causes")
 
 
 @hookimpl(optionalhook=True)
@@ -40,17 +38,17 @@ def humanclaw_faults(register: Callable[[Fault], None]) -> None:
 
 @hookimpl
 def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
-    register("oracle", _oracle_verifier, "privileged: lets nobody stop out of reach of the target")
+    register("oracle", _oracle_verifier, "privileged: rejects a stop out of reach of the target")
 
 
 def _oracle(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import OracleAgent
+    from humanclaw_scripted.oracle import OracleAgent
 
     return OracleAgent()
 
 
 def _random(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import RandomAgent
+    from humanclaw_scripted.blind import RandomAgent
 
     return RandomAgent()
 
@@ -63,28 +61,30 @@ def _seeing(options: Mapping[str, Any]) -> Agent:
 
 
 def _seeing_colour(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.eyes import DetectorEyes, Options
+    from humanclaw_scripted.eyes import DetectorEyes
+    from humanclaw_scripted.options import DetectorOptions
     from humanclaw_scripted.seeing import SeeingAgent
 
-    return SeeingAgent("seeing-colour", DetectorEyes(Options.of(options)))
+    return SeeingAgent("seeing-colour", DetectorEyes(DetectorOptions.of(options)))
 
 
 def _wanderer(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.seeing import WanderingAgent
+    from humanclaw_scripted.blind import WanderingAgent
 
     return WanderingAgent()
 
 
 def _still(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.agents import StillAgent
+    from humanclaw_scripted.blind import StillAgent
 
     return StillAgent()
 
 
 def _faulty(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted import faulty
+    from humanclaw_scripted.faulty import FaultyAgent
+    from humanclaw_scripted.options import FaultyOptions
 
-    return faulty.FaultyAgent(faulty.options(options))
+    return FaultyAgent(FaultyOptions.of(options))
 
 
 def _oracle_verifier(options: Mapping[str, Any]) -> Verifier:

@@ -1,83 +1,36 @@
-"""What an agent does that lacks a capability: how each fault alters the oracle's decisions, and nothing else."""
+"""How each fault alters the oracle's decisions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from humanclaw import Call, Decision, EpisodeContext, HumanclawError
-from humanclaw.body import Array, Pose2D
-from humanclaw.records import REACHED
-from humanclaw.world import WorldState, distance_to_nearest
-from humanclaw_scripted.agents import BACK, SIDE, SIT, TURN, WALK, asking
+from humanclaw import Call, Decision
+from humanclaw.outcomes import REACHED
+from humanclaw.pose import Array
+from humanclaw_scripted.calls import BACK, SIDE, SIT, TURN, WALK, asking
+from humanclaw_scripted.truth import Perception
 
 LOOK_AROUND: Final = 45
-"""Degrees that a searching body turns each step."""
+"""Turn of each step of a search, degrees."""
 LATE: Final = 12
-"""Steps that one who dawdles leaves for the way to the target."""
+"""Steps that the fault `lateness` leaves for the way to the target."""
 TURNING_POINT: Final = 3.2
-"""Metres after which one who searches without aim turns back."""
+"""Distance after which the fault `aimless_search` turns back, metres."""
 
 
-# -- what every one of them can tell -----------------------------------------------------------------------------------
-@dataclass
-class Perception:
-    """The true state of an episode, for those who are allowed to know it."""
-
-    context: EpisodeContext
-
-    def __post_init__(self) -> None:
-        if self.context.scene is None or self.context.state is None:
-            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
-        self._scene, self._state = self.context.scene, self.context.state
-
-    def state(self) -> WorldState:
-        return self._state()
-
-    def boxes(self) -> list[tuple[Any, Any]]:
-        objects = self._state().objects
-        return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
-
-    def reach(self) -> float:
-        """From the nearest body point to the nearest target's bounding box, metres."""
-        return distance_to_nearest(self._state().body.joints()[-1], self.boxes())
-
-    def away(self) -> float:
-        """From the pelvis to the nearest target over the floor, metres."""
-        here = self._state().body.root[-1, [0, 2]]
-        return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
-
-    def here(self) -> Array:
-        """(3,) where the pelvis is."""
-        return np.asarray(self._state().body.root[-1])
-
-    def bearing(self) -> float:
-        """Of the nearest target's middle, radians, left positive; 0 without a target."""
-        middles = [(low + high) / 2 for low, high in self.boxes()]
-        flat = [float(np.hypot(*(middle - self.here())[[0, 2]])) for middle in middles]
-        return self.bearing_of(middles[int(np.argmin(flat))]) if middles else 0.0
-
-    def bearing_of(self, point: Array) -> float:
-        """Of a (3,) point, radians, left positive."""
-        body = self._state().body
-        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
-        left, _, forward = frame.point_to_local(point)
-        return float(np.arctan2(left, forward))
-
-
-# -- what it decides ---------------------------------------------------------------------------------------------------
 @dataclass
 class Snapshot:
-    """What a fault may look at and alter: the oracle's decision, and a note pad of its own that lasts for the
+    """Input of a fault at one step: the oracle's decision, the episode, and notes of its own that last for the
     episode."""
 
     perception: Perception
     decision: Decision
     left: int
-    """Steps that are left, this one included."""
+    """Steps left, this one included."""
     seen: bool
     """Whether the oracle says that the target is in view."""
     seen_before: bool
@@ -85,58 +38,58 @@ class Snapshot:
     stop: str
     """Name of the skill that ends the episode."""
     begun: float
-    """The way to the nearest target at the start, metres; as the crow flies where it was not measured."""
+    """Length of the way to the nearest target at the start, metres; the straight line if the way was not measured."""
     notes: dict[str, int]
     trail: list[Array]
-    """Where the body has been, (3,) each; a note pad too."""
+    """Earlier places of the body, (3,) each; part of the notes."""
 
     @property
     def stopping(self) -> bool:
         return self.decision.calls[0].skill == self.stop
 
     def but(self, call: Call, why: str) -> Decision:
-        """Return the same perception, another call."""
+        """Return the oracle's decision with another call."""
         return replace(self.decision, calls=(call,), reasoning=why)
 
     def asks(self, measures: Sequence[str], *amounts: float) -> Call:
-        """Return a call of the skill that commands these measures, SI."""
+        """Return a call of the skill that commands these measures, SI units."""
         return asking(self.perception.context.skills, measures, amounts)
 
     def stops(self, why: str) -> Decision:
-        """Return the same perception, and an active stop."""
+        """Return the oracle's decision with an active stop."""
         return self.but(Call(self.stop), why)
 
     def turns(self, degrees: float, why: str) -> Decision:
-        """Return the same perception, and a turn on the spot; left is positive."""
+        """Return the oracle's decision with a turn on the spot; left is positive."""
         return self.but(self.asks(TURN, np.radians(degrees)), why)
 
     def walks(self, cm: float, why: str, degrees: float = 0.0) -> Decision:
-        """Return the same perception, and a step ahead."""
+        """Return the oracle's decision with a step ahead."""
         return self.but(self.asks(WALK, 0.0, cm / 100, np.radians(degrees)), why)
 
     @property
     def has_seen(self) -> bool:
-        """Whether the target is in view or was."""
+        """Whether the target is or was in view."""
         return self.seen or self.seen_before
 
     def walked(self) -> float:
-        """Length of the trail up to here, over the floor, metres."""
+        """Return the length of the trail up to here, over the floor, metres."""
         steps = np.diff([*self.trail, self.perception.here()], axis=0)
         return float(np.linalg.norm(steps[:, [0, 2]], axis=1).sum())
 
     def to_and_fro(self, degrees: int, why: str) -> Decision:
-        """Return a turn to the right, the next time to the left, and so on."""
+        """Return a turn to the right, at the next call to the left, and so on."""
         side = 1 if self.count("turned") % 2 else -1
         return self.turns(degrees * side, why)
 
     def count(self, what: str) -> int:
-        """How often this was asked before."""
+        """Return how often this was counted before, and count it."""
         self.notes[what] = self.notes.get(what, 0) + 1
         return self.notes[what] - 1
 
 
 def _blind(at: Snapshot) -> Decision:
-    """Search on, with the target in view."""
+    """Keep searching with the target in view."""
     blind = replace(at.decision, visible_state="I am in a room.")
     if not at.has_seen:
         return blind
@@ -175,7 +128,7 @@ def _wavers(at: Snapshot) -> Decision:
 
 
 def _turns_away(at: Snapshot) -> Decision:
-    """Once half the way is done and it has said that it sees the target: back to where it came from."""
+    """Turn back after half the way, once the target has been reported."""
     if "gone" not in at.notes and not (at.seen_before and at.perception.away() < 0.5 * at.begun):
         return at.decision
     turns = at.count("gone")
@@ -197,7 +150,7 @@ def _never_sits(at: Snapshot) -> Decision:
 
 
 def _sits_on_air(at: Snapshot) -> Decision:
-    """Faces the seat and sits where it stands."""
+    """Sit down facing the seat."""
     if at.stopping and not at.count("sat"):
         return at.but(at.asks(SIT, 0.5), "I am at the seat: I sit down.")
     return at.decision
@@ -216,7 +169,7 @@ def _fidgets(at: Snapshot) -> Decision:
 
 
 def _searches_aimlessly(at: Snapshot) -> Decision:
-    """Up to the turning point and back to the start, again and again, unless the target happens to come into view."""
+    """Walk to the turning point and back to the start, repeatedly, until the target happens to come into view."""
     if at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < TURNING_POINT:
@@ -239,7 +192,7 @@ def _approaches_blindly(at: Snapshot) -> Decision:
 
 
 def _overlooks_jam(at: Snapshot) -> Decision:
-    """Step aside on and on with its eyes on the target, as long as it has it before them, whatever stands there."""
+    """Step aside repeatedly while the target is in view, whatever stands there."""
     if not (at.seen and at.perception.away() < 2.5):
         return at.decision
     angle = at.perception.bearing()
@@ -249,7 +202,7 @@ def _overlooks_jam(at: Snapshot) -> Decision:
 
 
 def _gives_up(at: Snapshot) -> Decision:
-    """Half-way, unless the target has come into view: back to the start."""
+    """Go back to the start half-way, unless the target has come into view."""
     if "gone" not in at.notes and at.has_seen:
         return at.decision
     if "gone" not in at.notes and at.walked() < 0.6 * at.begun:
@@ -260,7 +213,7 @@ def _gives_up(at: Snapshot) -> Decision:
 
 
 def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
-    """Return the way one has come, a step; at its beginning one stops."""
+    """Take a step back along the trail; stop at its beginning."""
     while trail and np.hypot(*(trail[-1] - at.perception.here())[[0, 2]]) < 0.35:
         trail.pop()
     if not trail:
@@ -272,7 +225,7 @@ def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
 
 
 def _backs_up(at: Snapshot) -> Decision:
-    """Goes to the target with its back to it, unless it happens to see it, and stops beside it."""
+    """Go to the target backwards, unless it happens to come into view, and stop beside it."""
     if at.has_seen:
         return at.decision
     angle, here = at.perception.bearing(), at.perception.here()
@@ -303,7 +256,7 @@ BEHAVIOURS: Final[Mapping[str, Callable[[Snapshot], Decision]]] = {
     "confusion": _never_sits,
     "sitting": _never_sits,
 }
-"""The decision that each fault leads to, by its name."""
+"""Name of a fault to the function that alters the decision."""
 
 
 def _degrees(angle: float, most: int) -> int:

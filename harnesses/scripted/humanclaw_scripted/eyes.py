@@ -1,8 +1,8 @@
-"""What tells an agent where its target is in a view: the ids of what is drawn, or a detector that sees colours alone.
+"""Eyes: they find an agent's target in its view, by the ids of drawn objects or by a detector on the colours alone.
 
 A detector is any program. It reads pictures from its input, 512 x 512 x 3 bytes each, rows from the top, red, green and
-blue, and answers each with one line of JSON, a list of [x0, y0, x1, y1, score, name]: corners in pixels, a score from
-0 to 1, and COCO's name of what is there ("chair", "couch", "potted plant", "bed", "toilet", "tv").
+blue. It answers each with one line of JSON, a list of [x0, y0, x1, y1, score, name]: corners in pixels, a score from
+0 to 1, and COCO's name of the thing ("chair", "couch", "potted plant", "bed", "toilet", "tv").
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from functools import partial
 from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw.world import BODY_ID, View
-from humanclaw_scripted.options import read
+from humanclaw.interfaces import BODY_ID, View
+from humanclaw_scripted.options import DetectorOptions
 from humanclaw_scripted.sight import Mask, Sight
 
 THICK: Final = (0.2, 1.0)
-"""Things are taken to be half as deep as they are wide, but for these bounds, metres."""
+"""Bounds of the assumed half depth of a thing, metres; between them it is half the width."""
 _Score = Annotated[float, Field(ge=0, le=1)]
 _BOXES: Final = TypeAdapter(
     list[tuple[float, float, float, float, _Score, str]], config=ConfigDict(allow_inf_nan=False)
@@ -34,19 +34,19 @@ Box = tuple[float, float, float, float, float, str]
 
 
 class Eyes(Protocol):
-    """What an agent sees with."""
+    """Turn views into points, and mark the points of targets."""
 
     settings: Mapping[str, Any]
 
     def begin(self, spec: EpisodeSpec) -> None:
-        """Get to know what is looked for."""
+        """Begin an episode with its target."""
 
     def look(self, view: View) -> Sight:
-        """Say where things are, and which of them are looked for."""
+        """Return the view as points, with the targets marked."""
 
 
 class PerfectEyes:
-    """Know every pixel of the target by its id."""
+    """Finds every pixel of the target by its id."""
 
     settings: Mapping[str, Any] = {}
 
@@ -57,33 +57,10 @@ class PerfectEyes:
         return Sight.of(view, (view.ids != 0) & (view.ids != BODY_ID), np.isin(view.ids, self._targets))
 
 
-class Options(BaseModel):
-    """Of `--agent seeing-colour`."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
-
-    detector: str = Field(min_length=1)
-    """The command line of a program that knows things in pictures."""
-    score: float = Field(0.3, ge=0, le=1)
-    """From which on it is believed."""
-    seconds: float = Field(60.0, gt=0)
-    """After which a program that has not answered is given up."""
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Options:
-        """Check options. Raises HumanclawError that says which is wrong."""
-        if not str(given.get("detector", "")).strip():
-            told = "the agent 'seeing-colour' needs a program that knows things in pictures, and none was given."
-            raise HumanclawError(
-                told, "Give its command, as in --option detector='node detect.mjs'; the README of scripted tells more."
-            )
-        return read(cls, given)
-
-
 class DetectorEyes:
-    """Know a target by a detector's boxes: depth says what in a box is thing and what is background."""
+    """Finds a target by a detector's boxes; depth separates the thing in a box from its background."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: DetectorOptions) -> None:
         self.settings: Mapping[str, Any] = options.model_dump()
         self._options, self._detector = options, Detector(options.detector, options.seconds)
 
@@ -96,7 +73,7 @@ class DetectorEyes:
 
 
 def filled(boxes: Sequence[Box], view: View) -> Mask:
-    """Return (H, W) which pixels in boxes are no more than half a box's width before or behind its middle."""
+    """Return (H, W) which pixels in boxes lie within half a box's width of the depth at its middle."""
     mask = np.zeros(view.depth.shape, bool)
     for x0, y0, x1, y1, *_ in boxes:
         part = slice(max(0, round(y0)), max(0, round(y1))), slice(max(0, round(x0)), max(0, round(x1)))
@@ -104,14 +81,14 @@ def filled(boxes: Sequence[Box], view: View) -> Mask:
         high, wide = (side // 4 for side in depth.shape)
         inner = depth[high : len(depth) - high, wide : depth.shape[1] - wide]
         middle = float(np.median(inner)) if inner.size else np.inf
-        if np.isfinite(middle):  # Mostly sky is no thing.
-            half = middle * depth.shape[1] / len(mask)  # The camera sees 90 degrees: as wide as twice the depth.
+        if np.isfinite(middle):  # A box of mostly sky shows no thing.
+            half = middle * depth.shape[1] / len(mask)  # With 90 degrees the picture is 2 x depth wide.
             mask[part] |= np.abs(depth - middle) < np.clip(half, *THICK)
     return mask
 
 
 def _asked(process: subprocess.Popen[bytes], picture: bytes) -> bytes:
-    """Return the line with which a program answers; nothing if it ends."""
+    """Send a picture; return the line of the answer, empty if the program ends."""
     assert process.stdin is not None
     assert process.stdout is not None
     try:
@@ -123,8 +100,10 @@ def _asked(process: subprocess.Popen[bytes], picture: bytes) -> bytes:
 
 
 def _within(seconds: float, ask: Callable[[], bytes]) -> bytes | None:
-    """Return an answer, or None if it does not come in time. A program's end is not waited for: those that it has
-    started may keep its output open."""
+    """Return an answer, or None after so many seconds.
+
+    The thread is abandoned then: children of a killed program may keep its output open.
+    """
     answers: list[bytes] = []
     asking = threading.Thread(target=lambda: answers.append(ask()), daemon=True)
     asking.start()
@@ -141,18 +120,17 @@ def _fate(process: subprocess.Popen[bytes]) -> str:
 
 
 class Detector:
-    """A program of somebody else's that is asked for boxes. It is started with the first picture, and ends with the
-    object that asks."""
+    """A detector program. It starts with the first picture and is killed with this object."""
 
-    def __init__(self, command: str, seconds: float) -> None:
-        """seconds: after which a program that has not answered is given up."""
+    def __init__(self, command: str, seconds: float = 60.0) -> None:
+        """seconds: time limit of one answer."""
         self._command, self._seconds = command, seconds
         self._process: subprocess.Popen[bytes] | None = None
 
     def __call__(self, picture: np.ndarray[Any, np.dtype[np.uint8]]) -> Sequence[Box]:
-        """Return what it sees in an (H, W, 3) picture.
+        """Return the boxes in an (H, W, 3) picture.
 
-        Raises HumanclawError where it cannot be started, ends, does not answer, or answers with something else.
+        Raises HumanclawError if the program cannot be started, ends, does not answer, or gives an invalid answer.
         """
         process = self._process = self._process or self._started()
         line = _within(self._seconds, partial(_asked, process, np.ascontiguousarray(picture).tobytes()))
@@ -168,7 +146,7 @@ class Detector:
 
     def _started(self) -> subprocess.Popen[bytes]:
         try:
-            # Windows takes a command line apart itself, and knows what a backslash is.
+            # Windows splits a command line itself; shlex would take its backslashes for escapes.
             command = self._command if os.name == "nt" else shlex.split(self._command)
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except (OSError, ValueError) as error:

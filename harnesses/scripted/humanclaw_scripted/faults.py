@@ -1,7 +1,6 @@
-"""Capabilities that can be missing: what an episode looks like without each of them. Root causes are checked against
-these.
+"""The table of faults: missing capabilities of known effect, against which root causes are checked.
 
-The table alone, since every command asks for it; humanclaw_scripted.behaviours has what each of them does.
+Every command loads this table, so it imports no agent; humanclaw_scripted.behaviours implements the faults.
 """
 
 from __future__ import annotations
@@ -16,44 +15,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Fault:
-    """A capability that is missing, what this leads to, and the episodes that show it."""
+    """A missing capability, its effect, and the episodes that show it."""
 
     name: str
     capability: str
     cause: str
-    """Label of the root cause that it is meant to lead to, in the words of HumanCLAW-Bench."""
+    """Label of HumanCLAW-Bench for the root cause that the fault should lead to."""
     description: str
     seated: bool = False
     """Whether only sitting tasks show it."""
     standing: bool = False
-    """Whether the oracle behind it only walks up to the target; the fault does the rest."""
+    """Whether the oracle only walks up to the target, and the fault does the rest."""
     elsewhere: bool = False
-    """Whether the oracle behind it first sits down on another seat."""
+    """Whether the oracle first sits down on another seat."""
     ways: tuple[float, float] = (0.0, float("inf"))
-    """Length of the way in the episodes that show it, metres."""
+    """Least and greatest length of the way in the episodes that show it, metres."""
     rooms: int = 1
-    """Rooms on the way in the episodes that show it, at least."""
+    """Least number of rooms on the way in the episodes that show it."""
 
     @property
     def agent(self) -> str:
-        """The agent that can have it."""
+        """Name of the agent that can have this fault."""
         return "faulty"
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the agent, for it to have the fault."""
+        """Options of the agent for this fault."""
         return {"fault": self.name}
 
     def goes_with(self, other: Fault) -> bool:
-        """Tell whether one agent can have both at once: of two capabilities, and one oracle behind them."""
+        """Tell whether one agent can have both: their capabilities differ, and at most one is `standing`."""
         return self.capability != other.capability and not (self.standing and other.standing)
 
     def with_another(self, other: Fault) -> Mapping[str, Any]:
-        """Return the options of the agent, for it to have both."""
+        """Return the options of the agent for both faults."""
         return {"fault": f"{self.name}+{other.name}"}
 
     def fits(self, spec: EpisodeSpec) -> bool:
-        """Whether an episode can show it. One whose way was not measured is taken to."""
+        """Whether an episode can show this fault. True if the length of its way is unknown."""
         if self.seated and not spec.interact:
             return False
         way, (least, most) = spec.difficulty, self.ways
@@ -166,5 +165,5 @@ FAULTS: Final[Mapping[str, Fault]] = {
         ),
     )
 }
-"""By the name under which `--option fault=NAME` asks for them, in the order of the root causes. None leads to "too
-far", which is the task's fault."""
+"""Faults by the name for `--option fault=NAME`, in the order of the root causes. None leads to "too far": that cause
+lies in the task."""

@@ -1,13 +1,11 @@
-"""Decision makers that fail in known ways, and a verifier that knows better: what ablations and root causes are checked
-with.
+"""An agent that fails in known ways, and a verifier with true knowledge, to check ablations and root causes.
 
-Each is the oracle with something put in the way of it, so that whatever goes wrong is due to that alone. None of it
-speaks for any model: it shows that the harness and the benchmark respond to a fault as they should.
+The agent is the oracle with one thing changed, so every failure is due to that change. Its results say nothing about
+any model; they show that harness and benchmark respond to a fault.
 
-Two kinds. A `fault` takes one capability away: root causes are to find it.
-A `Bounded` agent keeps the capabilities, but its memory, its attention and its sense of distance have limits, which the
-settings of the harness (history, images, mid_level, a verifier) widen or narrow: the ablations of the paper's table 3
-are to show.
+A `fault` removes a capability: root causes should find it. A `bounded` agent keeps its capabilities, but its memory,
+attention and distance estimates have limits. The harness's settings (history, images, mid_level, a verifier) widen or
+narrow these limits: the ablations of the paper's table 3 should show them.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import (
     Call,
@@ -25,68 +22,40 @@ from humanclaw import (
     EpisodeContext,
     EpisodeSpec,
     HistoryEntry,
-    HumanclawError,
     Observation,
     Skill,
     Verdict,
 )
-from humanclaw.body import Array
-from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
-from humanclaw_scripted.agents import BACK, TURN, OracleAgent, asking, ending
-from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Perception, Snapshot
+from humanclaw.outcomes import REACHED, acknowledges
+from humanclaw.pose import Array
+from humanclaw.records import Answer as CheckAnswer
+from humanclaw.records import Feedback
+from humanclaw.tasks import SEATS
+from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
+from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
-from humanclaw_scripted.options import read
+from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.truth import Perception
 
 AT_HAND: Final = 1.5
-"""Metres from the target within which the sitting routine takes place."""
-
-
-class Options(BaseModel):
-    """Of `--agent faulty`. history, images and mid_level mean what they mean for a model."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    profile: str = "default"
-    fault: str = "none"
-    """A name of FAULTS, two of them joined by a plus sign, or `none`."""
-    repair: str = ""
-    """A capability whose faults are put right: the check of a root cause."""
-    history: int = Field(10, ge=0)
-    images: int = Field(1, ge=1)
-    mid_level: bool = True
-    bounded: bool = False
-    """Whether memory, attention and the sense of distance have limits."""
-    misjudged: float = Field(0.2, ge=0, le=1)
-    """How often, within 4 m of a target in view, a bounded agent takes it to be within reach."""
-    confusion: float = Field(0.1, ge=0)
-    """How strongly each further picture competes with the current one for a bounded agent's attention."""
-    miss: float = Field(0.0, ge=0, le=1)
-    """Of the verifier `oracle`: how often it lets pass what it should reject."""
-
-
-def options(given: Mapping[str, Any]) -> Options:
-    """Check options. Raises HumanclawError that says which is wrong."""
-    found = read(Options, given)
-    unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
-    if unknown:
-        raise HumanclawError(f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
-    return found
+"""Distance to the target within which an agent sits down, metres."""
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
-    """Return an oracle that has begun an episode as if its task were this one."""
+    """Return an oracle that has begun this episode with another task."""
     agent = OracleAgent()
     agent.begin(replace(context, spec=spec))
     return agent
 
 
 class FaultyAgent:
-    """The oracle with a capability or two missing, or with a bounded agent, or both."""
+    """The oracle with faults, with limits, or with both."""
 
     name = "faulty"
     privileged = True
 
-    def __init__(self, given: Options) -> None:
+    def __init__(self, given: FaultyOptions) -> None:
         self.options = given
         self.settings = given.model_dump()
 
@@ -104,7 +73,7 @@ class FaultyAgent:
         self._limits = BoundedRationality(self.options, self._perception, self._stop)
 
     def _to_another_seat(self) -> OracleAgent:
-        """Who sits down on the nearest seat that is none of the targets' kind."""
+        """Return an oracle that sits down on the nearest seat of another category than the target."""
         context, scene = self._perception.context, self._perception.context.scene
         assert scene is not None
         others = set(SEATS) - {context.spec.target_category}
@@ -112,7 +81,7 @@ class FaultyAgent:
         return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
 
     def _chosen(self, spec: EpisodeSpec) -> tuple[Fault, ...]:
-        """Return the faults of this episode, but for those that would not show or are put right."""
+        """Return the faults of this episode, without those that it cannot show or that are repaired."""
         named = (FAULTS[name] for name in self.options.fault.split("+") if name in FAULTS)
         return tuple(fault for fault in named if fault.fits(spec) and fault.capability != self.options.repair)
 
@@ -141,21 +110,20 @@ class FaultyAgent:
 # -- a bounded agent ---------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class BoundedRationality:
-    """Decides as the oracle would, as long as it still knows what the oracle knows.
+    """The oracle's decision, within limits.
 
-    Memory: where a target is that is out of view it knows for as many steps as the history reaches back; after that it
-    looks around. Commitment: to turn one's back on a seat and sit down is a plan of several steps, which only a
-    mid-level goal holds together; without one it is content to stand before the seat. Attention: among n pictures it
-    may take an old one for the current one, and repeat what it did then. Distance: a target that is in view within 4 m
-    may seem to be within reach.
+    Memory: the agent knows the place of a target out of view for as many steps as the history has; then it looks
+    around. Commitment: to turn its back on a seat and sit down takes several steps, and so a mid-level goal; without
+    one the agent stops in front of the seat. Attention: among n pictures it may take an old one for the current one,
+    and repeat the call of then. Distance: it may take a target in view within 4 m to be within reach.
     """
 
-    options: Options
+    options: FaultyOptions
     perception: Perception
     stop: str
 
     def limit(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
-        """last_seen: the step at which the target was last in view, this one included; None if it never was."""
+        """Return the limited decision. last_seen: last step with the target in view, this one included, or None."""
         rng = np.random.default_rng([self.perception.context.seed, step, 78])
         draws = rng.random(3)
         old = self._mistaken_for(draws[:2], history)
@@ -171,7 +139,7 @@ class BoundedRationality:
         return decision
 
     def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
-        """Return the call of an older view that was taken for the current one."""
+        """Return the call that followed an older view, if the agent takes that view for the current one."""
         others = min(self.options.images - 1, len(history))
         competing = self.options.confusion * others
         if not others or draws[0] >= competing / (1 + competing):
@@ -179,7 +147,7 @@ class BoundedRationality:
         return history[-1 - int(draws[1] * others)].executed
 
     def _in_routine(self, call: Call) -> bool:
-        """Whether a call belongs to sitting down: the back to the seat, a step back to it, the sit."""
+        """Whether a call belongs to sitting down: the turn before the seat, the step back, or the sit."""
         skill = self.perception.context.skills[call.skill].declaration
         measures = tuple(one.measure for one in skill.parameters)
         sits = skill.role == "sit" or measures == BACK
@@ -189,10 +157,9 @@ class BoundedRationality:
 
 # -- a verifier -------------------------------------------------------------------------------------------------------
 class OracleVerifier:
-    """Rejects a stop out of reach of the target, and a stop of a sitting task that is not seated; puts the oracle's
-    call there.
+    """Replaces a stop out of reach of the target by the oracle's call.
 
-    Its option `miss` says how often it lets such a call pass all the same.
+    Option `miss`: the probability that it accepts such a stop.
     """
 
     name = "oracle"

@@ -1,19 +1,77 @@
-"""How what stands after --option is read."""
+"""The options of scripted agents, as given by `--option KEY=VALUE`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import HumanclawError
+from humanclaw_scripted.faults import FAULTS
 
 M = TypeVar("M", bound=BaseModel)
 
 
-def read(model: type[M], given: Mapping[str, Any]) -> M:
-    """Check options. Raises HumanclawError that says which is wrong."""
+class FaultyOptions(BaseModel):
+    """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    profile: str = "default"
+    fault: str = "none"
+    """A name of FAULTS, two of them joined by a plus sign, or `none`."""
+    repair: str = ""
+    """A capability whose faults are removed, to check a root cause."""
+    history: int = Field(10, ge=0)
+    images: int = Field(1, ge=1)
+    mid_level: bool = True
+    bounded: bool = False
+    """Whether memory, attention and distance estimates have limits."""
+    misjudged: float = Field(0.2, ge=0, le=1)
+    """Probability that a bounded agent takes a target in view within 4 m to be within reach."""
+    confusion: float = Field(0.1, ge=0)
+    """Weight of each further picture against the current one in a bounded agent's attention."""
+    miss: float = Field(0.0, ge=0, le=1)
+    """Probability that the verifier `oracle` accepts a call that it should reject."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
+        """Check options. Raises HumanclawError that names the wrong one."""
+        found = _read(cls, given)
+        unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
+        if unknown:
+            raise HumanclawError(
+                f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none."
+            )
+        return found
+
+
+class DetectorOptions(BaseModel):
+    """Options of `--agent seeing-colour`."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
+
+    detector: str = Field(min_length=1)
+    """Command line of a program that detects things in pictures."""
+    score: float = Field(0.3, ge=0, le=1)
+    """Least score of a box that counts."""
+    seconds: float = Field(60.0, gt=0, le=3600)
+    """Time limit of one answer, seconds."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> DetectorOptions:
+        """Check options. Raises HumanclawError that names the wrong one."""
+        if not str(given.get("detector", "")).strip():
+            raise HumanclawError(
+                "the agent 'seeing-colour' needs a program that detects things in pictures, and none was given.",
+                "Give its command, as in --option detector='node detect.mjs'; see the README of humanclaw-scripted.",
+            )
+        return _read(cls, given)
+
+
+def _read(model: type[M], given: Mapping[str, Any]) -> M:
+    """Check options. Raises HumanclawError that names the first wrong one and lists all options."""
     try:
         return model(**given)
     except ValidationError as error:

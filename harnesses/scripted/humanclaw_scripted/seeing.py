@@ -1,10 +1,8 @@
-"""An agent that sees and knows nothing else: no map, no pose; and one that does not even see.
+"""An agent with its own view and nothing else: no map, no pose.
 
-The first has the depth of its own view, and eyes (humanclaw_scripted.eyes) that tell it where its target is.
-
-It keeps a map of what it has seen, goes to the edge of it until a target comes into view (frontier exploration,
-Yamauchi 1997), then up to the target, and sits down if that is the task. It knows where it is by what it asked its
-body to do, corrected by how its views fit together.
+It has the depth of its view, and eyes (humanclaw_scripted.eyes) that find its target. It maps what it sees, explores
+frontiers (Yamauchi 1997) until a target comes into view, goes to the target, and sits down if that is the task. It
+estimates its pose from its own calls, corrected by aligning its views.
 """
 
 from __future__ import annotations
@@ -15,11 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
-from humanclaw.body import Array, Pose2D, wrap_angle
-from humanclaw.records import SEEN_PIXELS
-from humanclaw.skills import to_si
-from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes
-from humanclaw_scripted.agents import (
+from humanclaw.measures import to_si
+from humanclaw.navigation import MultiFloorMap, OccupancyGrid, Routes
+from humanclaw.outcomes import SEEN_PIXELS
+from humanclaw.pose import Array, Pose2D, wrap_angle
+from humanclaw_scripted.calls import (
     AT_SEAT,
     BACK,
     HIPS_OVER_SEAT,
@@ -30,38 +28,21 @@ from humanclaw_scripted.agents import (
     TURN,
     TURN_FIRST,
     WALK,
-    aim,
     asking,
     ending,
 )
 from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
+from humanclaw_scripted.way import aim
 
 TOUCHING_DISTANCE = 0.27
-"""From the pelvis to the target at which it stops, metres: the chest is nearer, and so are the hands."""
+"""Distance from the pelvis to the target at which it stops, metres: chest and hands are nearer."""
 LOOKS = 4
-"""Turns on the spot with which it begins, as long as no target is in view."""
+"""Turns on the spot at the start, until a target is in view."""
 LOOK = np.radians(72)
+"""Angle of each of these turns, radians."""
 BLOCKED = 0.35
-"""Share of what was asked below which a step was blocked."""
-
-
-class WanderingAgent:
-    """Walks and turns at random, never stops and sees nothing: what luck alone brings."""
-
-    name = "wanderer"
-    privileged = False
-
-    def begin(self, context: EpisodeContext) -> None:
-        self._context = context
-
-    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        rng = np.random.default_rng([self._context.seed, observation.step, 80])
-        amounts = (rng.uniform(-0.1, 0.1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5))
-        turns = rng.random() < 0.3
-        skills = self._context.skills
-        call = asking(skills, TURN, (rng.uniform(-1.3, 1.3),)) if turns else asking(skills, WALK, amounts)
-        return Decision((call,), reasoning="Somewhere else.", mid_level_change="keep")
+"""A step counts as blocked below this share of its commanded distance."""
 
 
 @dataclass(frozen=True)
@@ -71,18 +52,18 @@ class Stand:
     point: Array
     """(2,)"""
     seat: Array | None = None
-    """(2,) the edge of the seat, if one is to sit down there."""
+    """(2,) edge of the seat, if the agent should sit down there."""
     inward: float = 0.0
-    """Heading from here to the middle of the seat, radians."""
+    """Heading from the place to the middle of the seat, radians."""
     height: float = 0.0
-    """Of the seat, metres."""
+    """Height of the seat, metres."""
     found: bool = True
-    """Whether it is at a target; else it is an edge of the known."""
+    """Whether the place is at a target; else it is at a frontier."""
 
 
 @dataclass
 class SeeingMemory:
-    """What it carries from step to step."""
+    """The agent's state from step to step."""
 
     map: SeenMap = field(default_factory=SeenMap.empty)
     pose: Pose2D = field(default_factory=Pose2D)
@@ -96,8 +77,7 @@ class SeeingMemory:
 
 
 class SeeingAgent:
-    """Finds its way by eye. Privileged in one thing: it is handed depth and ids of its own view, never scene or
-    state."""
+    """Finds its way by its own view. Privileged only in that it gets the depth and ids of that view."""
 
     privileged = True
 
@@ -121,9 +101,9 @@ class SeeingAgent:
         goal = f"Get to the {self._noun}." if self._memory.seen else f"Find a {self._noun}."
         return Decision((call,), said, "", goal, "keep", reason)
 
-    # where it is
+    # pose
     def _locate(self, sight: Sight, last: Call | None) -> None:
-        """Take what was asked of the body, or half or nothing of it, whichever fits the view."""
+        """Update the pose by the whole, half or none of the commanded displacement, whichever fits the view best."""
         memory, (left, ahead, turn) = self._memory, self._asked(last)
         guesses = [moved(memory.pose, share * left, share * ahead, turn) for share in (1.0, 0.5, 0.0)]
         new = memory.map.locate(sight, guesses if np.hypot(left, ahead) > 0.05 else guesses[:1])
@@ -133,14 +113,14 @@ class SeeingAgent:
         memory.pose = new
 
     def _asked(self, call: Call | None) -> tuple[float, float, float]:
-        """Read the displacement to the left and ahead, metres, and turn, radians, that a call asks for."""
+        """Return the commanded displacement to the left and ahead, metres, and turn, radians."""
         asked = dict.fromkeys(("hips.left", "hips.forward", "hips.back", "heading.left"), 0.0)
         for one in self._skills[call.skill].parameters if call else ():
             asked[one.measure] = to_si(one.key, float(call.params.get(one.key, 0))) if call else 0.0
         return asked["hips.left"], asked["hips.forward"] - asked["hips.back"], asked["heading.left"]
 
     def _local(self, point: Array) -> tuple[float, float]:
-        """Return bearing (left positive) and distance of a (2,) place."""
+        """Return bearing (radians, left positive) and distance (metres) of a (2,) place."""
         pose = self._memory.pose
         x, z = point - [pose.x, pose.z]
         return float(wrap_angle(np.arctan2(x, z) - pose.yaw)), float(np.hypot(x, z))
@@ -149,7 +129,7 @@ class SeeingAgent:
     def _here(self) -> Array:
         return np.array([self._memory.pose.x, self._memory.pose.z])
 
-    # what it does
+    # decision
     def _act(self) -> tuple[Call, str]:
         memory = self._memory
         if memory.sat:
@@ -171,7 +151,7 @@ class SeeingAgent:
         return self._go(grid, heights, memory.stand)
 
     def _choose(self, grid: OccupancyGrid, heights: Array) -> Stand | None:
-        """Choose a place at a target if there is a way to one; else the edge of the known that is cheapest to reach."""
+        """Choose a place at a target that can be reached; else the frontier that is cheapest to reach."""
         routes = Routes.of(MultiFloorMap((grid,)), np.array([self._here[0], 0.0, self._here[1]]))
         costs = routes.costs[0]
         if (heights > 0).any():
@@ -187,7 +167,7 @@ class SeeingAgent:
         return Stand(grid.point(np.array(best))) if np.isfinite(price[best]) else None
 
     def _seat(self, grid: OccupancyGrid, heights: Array, costs: Array) -> Stand | None:
-        """Find a place before a low part of the target that nothing high of it hides."""
+        """Find a place in front of a low part of the target without a high part in between."""
         low = seats(heights)
         gap, any_gap = gap_to(low), gap_to(heights > 0)
         before = (gap > 0.2) & (gap < 0.7) & (gap < any_gap + 0.06) & grid.fits(0.2) & np.isfinite(costs)
@@ -247,7 +227,7 @@ class SeeingAgent:
         return asking(self._skills, SIT, (low,)), f"The {self._noun} is right behind my legs: I sit down."
 
     def _follow(self, grid: OccupancyGrid, stand: Stand) -> tuple[Call, str]:
-        """Take a step of the way to a place."""
+        """Take one step of the way to a place."""
         here = np.array([self._here[0], 0.0, self._here[1]])
         goal = np.array([stand.point[0], 0.0, stand.point[1]])
         ways = Routes.of(MultiFloorMap((grid,)), here).route(goal)
@@ -261,7 +241,7 @@ class SeeingAgent:
         return self._walk(step, angle), f"{what}: I walk on."
 
     def _break_free(self, grid: OccupancyGrid) -> tuple[Call, str]:
-        """Remember the obstacle, and step to where there is room."""
+        """Remember the obstacle, and step to a side with room."""
         memory = self._memory
         ahead = placed(memory.pose, np.array([[0.0, 0.35], [0.3, 0.0], [-0.3, 0.0], [0.0, -0.3]]))
         memory.map.bump(ahead[0])
@@ -277,7 +257,7 @@ class SeeingAgent:
     def _walk(self, ahead: float, angle: float) -> Call:
         return asking(self._skills, WALK, (ahead * np.sin(angle), ahead * np.cos(angle), 0.7 * angle))
 
-    # what it says
+    # words
     @property
     def _noun(self) -> str:
         return self._spec.target_category.replace("_", " ") or "target"

@@ -1,7 +1,7 @@
-"""What eyes make of a house: points from depth, where the body has got to by them, and a map of what has been seen.
+"""Perception from depth: points of a view, the pose by aligning views, and a map of everything seen.
 
-Nothing here knows the scene or the pose of the body. Places are (..., 2) arrays of x (left) and z (ahead), metres, in
-the frame of the first view: odometry, which drifts.
+Nothing here knows the scene or the true pose. Places are (..., 2) arrays of x (left) and z (ahead), metres, in the
+frame of the first view: odometry, which drifts.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from humanclaw.body import Array, Pose2D, rest_pose, wrap_angle
 from humanclaw.world import CELL, GAZE_PITCH, RADIUS, OccupancyGrid, View, ego_camera
 
 STRIDE: Final = 2
-"""Every so manieth pixel is looked at."""
+"""Only every STRIDE-th pixel of each row and column is used."""
 FAR: Final = 6.0
-"""Beyond this the floor is too slanted to tell its cells apart, metres."""
+"""Range within which points count, metres. Beyond it the view is too flat to tell floor cells apart."""
 LEVEL: Final = 0.08
-"""What is so far above or below the floor is floor, metres."""
+"""Points within this height of the floor count as floor, metres."""
 HEADROOM: Final = 1.85
-"""What is higher than this over the floor is in nobody's way, metres."""
+"""Points higher than this over the floor are no obstacles, metres."""
 EXTENT: Final = 40.0
-"""Side of the map, metres; the first view is in its middle."""
+"""Side of the map, metres; the first view is at its centre."""
 SEAT_HEIGHTS: Final = (0.25, 0.62)
-"""Heights over the floor at which one can sit, metres."""
+"""Heights of seats over the floor, metres."""
 CERTAIN: Final = 4
-"""So many views at most count for or against an obstacle, so that a few later ones can change its mind."""
+"""Greatest evidence for or against an obstacle, in views, so that a few later views can reverse it."""
 LIMBS: Final = 0.6
-"""So near to the hips a hand or a foot may be, metres."""
+"""Reach of hands and feet from the hips, metres."""
 FEW_CELLS: Final = 8
-"""An edge of the known with fewer cells leads nowhere."""
+"""Frontiers and seats with fewer cells are ignored."""
 Mask = NDArray[np.bool_]
 
 
@@ -42,8 +42,8 @@ Mask = NDArray[np.bool_]
 class Sight:
     """One view as points.
 
-    points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. mine: (N,) which are of what is
-    looked for. pixels: of the view that show it.
+    points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. mine: (N,) which points show a
+    target. pixels: number of pixels of the view that show one.
     """
 
     points: Array
@@ -52,9 +52,9 @@ class Sight:
 
     @classmethod
     def of(cls, view: View, shown: Mask, mine: Mask) -> Sight:
-        """Back-project a view of the ego camera; how high the eyes are is read off the floor.
+        """Back-project a view of the ego camera. The floor in view corrects the height of the eyes.
 
-        shown: (H, W) pixels that show the surroundings. mine: (H, W) those that show what is looked for.
+        shown: (H, W) pixels that show the surroundings. mine: (H, W) pixels that show a target.
         """
         depth = view.depth[::STRIDE, ::STRIDE].astype(float)
         drawn = shown[::STRIDE, ::STRIDE] & (depth > 0.05) & np.isfinite(depth)
@@ -70,30 +70,30 @@ class Sight:
         return cls(points, mine[::STRIDE, ::STRIDE][drawn], int(mine.sum()))
 
     def apart(self) -> Sight:
-        """Leave out one's own limbs, whatever is not floor and within their reach, and take no floor for the target."""
+        """Drop the agent's own limbs (all points above the floor within their reach), and no floor counts as target."""
         high = self.points[:, 1] > LEVEL
         own = high & (np.hypot(self.points[:, 0], self.points[:, 2]) < LIMBS)
         return Sight(self.points[~own], (self.mine & high)[~own], self.pixels)
 
     def near(self, most: float = FAR) -> Mask:
-        """Return (N,) which points are near enough to be believed."""
+        """Return (N,) which points are within range."""
         return np.asarray(np.hypot(self.points[:, 0], self.points[:, 2]) < most)
 
     def obstacles(self) -> Array:
-        """Return (M, 2) of what stands in the way, a point for each 5 cm."""
+        """Return (M, 2) obstacles, one point for each 5 cm cell."""
         high = (np.abs(self.points[:, 1]) > LEVEL) & (self.points[:, 1] < HEADROOM) & self.near()
         return _thinned(self.points[high][:, [0, 2]])
 
 
 def _thinned(points: Array) -> Array:
-    """Keep one of the (N, 2) points of each 5 cm, on a raster."""
+    """Keep one of the (N, 2) points of each 5 cm cell."""
     keys = np.unique(np.round(points / CELL).astype(int) @ [1 << 20, 1] + (1 << 19))
     return np.stack([keys >> 20, (keys & ((1 << 20) - 1)) - (1 << 19)], -1) * CELL
 
 
-# -- where one is ------------------------------------------------------------------------------------------------------
+# -- pose --------------------------------------------------------------------------------------------------------------
 def placed(pose: Pose2D, points: Array) -> Array:
-    """Return (..., 2) points of the body's frame in the map's."""
+    """Transform (..., 2) points from the body's frame to the map's."""
     sine, cosine = np.sin(pose.yaw), np.cos(pose.yaw)
     left, ahead = points[..., 0], points[..., 1]
     return np.stack([pose.x + cosine * left + sine * ahead, pose.z - sine * left + cosine * ahead], -1)
@@ -106,10 +106,10 @@ def moved(pose: Pose2D, left: float, ahead: float, turn: float) -> Pose2D:
 
 
 def aligned(points: Array, landmarks: Any, guess: Pose2D) -> tuple[Pose2D, float]:
-    """Find the pose near a guess from which (N, 2) points fit the landmarks, a k-d tree.
+    """Find the pose near a guess at which (N, 2) points fit the landmarks, a k-d tree.
 
-    Iterated closest points (Besl and McKay 1992). Returns it with the mean distance that is left, at most 0.25 m each;
-    the guess and infinity where too little fits.
+    Iterated closest points (Besl and McKay 1992). Returns the pose and the mean residual, clipped at 0.25 m a point;
+    the guess and infinity if fewer than 30 points have a partner.
     """
     pose = guess
     for _ in range(12):
@@ -122,7 +122,7 @@ def aligned(points: Array, landmarks: Any, guess: Pose2D) -> tuple[Pose2D, float
 
 
 def _fitted(points: Array, goals: Array) -> Pose2D:
-    """Return the pose that takes (N, 2) points of the body's frame to (N, 2) places with the least squares left."""
+    """Return the least-squares pose that maps (N, 2) points of the body's frame to (N, 2) places."""
     p, q = points - points.mean(0), goals - goals.mean(0)
     sine = float((p[:, 1] * q[:, 0] - p[:, 0] * q[:, 1]).sum())
     yaw = float(np.arctan2(sine, float((p * q).sum())))
@@ -130,17 +130,17 @@ def _fitted(points: Array, goals: Array) -> Pose2D:
     return Pose2D(float(x), float(z), yaw)
 
 
-# -- what has been seen ------------------------------------------------------------------------------------------------
+# -- map ---------------------------------------------------------------------------------------------------------------
 @dataclass(eq=False)
 class SeenMap:
-    """A grid of 5 cm that holds what views have shown, and nothing else. It grows with every view."""
+    """A grid of 5 cm cells with everything that the views have shown."""
 
     known: Mask
     """Cells whose floor was seen."""
     evidence: NDArray[np.int8]
-    """Views that showed an obstacle there less those that showed floor."""
+    """Views that showed an obstacle minus views that showed floor, clipped to CERTAIN."""
     bumped: Mask
-    """Cells where something was felt and not seen."""
+    """Cells with an obstacle that was felt and not seen."""
     target: Array
     """Height of the highest point of a target in each cell, metres; 0 without one."""
     origin: tuple[float, float] = field(default=(-EXTENT / 2, -EXTENT / 2))
@@ -149,7 +149,7 @@ class SeenMap:
     def empty(cls) -> Self:
         shape = (round(EXTENT / CELL),) * 2
         fresh = cls(np.zeros(shape, bool), np.zeros(shape, np.int8), np.zeros(shape, bool), np.zeros(shape))
-        fresh.known |= fresh.disk(np.zeros(2), 0.8)  # One stands there, and the eyes see nothing so near.
+        fresh.known |= fresh.disk(np.zeros(2), 0.8)  # The body stands there, and its eyes see nothing so near.
         return fresh
 
     def disk(self, point: Array, radius: float) -> Mask:
@@ -162,13 +162,13 @@ class SeenMap:
         return mask
 
     def cell(self, points: Array) -> NDArray[np.int64]:
-        """Return (..., 2) indices of (..., 2) points, held inside the map."""
+        """Return (..., 2) indices of (..., 2) points, clipped to the map."""
         index = np.floor((points - np.array(self.origin)) / CELL).astype(np.int64)
         inside: NDArray[np.int64] = np.clip(index, 40, len(self.known) - 41)
         return inside
 
     def add(self, sight: Sight, pose: Pose2D) -> None:
-        """Enter a view that was seen from a pose."""
+        """Add a view from a pose."""
         cells = self.cell(placed(pose, sight.points[:, [0, 2]]))
         heights, near = sight.points[:, 1], sight.near()
         floor, blocked = (np.zeros(self.known.shape, bool) for _ in range(2))
@@ -181,13 +181,13 @@ class SeenMap:
         np.maximum.at(self.target, tuple(cells[mine].T), np.maximum(heights[mine], 0.01))
 
     def bump(self, point: Array) -> None:
-        """Remember that there is something at a (2,) point that was not seen."""
+        """Add an obstacle at a (2,) point that was not seen."""
         self.bumped |= self.disk(point, 0.12)
 
     def locate(self, sight: Sight, guesses: list[Pose2D]) -> Pose2D:
-        """Find the pose from which a view fits the map best.
+        """Find the pose at which a view fits the map best.
 
-        guesses: the first is believed unless another fits clearly better.
+        guesses: the first wins unless another fits clearly better.
         """
         cells, points = np.argwhere(self.evidence > 0), sight.obstacles()
         if len(cells) < 30 or len(points) < 30:
@@ -199,7 +199,7 @@ class SeenMap:
         return first if residue < left + 0.004 else best
 
     def grid(self) -> OccupancyGrid:
-        """Return what is known as a floor to plan on, cut to where something is known."""
+        """Return the known part of the map as a grid to plan on."""
         blocked = (self.evidence > 0) | self.bumped
         known = binary_closing(self.known, iterations=3) | self.known
         rows, columns = (np.flatnonzero((known | blocked).any(axis)) for axis in (1, 0))
@@ -207,19 +207,18 @@ class SeenMap:
         origin = self.origin[0] + rows[0] * CELL, self.origin[1] + columns[0] * CELL
         shape = known[part].shape
         none, ground = np.zeros(shape), np.where(known | blocked, 0.0, np.nan)[part]
-        return OccupancyGrid(
-            origin, blocked[part], none > 0, none.astype(np.int32), none, (none + np.inf, none), ground
-        )  # fmt: skip
+        overhead = (none + np.inf, none)
+        return OccupancyGrid(origin, blocked[part], none > 0, none.astype(np.int32), none, overhead, ground)
 
     def heights(self, grid: OccupancyGrid) -> Array:
-        """Return the target's heights in the cells of a grid that was cut from this map."""
+        """Return the target's heights in the cells of a grid cut from this map."""
         i, j = np.round((np.array(grid.origin) - self.origin) / CELL).astype(int)
         rows, columns = grid.blocked.shape
         return self.target[i : i + rows, j : j + columns]
 
 
 def edges(grid: OccupancyGrid) -> list[Array]:
-    """Return (N, 2) places where what is known and free ends, an array for each stretch (frontiers, Yamauchi 1997)."""
+    """Return frontiers (Yamauchi 1997): (N, 2) places at the edge of the known free floor, an array a stretch."""
     unknown = ~np.isfinite(grid.ground)
     border = np.pad(unknown, 1, constant_values=True)
     edge = grid.fits(RADIUS) & binary_dilation(border, iterations=2)[1:-1, 1:-1]
@@ -229,12 +228,12 @@ def edges(grid: OccupancyGrid) -> list[Array]:
 
 
 def seats(heights: Array) -> Mask:
-    """Return the cells of a target that one could sit on; none if there are too few."""
+    """Return the cells of a target at the height of a seat; none if there are too few."""
     low, high = SEAT_HEIGHTS
     mask = (heights > low) & (heights < high)
     return np.asarray(mask if mask.sum() > FEW_CELLS else mask & False)
 
 
 def gap_to(mask: Mask) -> Array:
-    """Return the distance of every cell from a mask, metres; infinite for an empty one."""
+    """Return the distance of every cell from a mask, metres; infinite if the mask is empty."""
     return np.asarray(distance_transform_edt(~mask) * CELL if mask.any() else np.full(mask.shape, np.inf))

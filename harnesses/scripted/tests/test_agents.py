@@ -1,4 +1,4 @@
-"""Agents that need no model, on a body that moves as told, give or take ten per cent."""
+"""Scripted agents on a body that executes calls within ten per cent."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ from humanclaw import (
     Scene,
 )
 from humanclaw.records import Feedback
-from humanclaw.world import OccupancyGrid, distance_to_box
-from humanclaw_scripted.agents import OracleAgent, RandomAgent, StillAgent, in_view
+from humanclaw.scene import distance_to_box
+from humanclaw_scripted.blind import RandomAgent, StillAgent
+from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.truth import in_view
 
 
 def episode(scene: Scene, category: str, *targets: int, sit: bool = False) -> EpisodeSpec:
@@ -59,7 +61,7 @@ def test_the_oracle_sits_down_on_the_target_and_stops(category: str, target: int
 
 @pytest.mark.parametrize(("beside", "stops"), [(-0.05, True), (0.05, True), (0.08, False)])
 def test_the_oracle_takes_hips_that_rest_on_the_side_of_a_seat_for_seated(beside: float, stops: bool) -> None:
-    """The pelvis is 13 cm from end to end of its axis, so that half of that may be beside the seat."""
+    """The axis of the pelvis is 13 cm long, so half of that may be beside the seat."""
     walker = Walker(two_rooms(), (20,))
     agent = OracleAgent()
     agent.begin(EpisodeContext(episode(walker.scene, "couch", 20, sit=True), SKILLS, 0, walker.scene, walker.state))
@@ -122,7 +124,7 @@ def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
 
 
 def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() -> None:
-    # A glass pane that the scene does not tell of stands across the direct way to the bed.
+    # A glass pane that is not in the scene blocks the direct way to the bed.
     pane = asset("pane", "wall", block(1.2, 1.0, 0.1))
     known, real = two_rooms(), two_rooms(0.9, (pane, scene_object(30, pane, 1.2, 2.2)))
     walker = Walker(known, (22,), solid=OccupancyGrid.of(real))

@@ -1,4 +1,4 @@
-"""Who sees colours alone: it is told by a program of somebody else's what is where in a picture."""
+"""The agent that sees colours only, with an external detector program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanclaw import Agent, EpisodeContext, EpisodeSpec, HumanclawError, Observ
 from humanclaw.body import rest_pose
 from humanclaw.world import View, ego_camera
 
-# What is red is a couch, and what is blue one that the program is not sure of.
+# Red is a couch, blue a couch with a low score.
 DETECTOR = """
 import json, sys
 while picture := sys.stdin.buffer.read(512 * 512 * 3):
@@ -43,7 +43,7 @@ def written(tmp_path: Path, program: str) -> str:
 
 
 def view_of(colour: tuple[int, int, int]) -> View:
-    """A wall 2 m before the eyes with a square of a colour, 60 pixels to a side, and ids that tell of nothing."""
+    """A wall 2 m in front of the eyes with a coloured square of 60 x 60 pixels, and empty ids."""
     rgb = np.full((512, 512, 3), 90, np.uint8)
     rgb[100:160, 300:360] = colour
     return View(rgb, np.full((512, 512), AWAY, np.float32), np.zeros((512, 512), np.int32))
@@ -87,9 +87,15 @@ def test_its_settings_are_recorded(tmp_path: Path) -> None:
     assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4, "seconds": 60.0}
 
 
+@pytest.mark.parametrize("seconds", [0, -1, 3601, float("inf"), float("nan"), "soon"])
+def test_a_time_limit_out_of_bounds_is_refused(seconds: object) -> None:
+    with pytest.raises(HumanclawError, match=r"--option seconds: .*The options are detector, score, seconds"):
+        Plugins.discover().make("agents", "seeing-colour", {"detector": "program", "seconds": seconds})
+
+
 @pytest.mark.parametrize("options", [{}, {"detector": ""}, {"detector": "  "}])
 def test_without_a_program_it_says_what_to_give(options: dict[str, str]) -> None:
-    with pytest.raises(HumanclawError, match="needs a program that knows things") as raised:
+    with pytest.raises(HumanclawError, match="needs a program that detects things") as raised:
         Plugins.discover().make("agents", "seeing-colour", options)
     assert "--option detector=" in str(raised.value)
 

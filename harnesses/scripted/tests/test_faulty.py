@@ -15,7 +15,8 @@ from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observa
 from humanclaw.records import Difficulty, acknowledges
 from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
-from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier, options
+from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier
+from humanclaw_scripted.options import FaultyOptions
 
 COUCH = 20
 
@@ -29,7 +30,7 @@ def spec(sit: bool, seed: int = 0) -> EpisodeSpec:
 
 def live(sit: bool = True, seed: int = 0, **given: object) -> tuple[Walker, list]:
     walker = Walker(two_rooms(), (COUCH,), seed)
-    return walker, play(FaultyAgent(options(given)), walker, spec(sit, seed))
+    return walker, play(FaultyAgent(FaultyOptions.of(given)), walker, spec(sit, seed))
 
 
 def reach(walker: Walker) -> float:
@@ -107,10 +108,10 @@ def test_who_dawdles_sets_out_when_sixteen_steps_are_left():
 
 
 def test_who_loses_heart_stops_where_it_started():
-    """A folding screen hides the couch until one is round it."""
+    """A folding screen hides the couch until the body is past it."""
     screen = asset("screen", "screen", block(0.05, 1.8, 3.2))
     walker = Walker(two_rooms(0.9, (screen, scene_object(30, screen, 6.0, 2.6))), (COUCH,))
-    log = play(FaultyAgent(options({"fault": "give_up"})), walker, spec(False))
+    log = play(FaultyAgent(FaultyOptions.of({"fault": "give_up"})), walker, spec(False))
     track = np.array(walker.track)
     assert log[-1][1].skill == "stop"
     assert np.linalg.norm(track - track[0], axis=1).max() > 3.0
@@ -169,11 +170,11 @@ def test_of_two_faults_at_once_either_can_be_put_right():
 
 
 def test_the_table_of_faults_loads_no_agent():
-    """Every command of the terminal asks for it."""
+    """Every command loads the table."""
     script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_scripted.faults" in loaded
-    assert not {"humanclaw_scripted.agents", "humanclaw.navigation", "scipy"} & set(loaded)
+    assert not {"humanclaw_scripted.oracle", "humanclaw.navigation", "scipy"} & set(loaded)
 
 
 def test_a_fault_shows_only_in_episodes_that_fit_it():
@@ -187,7 +188,7 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
 
 
 def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
-    """Ten seeds: with a history of ten steps most sit down, with none nobody does."""
+    """Ten seeds: with a history of ten steps most agents sit down, without a history none does."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
     assert sat[0] == 0
     assert sat[10] >= 8
@@ -218,4 +219,4 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
 @pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"history": -1}, {"memory": 3}])
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(HumanclawError, match=r"options are|Choose from"):
-        options(wrong)
+        FaultyOptions.of(wrong)

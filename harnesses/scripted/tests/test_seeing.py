@@ -1,4 +1,4 @@
-"""The agent that sees: what it makes of its views, and that it gets along without map and pose."""
+"""The agent that sees: perception from its views, and tasks without map and pose."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from walker import PICTURE, SKILLS, Walker
 from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
-from humanclaw.world import GAZE_PITCH, View, distance_to_box, ego_camera
-from humanclaw_scripted.seeing import WanderingAgent
+from humanclaw.scene import distance_to_box
+from humanclaw_scripted.blind import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
 WALL = 3.0
@@ -26,7 +26,7 @@ def seeing() -> Agent:
 
 
 def before_a_wall() -> View:
-    """What one sees of a level floor and a wall: each pixel's ray meets the nearer of the two."""
+    """A view of a level floor and a wall: each pixel's ray meets the nearer of the two."""
     size, eye = 512, float(ego_camera(rest_pose()).position[1])
     up = 1 - 2 * (np.arange(size) + 0.5) / size
     rise = np.sin(GAZE_PITCH) + up * np.cos(GAZE_PITCH)
@@ -40,7 +40,7 @@ def before_a_wall() -> View:
 
 
 def sight_of(view: View) -> Sight:
-    """What one makes of it who looks for the wall."""
+    """The view as points, with the wall as target."""
     return Sight.of(view, view.ids != 0, view.ids == 2)
 
 
@@ -61,7 +61,7 @@ def test_the_map_knows_the_floor_up_to_the_wall_and_nothing_behind_it() -> None:
     assert at(grid.blocked, 0.5, 3.12)
     assert not at(grid.blocked, 0.5, 2.5)
     assert float(at(gap_to(seen.heights(grid) > 0), 0.0, 2.1)) == pytest.approx(1.0, abs=0.06)
-    # The floor ends unseen to both sides, never at the wall.
+    # The floor ends out of view to both sides, never at the wall.
     ends = np.concatenate(edges(grid))
     assert (ends[:, 1] < 3.0).all()
     assert {-1.0, 1.0} <= set(np.sign(ends[:, 0]))

@@ -1,9 +1,8 @@
-"""Servers on 127.0.0.1 that speak as other providers' do, by the scripts of humanclaw.testing.openai_server.
+"""Scripted servers in the dialects of other providers, with the scripts of openai_server.py.
 
 Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the
-habits of its provider: what it cannot express, how it fails, what it calls things. Written from the providers' public
-documentation of the Messages API (Anthropic), generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible
-server.
+limits, errors and names of its provider. They follow the public documentation of the Messages API (Anthropic),
+generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible server.
 """
 
 from __future__ import annotations
@@ -13,14 +12,13 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from humanclaw.testing.openai_server import OpenAIServer, Reply, Request
+from model_servers.openai_server import OpenAIServer, Reply, Request
 
 Json = dict[str, Any]
 
 
 class AnthropicServer(OpenAIServer):
-    """POST /v1/messages. Arguments are objects: a call that was cut off arrives without them, with stop_reason
-    max_tokens."""
+    """POST /v1/messages. A call that was cut off has no arguments, and stop_reason max_tokens."""
 
     _STOPS: Final = {"stop": "end_turn", "length": "max_tokens", "tool_calls": "tool_use"}
     _ERRORS: Final = {
@@ -54,7 +52,7 @@ class AnthropicServer(OpenAIServer):
             return {"type": "error", "error": {"type": kind, "message": _message_of(reply)}, "request_id": "req_test"}
         choice = _choice(reply)
         stop, blocks = self._STOPS[choice["finish_reason"]], []
-        turn = len(self.requests)  # Names are never given twice: Anthropic's own client tells messages apart by them.
+        turn = len(self.requests)  # Ids are unique: Anthropic's client tells messages apart by them.
         message = choice["message"]
         if message.get("reasoning_content"):
             blocks.append({"type": "thinking", "thinking": message["reasoning_content"], "signature": "c2lnbmVk"})
@@ -78,7 +76,7 @@ class AnthropicServer(OpenAIServer):
 
 
 def _anthropic_content(content: str | list[Json]) -> list[Json]:
-    """Return the parts of a message, those within the result of a tool too."""
+    """Return the parts of a message, including those within tool results."""
     parts: list[Json] = [{"type": "text", "text": content}] if isinstance(content, str) else content
     found: list[Json] = []
     for part in parts:
@@ -92,10 +90,9 @@ def _anthropic_content(content: str | list[Json]) -> list[Json]:
 
 
 class GeminiServer(OpenAIServer):
-    """POST /v1beta/models/NAME:generateContent. A call that is no JSON becomes MALFORMED_FUNCTION_CALL, without
-    content.
+    """POST /v1beta/models/NAME:generateContent. A call that is not JSON becomes MALFORMED_FUNCTION_CALL.
 
-    How long to wait is told in the body of the error and in no header.
+    The time to wait is in the body of an error, and not in a header.
     """
 
     _STOPS: Final = {"stop": "STOP", "length": "MAX_TOKENS", "tool_calls": "STOP"}
@@ -132,13 +129,10 @@ class GeminiServer(OpenAIServer):
             hint = {"@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": f"{wait}s"}
             return {"error": error | ({"details": [hint]} if wait else {})}
         tokens = _usage(reply)
-        told = {
-            "promptTokenCount": tokens[0],
-            "candidatesTokenCount": tokens[1],
-            "totalTokenCount": sum(tokens),
-        } if tokens else {}  # fmt: skip
+        names = ("promptTokenCount", "candidatesTokenCount", "totalTokenCount")
+        counts = dict(zip(names, (*tokens, sum(tokens)), strict=True)) if tokens else {}
         body: Json = {"candidates": self._candidates(reply), "modelVersion": "scripted", "responseId": "test"}
-        return body | ({"usageMetadata": told} if told else {})
+        return body | ({"usageMetadata": counts} if counts else {})
 
     def headers(self, reply: Reply) -> Mapping[str, str]:
         return {name: value for name, value in reply.headers.items() if name != "Retry-After"}
@@ -167,7 +161,7 @@ def _gemini_content(parts: list[Json]) -> list[Json]:
         inline = part.get("inline_data") or part.get("inlineData")
         answered = _either(part, "function_response")
         if inline:
-            # JSON of protocol buffers may hold base64 in either alphabet; Google's own client writes the one of URLs.
+            # JSON of protocol buffers may hold base64 in either alphabet; Google's client uses the URL-safe one.
             data = inline["data"].translate(str.maketrans("-_", "+/"))
             found.append(_picture(inline.get("mime_type") or inline["mimeType"], data))
         elif answered:
@@ -178,7 +172,7 @@ def _gemini_content(parts: list[Json]) -> list[Json]:
 
 
 class ResponsesServer(OpenAIServer):
-    """POST /v1/responses, OpenAI's later protocol: a list of items in, a list of items out. Errors are as before."""
+    """POST /v1/responses, OpenAI's newer protocol with lists of items. Errors are those of chat completions."""
 
     def accepts(self, path: str) -> bool:
         return path.split("?")[0].endswith("/responses")
@@ -226,7 +220,7 @@ class ResponsesServer(OpenAIServer):
 
 
 def _responses_message(item: Json) -> Json:
-    """Return an item as a message; what a function gave is a message of role `tool`."""
+    """Return an item as a message; a function's output is a message of role `tool`."""
     content = item.get("content") or item.get("output") or ""
     parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
     kinds = {"input_text": "text", "output_text": "text", "input_image": "image_url"}
@@ -238,7 +232,7 @@ def _responses_message(item: Json) -> Json:
 
 
 class OllamaServer(OpenAIServer):
-    """POST /api/chat. tool_choice does not exist; a call whose arguments are not an object is left in the text."""
+    """POST /api/chat. It has no tool_choice; a call whose arguments are no object stays in the text."""
 
     @property
     def url(self) -> str:
@@ -284,8 +278,7 @@ def _ollama_pictures(message: Json) -> list[Json]:
 
 
 class VLLMServer(OpenAIServer):
-    """OpenAI's protocol with vLLM's habits: its own form of errors, an empty list of calls, thoughts under `reasoning`
-    too."""
+    """OpenAI's protocol as vLLM speaks it: own error format, empty lists of calls, thoughts also in `reasoning`."""
 
     def write(self, reply: Reply, request: Request) -> Json:
         if reply.code != 200:
@@ -321,14 +314,13 @@ def _picture(kind: str, data: str) -> Json:
 
 
 def _either(values: Json, snake: str) -> Any:
-    """Return a field by its name in snake case or in camel case; Gemini takes both."""
+    """Return a field by its name in snake case or camel case; Gemini accepts both."""
     first, *rest = snake.split("_")
     return values.get(snake, values.get(first + "".join(word.title() for word in rest), {}))
 
 
 def _choice(reply: Reply) -> Json:
-    """Return the only choice; a reply without one is a message of nothing, for dialects that know no list of
-    choices."""
+    """Return the only choice, or an empty message for a reply without choices."""
     nothing = {"message": {"content": None}, "finish_reason": "stop"}
     return dict(next(iter(reply.body["choices"]), nothing))
 

@@ -1,15 +1,14 @@
-"""A real HTTP server on 127.0.0.1 that speaks the OpenAI chat-completions protocol and answers from a script.
+"""An HTTP server on 127.0.0.1 that speaks OpenAI's chat-completions protocol and answers from a script.
 
-For tests of anything that talks to a language model, with no key and no network:
+For tests of anything that talks to a language model, without key and network:
 
     with OpenAIServer([call("turn", yaw_deg=30), call("stop")]) as server:
         client = openai.OpenAI(base_url=server.url, api_key="unused")
         ...
     assert server.requests[0].tool_names == ["turn", "stop"]
 
-A script is a list of replies, used one a request, or a function from Request to Reply. Faults are replies like any
-other: status(429), dropped(), truncated(), delayed(5, reply), no_choices(). A list that has run out answers 500 and
-says so.
+A script is a list of replies, one for each request, or a function from Request to Reply. Faults are replies too:
+status(429), dropped(), truncated(reply), delayed(5, reply), no_choices(). An exhausted list answers 500.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ from PIL import Image
 
 Json = dict[str, Any]
 USAGE: Final = {"prompt_tokens": 1000, "completion_tokens": 100, "total_tokens": 1100}
-"""The usage that replies report unless they are told otherwise."""
+"""Default usage of replies."""
 
 
-# -- what came ---------------------------------------------------------------------------------------------------------
+# -- requests ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Request:
     """A request as the server received it."""
@@ -46,9 +45,9 @@ class Request:
     headers: Mapping[str, str]
     """Names in lower case."""
     body: Json
-    """In OpenAI's form, whatever the dialect of the server."""
+    """In OpenAI's form, in every dialect."""
     raw: Json = field(default_factory=dict)
-    """As it came."""
+    """As received."""
 
     @property
     def messages(self) -> list[Json]:
@@ -70,7 +69,7 @@ class Request:
 
     @property
     def images(self) -> list[NDArray[np.uint8]]:
-        """Every picture of every message, decoded: (H, W, 3). Raises ValueError for anything but a base64 data URL."""
+        """Every picture of every message, decoded to (H, W, 3). Raises ValueError for other than base64 data URLs."""
         return [_decode(part["image_url"]["url"]) for part in self._parts() if part.get("type") == "image_url"]
 
     def role(self, role: str) -> str:
@@ -95,10 +94,10 @@ def _decode(url: str) -> NDArray[np.uint8]:
         return np.asarray(image.convert("RGB"))
 
 
-# -- what goes back ----------------------------------------------------------------------------------------------------
+# -- replies -----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Reply:
-    """What to answer. Build it with the functions below."""
+    """A reply. Build it with the functions below."""
 
     body: Json
     code: int = 200
@@ -106,7 +105,7 @@ class Reply:
     delay: float = 0.0
     """Seconds before the answer."""
     cut: float = 1.0
-    """Share of the body that is sent before the connection closes; below 0, it is reset before anything is sent."""
+    """Share of the body sent before the connection closes; below 0 the connection is reset before sending."""
 
 
 Script = Sequence[Reply] | Callable[[Request], Reply]
@@ -118,10 +117,7 @@ def call(name: str, /, **arguments: Any) -> Reply:
 
 
 def calls(*named: tuple[str, Mapping[str, Any] | str], text: str | None = None) -> Reply:
-    """Return a message with several tool calls, and perhaps text.
-
-    Arguments given as a string are sent as they are.
-    """
+    """Return a message with several tool calls and optional text. Arguments given as a string are sent unchanged."""
     listed = [
         {"id": f"call_{number}", "type": "function", "function": {"name": name, "arguments": _dump(arguments)}}
         for number, (name, arguments) in enumerate(named)
@@ -152,7 +148,7 @@ def status(code: int, explanation: str = "", headers: Mapping[str, str] | None =
 
 
 def thinking(thoughts: str, reply: Reply) -> Reply:
-    """Return the reply with the model's thoughts before it, as `reasoning_content`."""
+    """Return the reply with the model's thoughts, as `reasoning_content`."""
     (choice,) = reply.body["choices"]
     told = {**choice, "message": {**choice["message"], "reasoning_content": thoughts}}
     return replace(reply, body={**reply.body, "choices": [told]})
@@ -169,29 +165,28 @@ def without_usage(reply: Reply) -> Reply:
 
 
 def delayed(seconds: float, reply: Reply) -> Reply:
-    """Return the reply, so many seconds late."""
+    """Return the reply with a delay in seconds."""
     return replace(reply, delay=seconds)
 
 
 def truncated(reply: Reply, share: float = 0.5) -> Reply:
-    """Return the reply with its body cut short; the header still announces all of it."""
+    """Return the reply with its body cut short; Content-Length still has the full length."""
     return replace(reply, cut=share)
 
 
 def dropped() -> Reply:
-    """No answer: the connection is reset."""
+    """Return no answer: the connection is reset."""
     return Reply({}, cut=-1.0)
 
 
 def refusing_images(otherwise: Script, explanation: str = "this model does not take images", code: int = 400) -> Script:
-    """Return a script that refuses requests that hold pictures, and goes by another script for the rest."""
+    """Return a script that refuses requests with pictures, and follows another script otherwise."""
     rest = _player(otherwise)
     return lambda request: status(code, explanation) if request.images else rest(request)
 
 
 def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
-    """Return a script that answers 400 to requests that have a field, such as "tools", and goes by another script for
-    the rest."""
+    """Return a script that answers 400 to requests with a field such as "tools", and follows another otherwise."""
     rest = _player(otherwise)
 
     def script(request: Request) -> Reply:
@@ -206,8 +201,7 @@ def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
 
 
 def streaming_only(otherwise: Script) -> Callable[[Request], Reply]:
-    """Return a script that answers 400 to requests for an answer in one piece, and goes by another script for the
-    rest."""
+    """Return a script that answers 400 to requests without `stream`, and follows another script otherwise."""
     rest = _player(otherwise)
     refusal = status(400, "this model supports streaming only: set stream to true", kind="invalid_request_error")
     return lambda request: rest(request) if request.body.get("stream") else refusal
@@ -245,10 +239,9 @@ def _deltas(whole: Mapping[str, Any]) -> list[Json]:
 
 # -- the server --------------------------------------------------------------------------------------------------------
 class OpenAIServer:
-    """Serves a script on an ephemeral port of 127.0.0.1 while its `with` block runs, and keeps every request.
+    """Serves a script on a free port of 127.0.0.1 during its `with` block, and keeps every request.
 
-    A server of another dialect overrides url, accepts, read and write; scripts and requests stay the same
-    (humanclaw.testing.dialects).
+    A server of another dialect overrides url, accepts, read and write (dialects.py); scripts and requests are the same.
     """
 
     def __init__(self, script: Script) -> None:
@@ -262,7 +255,7 @@ class OpenAIServer:
 
     @property
     def url(self) -> str:
-        """What clients call base_url or api_base."""
+        """The base_url or api_base of clients."""
         return f"{self.origin}/v1"
 
     @property
@@ -289,8 +282,7 @@ class OpenAIServer:
         }
 
     def stream(self, reply: Reply, request: Request) -> bytes:
-        """Return the body of a reply in pieces, as server-sent events: two a call, so that they must be put
-        together."""
+        """Return the body of a reply as server-sent events, each call in two pieces that the client must join."""
         whole = self.write(reply, request)
         (choice,) = whole["choices"]
         head = {key: whole[key] for key in ("id", "created", "model")} | {"object": "chat.completion.chunk"}
@@ -323,13 +315,13 @@ class OpenAIServer:
         self._thread.join()
 
     def respond(self, request: Request) -> Reply:
-        """Note a request and take the script's reply to it; one request at a time, so that lists stay in order."""
+        """Keep a request and return the script's reply. A lock keeps the order of lists."""
         with self._lock:
             self.requests.append(request)
             return self._play(request)
 
     def wait(self, seconds: float) -> None:
-        """Wait, but no longer than the server lives."""
+        """Wait, at most until the server closes."""
         self._closing.wait(seconds)
 
 
