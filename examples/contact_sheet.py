@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw
 from humanclaw import Plugins, Renderer, Scene
 from humanclaw.body import Pose2D, matrix_from_quaternion, rest_pose
 from humanclaw.world import Camera, MultiFloorMap, WorldState, ego_camera
-from humanclaw_scripted.agents import in_view
+from humanclaw_scripted.truth import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
 NOBODY = WorldState(Pose2D(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})

@@ -14,8 +14,7 @@ import package
 import pytest
 from click.testing import CliRunner
 from packaging.requirements import Requirement
-from wheels import ROOT
-from wheels import distributions as folders
+from wheels import ROOT, distributions as folders
 
 from humanclaw.cli import LazyCommand, build
 from humanclaw.cli.new import KINDS, TRAINED, Distribution
@@ -193,9 +192,7 @@ def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again()
     plugins.add(object(), "humanclaw-bullet", origin="humanclaw-bullet")
     with pytest.raises(PluginError, match="there is no simulator 'bullet'") as raised:
         plugins.make("simulators", "bullet")
-    assert raised.value.remedy.startswith(
-        "humanclaw-bullet brings it, but a package that it needs is not installed."
-    )
+    assert raised.value.remedy.startswith("humanclaw-bullet brings it, but a package that it needs is not installed.")
     assert "mujoco (of humanclaw-mujoco)" in raised.value.remedy
 
 

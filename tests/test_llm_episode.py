@@ -11,10 +11,7 @@ from model_servers import OpenAIServer, call, calls, delayed, status
 from humanclaw import Plugins, run_episode
 from humanclaw.cli import build
 from humanclaw.errors import HumanclawError
-from humanclaw.limits import Meter
-from humanclaw.loop import run_episode
-from humanclaw.records import RecordedEpisode
-from humanclaw.tasks import free_episode
+from humanclaw.records import Meter, RecordedEpisode, free_episode
 
 KEY = "sk-planted-0123456789-abcdef"
 STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reasoning": "The way is free.", "z_cm": 40}

@@ -60,8 +60,7 @@ def test_no_name_of_a_skill_occurs_in_a_template_of_the_core_or_of_a_plugin(plug
 
 
 TABLES = {
-    "core/humanclaw/plugins/distributions.toml": "says which distribution brings what, so that an error can name what to "
-    "install",
+    "core/humanclaw/plugins/distributions.toml": "says which distribution brings what, so that an error can name it",
     "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it "
     "holds",
     "core/humanclaw/motion/weights/naturalness.json": "is another",

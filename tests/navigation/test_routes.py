@@ -20,10 +20,10 @@ from humanclaw.world import (
     goals_at,
     length,
     room_at,
-    route_difficulty,
     stair_runs,
     viewpoints,
 )
+from humanclaw.world.navigation.difficulty import route_difficulty
 
 BEDROOM, LIVING = np.array([1.0, 1.0]), np.array([7.0, 1.0])
 

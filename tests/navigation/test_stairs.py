@@ -13,7 +13,7 @@ from humanclaw.plugins import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records import EpisodeSpec, Feedback
 from humanclaw.skills import check_call
 from humanclaw.world import MultiFloorMap, Scene, distance_to_box, goals_at
-from humanclaw_scripted.agents import OracleAgent
+from humanclaw_scripted.oracle import OracleAgent
 
 HOUSE = "house:3"
 NOTHING = np.zeros((2, 2, 3), np.uint8)

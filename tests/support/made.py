@@ -28,7 +28,7 @@ from humanclaw.records import (
 )
 from humanclaw.skills import Call
 from humanclaw.world import GROUND, Contact, Scene, distance_to_box
-from humanclaw_scripted.agents import OracleAgent
+from humanclaw_scripted.oracle import OracleAgent
 
 
 def picture(step: int) -> bytes:

@@ -5,57 +5,23 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.testing.contract import Report, check_skill, check_target, examine
-    from humanclaw.testing.fakes import FakeGenerator, FakeModel, FakeRenderer, FakeWorld, fake_body, fake_scene
-    from humanclaw.testing.sampling import corners, legal_calls
-    from humanclaw.testing.scenes import SceneBuilder
-    from humanclaw.testing.scripted import ScriptedAgent
-    from humanclaw.testing.simulators import SimulatorConformance
-    from humanclaw.testing.speed import reset_times, resident
-    from humanclaw.testing.steps import check, contacts, touches
+    from humanclaw.episodes.step import contacts as contacts, touches as touches
+    from humanclaw.records.decisions import check as check
+    from humanclaw.testing.examining import Report as Report, check_skill as check_skill, examine as examine
+    from humanclaw.testing.fakes import (
+        FakeGenerator as FakeGenerator,
+        FakeModel as FakeModel,
+        FakeRenderer as FakeRenderer,
+        FakeWorld as FakeWorld,
+        ScriptedAgent as ScriptedAgent,
+        fake_body as fake_body,
+        fake_scene as fake_scene,
+    )
+    from humanclaw.testing.sampling import corners as corners, legal_calls as legal_calls
+    from humanclaw.testing.scenes import SceneBuilder as SceneBuilder
+    from humanclaw.testing.simulators import SimulatorConformance as SimulatorConformance
+    from humanclaw.testing.speed import reset_times as reset_times, resident as resident
+    from humanclaw.testing.targets import check_target as check_target
 
-_HOMES = {
-    "check": "steps",
-    "contacts": "steps",
-    "touches": "steps",
-    "FakeGenerator": "fakes",
-    "FakeModel": "fakes",
-    "FakeRenderer": "fakes",
-    "FakeWorld": "fakes",
-    "Report": "contract",
-    "SceneBuilder": "scenes",
-    "ScriptedAgent": "scripted",
-    "SimulatorConformance": "simulators",
-    "check_skill": "contract",
-    "check_target": "contract",
-    "corners": "sampling",
-    "examine": "contract",
-    "fake_body": "fakes",
-    "fake_scene": "fakes",
-    "legal_calls": "sampling",
-    "reset_times": "speed",
-    "resident": "speed",
-}
-__all__ = [
-    "FakeGenerator",
-    "FakeModel",
-    "FakeRenderer",
-    "FakeWorld",
-    "Report",
-    "SceneBuilder",
-    "ScriptedAgent",
-    "SimulatorConformance",
-    "check",
-    "check_skill",
-    "check_target",
-    "contacts",
-    "corners",
-    "examine",
-    "fake_body",
-    "fake_scene",
-    "legal_calls",
-    "reset_times",
-    "resident",
-    "touches",
-]
-__getattr__ = lazy(__name__, _HOMES)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = door(__name__)

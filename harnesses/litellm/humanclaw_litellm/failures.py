@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from humanclaw.tools import json_objects
+from humanclaw.skills import json_objects
 from humanclaw_litellm.library import TooLongError
 
 Json = dict[str, Any]

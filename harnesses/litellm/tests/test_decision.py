@@ -11,8 +11,8 @@ from model_servers import OpenAIServer, call, calls, message, refusing, text
 import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
+from humanclaw.skills import REASONING_FIELDS, THOUGHTS
 from humanclaw.testing import check
-from humanclaw.tools import REASONING_FIELDS, THOUGHTS
 
 SAID = {
     "visible_state": "a couch 3 m ahead",

@@ -10,6 +10,7 @@ from model_servers import (
     GeminiServer,
     OllamaServer,
     OpenAIServer,
+    VLLMServer,
     call,
     calls,
     delayed,

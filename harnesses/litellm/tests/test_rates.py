@@ -12,6 +12,7 @@ from model_servers import (
     GeminiServer,
     OllamaServer,
     OpenAIServer,
+    VLLMServer,
     call,
     redirected,
     status,

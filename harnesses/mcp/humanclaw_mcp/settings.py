@@ -31,7 +31,7 @@ class Settings:
     """Name of the simulator; empty for the default one."""
     generator: str = Backends.generator
     sensors: tuple[str, ...] = ()
-    """Sensors of an answer besides the view (humanclaw.sensors)."""
+    """Sensors of an answer besides the view (humanclaw.episodes)."""
     reasoning: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
     bodies: int = 4

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call, Decision
-from humanclaw.outcomes import REACHED
-from humanclaw.pose import Array
+from humanclaw.body import Array
+from humanclaw.records import REACHED
 from humanclaw_scripted.calls import BACK, SIDE, SIT, TURN, WALK, asking
 from humanclaw_scripted.truth import Perception
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call, PluginError, Skill
-from humanclaw.measures import Parameter, Role, from_si, suited
+from humanclaw.skills import Parameter, Role, from_si, suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw.interfaces import BODY_ID, View
+from humanclaw.world import BODY_ID, View
 from humanclaw_scripted.options import DetectorOptions
 from humanclaw_scripted.sight import Mask, Sight
 

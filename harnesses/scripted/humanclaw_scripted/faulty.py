@@ -26,11 +26,8 @@ from humanclaw import (
     Skill,
     Verdict,
 )
-from humanclaw.outcomes import REACHED, acknowledges
-from humanclaw.pose import Array
-from humanclaw.records import Answer as CheckAnswer
-from humanclaw.records import Feedback
-from humanclaw.tasks import SEATS
+from humanclaw.body import Array
+from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
 from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault

@@ -9,19 +9,18 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Observation, PluginError
-from humanclaw.body import STANDING_HEIGHT
-from humanclaw.interfaces import WorldState
-from humanclaw.navigation import (
+from humanclaw.body import STANDING_HEIGHT, Array, wrap_angle
+from humanclaw.world import (
     MultiFloorMap,
     OccupancyGrid,
     Routes,
     StairRun,
     Viewpoint,
+    WorldState,
+    distance_to_nearest,
     room_at,
     viewpoints,
 )
-from humanclaw.pose import Array, wrap_angle
-from humanclaw.scene import distance_to_nearest
 from humanclaw_scripted.calls import (
     AT_SEAT,
     BACK,

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation
-from humanclaw.measures import to_si
-from humanclaw.navigation import MultiFloorMap, OccupancyGrid, Routes
-from humanclaw.outcomes import SEEN_PIXELS
-from humanclaw.pose import Array, Pose2D, wrap_angle
+from humanclaw.body import Array, Pose2D, wrap_angle
+from humanclaw.records import SEEN_PIXELS
+from humanclaw.skills import to_si
+from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes
 from humanclaw_scripted.calls import (
     AT_SEAT,
     BACK,

@@ -8,11 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import EpisodeContext, HumanclawError, Scene
-from humanclaw.body import LINKS, Capsule
-from humanclaw.interfaces import WorldState, ego_camera
-from humanclaw.navigation import OccupancyGrid
-from humanclaw.pose import Array, Pose2D, matrix_from_vector
-from humanclaw.scene import distance_to_nearest
+from humanclaw.body import LINKS, Array, Capsule, Pose2D, matrix_from_vector
+from humanclaw.world import OccupancyGrid, WorldState, distance_to_nearest, ego_camera
 
 TOUCHING: Final = 0.005
 """Gap between hips and seat that counts as contact, metres."""

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.navigation import OccupancyGrid, Segment, StairRun, length, stair_runs
-from humanclaw.pose import Array
+from humanclaw.body import Array
+from humanclaw.world import OccupancyGrid, Segment, StairRun, length, stair_runs
 from humanclaw_scripted.truth import PelvisPose
 
 LOOK_AHEAD: Final = 0.7

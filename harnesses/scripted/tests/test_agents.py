@@ -23,7 +23,7 @@ from humanclaw import (
     Scene,
 )
 from humanclaw.records import Feedback
-from humanclaw.scene import distance_to_box
+from humanclaw.world import OccupancyGrid, distance_to_box
 from humanclaw_scripted.blind import RandomAgent, StillAgent
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import in_view

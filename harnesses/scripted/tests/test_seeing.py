@@ -13,7 +13,7 @@ from walker import PICTURE, SKILLS, Walker
 from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
-from humanclaw.scene import distance_to_box
+from humanclaw.world import GAZE_PITCH, View, distance_to_box, ego_camera
 from humanclaw_scripted.blind import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 

@@ -17,7 +17,7 @@ from humanclaw.body import Pose2D, wrap_angle
 from humanclaw.cli import build
 from humanclaw.records import read_episodes
 from humanclaw_bench.scores import score
-from humanclaw_scripted.agents import OracleAgent
+from humanclaw_scripted.oracle import OracleAgent
 
 GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}
 BACK = [0, 1, 0, 0]

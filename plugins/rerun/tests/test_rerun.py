@@ -27,7 +27,7 @@ from humanclaw import (  # noqa: E402
     SceneError,
     cli,
 )
-from humanclaw.body import FPS, HISTORY
+from humanclaw.body import FPS, HISTORY  # noqa: E402
 from humanclaw_rerun.live import house_of  # noqa: E402
 from humanclaw_rerun.log import EpisodeLog, bones, write_recording  # noqa: E402
 
