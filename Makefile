@@ -129,6 +129,9 @@ soak: install  ## Make 2,000 decisions in one process; memory, handles, threads 
 
 ##@ Documentation
 
+architecture: $(READY)  ## Draw docs/images/architecture.svg from the import graph
+	$(BIN)/python docs/_architecture.py
+
 docs: $(READY)  ## Build the site into site/; broken links and undocumented names are errors
 	$(BIN)/python -m mkdocs build --strict
 

@@ -67,7 +67,7 @@ def picture() -> str:
         name: _place(len(row), column, number) for number, row in enumerate(rows) for column, name in enumerate(row)
     }
     height = len(rows) * (HEIGHT + GAP) + GAP
-    pairs = sorted(arrows(list(places)), key=lambda pair: [places[one][1] for one in pair])
+    pairs = sorted(arrows(list(places)), key=lambda pair: (*(places[one][1] for one in pair), pair))
     lines = [_arrow(places[one], places[other], 6 * number) for number, (one, other) in enumerate(pairs)]
     boxes = [_box(name, *place) for name, place in places.items()]
     tip = '<marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 from pathlib import Path
 
 import click
@@ -152,3 +153,9 @@ def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_p
     assert "lines" in [one.name for one in plugins.registered("reports")]
     assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))
     assert load_file(tmp_path / "humanclaw_verifiers.py").Careful.name == "careful"
+
+
+def test_the_picture_of_the_architecture_is_that_of_the_code():
+    script = ROOT / "docs" / "_architecture.py"
+    drawn = runpy.run_path(str(script))["picture"]()
+    assert drawn == (ROOT / "docs" / "images" / "architecture.svg").read_text("utf-8"), "Run `make architecture`."

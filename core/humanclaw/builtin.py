@@ -1,4 +1,4 @@
-"""What the core itself brings, registered through the same hooks as everybody else's plugins."""
+"""The core's own plugin: commands and the motion generator, registered through the public hooks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can go wrong, sorted by who can mend it: the person at the keyboard, the model that decides, or the provider."""
+"""Errors, sorted by who can fix them: the user, the model, a plugin's author, or the provider."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LONGEST_REASON: Final = 500
 
 
 class HumanclawError(Exception):
-    """Something the user can mend. The command line prints it in one sentence with its remedy and exits with 2."""
+    """An error that the user can fix. The command line prints it in one sentence with its remedy and exits with 2."""
 
     def __init__(self, message: str, remedy: str = "") -> None:
         super().__init__(f"{message} {remedy}".strip())
@@ -23,16 +23,15 @@ class HumanclawError(Exception):
 
 
 class PluginError(HumanclawError):
-    """A plugin that cannot be used, and why. It stands in the way of every episode: raised in one, it ends the run."""
+    """A plugin that cannot be used. It affects every episode: raised in one, it ends the run."""
 
 
 class FactoryError(PluginError):
-    """An agent or a verifier that could not be made; its cause is what the factory raised."""
+    """An agent or a verifier that could not be made. Its cause is the factory's error."""
 
 
 class ContractError(PluginError):
-    """A skill that breaks the contract. check: the name of the check that it fails, as `humanclaw check --list` has
-    it."""
+    """A skill that breaks the contract. check: name of the failed check (see `humanclaw check --list`)."""
 
     def __init__(self, check: str, message: str, remedy: str = "") -> None:
         super().__init__(message, remedy)
@@ -40,7 +39,7 @@ class ContractError(PluginError):
 
 
 class SceneError(HumanclawError):
-    """A scene that is unknown, malformed or not what its digest says."""
+    """A scene that is unknown, malformed, or differs from its digest."""
 
 
 class CheckpointError(HumanclawError):
@@ -52,18 +51,17 @@ class RecordError(HumanclawError):
 
 
 class ReplayError(RecordError):
-    """A record that cannot be continued: the world no longer does what it did when the record was made."""
+    """A record that cannot be continued: its steps now lead elsewhere than recorded."""
 
 
 class CallError(Exception):
-    """A call that the model should mend. The text is handed back to it; nothing was executed."""
+    """A call that the model should correct. The text goes back to it; nothing was executed."""
 
 
 class LimitError(Exception):
-    """A limit on time, tokens or money was reached. The episode ends as limit_reached: no decision, no fault of
-    anybody's.
+    """A limit on time, tokens or money was reached. The episode ends as limit_reached.
 
-    scope: 'call', 'episode' or 'run'; after a run's limit no further episode may begin.
+    scope: 'call', 'episode' or 'run'. After a run's limit no further episode may begin.
     """
 
     def __init__(self, scope: str, message: str) -> None:
@@ -72,48 +70,46 @@ class LimitError(Exception):
 
 
 class PluginRunError(Exception):
-    """A plugin's code raised something in an episode. It ends as plugin_error: a failure, counted, with the plugin's
+    """A plugin's code raised an exception in an episode. It ends as plugin_error, a counted failure with the plugin's
     name."""
 
 
 class ProviderError(Exception):
-    """The model's provider failed for good, after all retries. The episode ends as infra_error; it is never a
-    decision."""
+    """The model's provider failed after all retries. The episode ends as infra_error; it never becomes a decision."""
 
 
 ANSWERING: Final = (PluginError, ProviderError, LimitError)
-"""What agents and verifiers raise that is no error of theirs: they are asked, and may have to ask a provider."""
+"""Errors that agents and verifiers may raise without being at fault: they depend on a provider."""
 
 
 @contextmanager
 def blaming(plugin: str, *passing: type[BaseException]) -> Iterator[None]:
-    """Name the plugin whose code runs in the block in what it raises. Who it is says the caller: what it raises may
-    name anybody.
+    """Turn exceptions of the block into PluginRunError with the name of the plugin whose code it runs.
 
-    passing: kinds that go on as they are. So does KeyboardInterrupt where it can be a person's.
+    The caller names the plugin: the exception could name anyone. passing: kinds that pass unchanged. A person's
+    KeyboardInterrupt passes too.
     """
     try:
         yield
     except passing:
         raise
-    except BaseException as fault:  # Code of somebody else does not end the program.
+    except BaseException as fault:  # Third-party code must not end the program, not even by SystemExit.
         if by_hand(fault):
             raise
         raise PluginRunError(f"{plugin} raised {in_words(fault)}") from fault
 
 
 def by_hand(fault: BaseException) -> bool:
-    """Tell whether a person may have ended something: KeyboardInterrupt in the main thread, where a signal raises it.
+    """Tell whether a person interrupted: KeyboardInterrupt in the main thread, with a signal handler installed.
 
-    A worker of a run hears no signal, so that there a plugin has raised it.
+    Workers of a run ignore signals, so there a plugin has raised it.
     """
     heard = any(callable(signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM))
     return isinstance(fault, KeyboardInterrupt) and heard and threading.current_thread() is threading.main_thread()
 
 
 def in_words(error: BaseException) -> str:
-    """Return the kind of an error and its words, on one line; an error of somebody else may fail even at saying
-    them."""
+    """Return type and message of an exception on one line. Even str() of a third-party exception may raise."""
     try:
         return legible(f"{type(error).__name__}: {' '.join(str(error).split())}"[:_LONGEST_REASON])
     except BaseException as another:

@@ -1,4 +1,4 @@
-"""What a body is: its skeleton and shapes, poses and motion."""
+"""The body: skeleton and collision shapes, poses and motion."""
 
 from typing import TYPE_CHECKING
 

@@ -94,19 +94,18 @@ def vector_from_quaternion(quaternion: Array) -> Array:
 
 
 def wrap_angle(angle: float | Array) -> Array:
-    """Radians to the same direction in [-pi, pi)."""
+    """Return the angle of the same direction in [-pi, pi), radians."""
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def yaw_matrix(yaw: float | Array) -> Array:
-    """Rotation about +Y; a positive yaw carries +Z towards +X."""
+    """Return the (..., 3, 3) rotation about +Y; a positive yaw turns +Z towards +X."""
     yaw = np.asarray(yaw, float)
     return matrix_from_vector(np.stack([np.zeros_like(yaw), yaw, np.zeros_like(yaw)], -1))
 
 
 def heading(root_rotation: Array) -> Array:
-    """Map (..., 3) root rotation vectors to yaw in radians, read off the hip line, which bending and bowing leave
-    alone."""
+    """Return the yaw of (..., 3) root rotation vectors, radians: that of the hip line, which bowing does not change."""
     left = matrix_from_vector(root_rotation)[..., :, 0]
     return np.asarray(np.arctan2(-left[..., 2], left[..., 0]))
 
@@ -167,7 +166,7 @@ def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
 
 
 def rest_pose(frames: int = 1) -> Motion:
-    """Standing upright with the arms hanging: the pose a body has before it has moved."""
+    """Return frames of standing upright with hanging arms, the pose of a body that has not moved."""
     rotations = np.zeros((frames, N_JOINTS, 3))
     rotations[:, JOINT_INDEX["left_shoulder"]] = (0.0, 0.0, -1.25)
     rotations[:, JOINT_INDEX["right_shoulder"]] = (0.0, 0.0, 1.25)
@@ -183,7 +182,7 @@ def support_height(joints: Array) -> Array:
 # -- canonical frames --------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Pose2D:
-    """A place on a floor and a heading (SE(2)): at (x, floor, z) in metres, facing yaw radians. Also the frame that it
+    """A place on a floor and a heading (SE(2)): (x, floor, z) in metres, yaw in radians. Also the frame that it
     spans."""
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
@@ -223,11 +222,10 @@ class Pose2D:
 
 
 def re_rooted(generated: Motion, simulated: Motion) -> Motion:
-    """Return generated frames, moved as one piece so that the last of them stands where the body really is.
+    """Return generated frames, moved rigidly so that the last one stands where the simulated body is.
 
-    The motion model continues its own poses and not the simulated ones: what contact did to the body is physics'
-    affair, and the model never meets a pose that no person would take. Position and heading, which contact changes for
-    good, are physical.
+    The motion model continues its own poses, not the simulated ones: contact bends bodies into poses that no person
+    takes, and the model has never seen them. Position and heading are the simulated ones.
     """
     there = Pose2D.of(simulated, floor=float(simulated.root[-1, 1]))
     here = Pose2D.of(generated, floor=float(generated.root[-1, 1]))
@@ -242,10 +240,10 @@ def _turned(motion: Motion, turn: Array) -> Motion:
 
 # -- the state of the motion model -------------------------------------------------------------------------------------
 def encode(motion: Motion) -> Array:
-    """Motion in its canonical frame to (T, 219) states: root 3, root rotation 3, joint rotations 69, positions 72,
-    velocities 72.
+    """Return (T, 219) states of a motion in its canonical frame: root 3, root rotation 3, joint rotations 69, positions
+    72, velocities 72.
 
-    A velocity is the difference to the frame before, metres a frame; the first frame takes that of the second.
+    A velocity is the difference to the frame before, metres a frame; the first frame repeats that of the second.
     """
     joints = motion.joints()
     velocity = np.diff(joints, axis=0, prepend=joints[:1])
@@ -271,11 +269,11 @@ JERK_STRIDE: Final = 8
 
 
 def root_jerk(motion: Motion) -> float:
-    """Mean third derivative of the body's path and orientation, m/s^3; NaN for less than 27 frames (paper, section
-    4.2).
+    """Return the mean third derivative of the body's path and orientation, m/s^3 (paper, section 4.2); NaN for fewer
+    than 27 frames.
 
-    Root translation and rotation carry the rest skeleton's joints but for the hands, so gait plays no part; then a
-    moving average of 3 frames and the third difference of points 8 frames apart.
+    Root translation and rotation carry the joints of the rest skeleton, hands excluded, so gait has no effect. Then
+    follow a moving average of 3 frames and the third difference of points 8 frames apart.
     """
     rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
     points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
@@ -287,6 +285,6 @@ def root_jerk(motion: Motion) -> float:
 
 
 def smoothstep(share: Array) -> Array:
-    """From 0 to 1 with no velocity at either end; share is held within 0 and 1."""
+    """Return a smooth ramp from 0 to 1 with zero slope at both ends; share is clipped to [0, 1]."""
     share = np.clip(share, 0.0, 1.0)
     return np.asarray(share * share * (3 - 2 * share))

@@ -1,4 +1,4 @@
-"""How a body moves: the motion prior and its adapters in numpy (paper, section 3.3)."""
+"""Motion: the prior and its adapters, in numpy (paper, section 3.3)."""
 
 from typing import TYPE_CHECKING
 

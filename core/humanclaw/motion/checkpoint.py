@@ -1,4 +1,4 @@
-"""Read checkpoints of the motion model: half-precision safetensors with a header that says what they are. Never pickle.
+"""Read checkpoints of the motion model: half-precision safetensors with a descriptive header. Never pickle.
 
 The header (metadata key `humanclaw`, JSON) names the format version, the kind, the shape of the model, for an adapter
 its condition encoder and the digest of the base that it was trained against, and the training card: recipe and its
@@ -29,7 +29,7 @@ FORMAT: Final = 1
 HEADER: Final = "humanclaw"
 """The metadata key of the header."""
 MODEL: Final = "model."
-"""What the names of a model's own tensors begin with."""
+"""Prefix of the names of a model's tensors."""
 _EXPONENTS: Final[Mapping[str, np.unsignedinteger[Any]]] = MappingProxyType(
     {
         "F16": np.uint16(0x7C00),
@@ -38,33 +38,33 @@ _EXPONENTS: Final[Mapping[str, np.unsignedinteger[Any]]] = MappingProxyType(
         "F64": np.uint64(0x7FF0000000000000),
     }
 )
-"""The exponent's bits of the kinds of floats in a safetensors file."""
+"""Exponent bits by float type of a safetensors file."""
 Tensors = Mapping[str, NDArray[np.floating]]
 
 
 @dataclass(frozen=True)
 class Normaliser:
-    """Brings the 219 numbers of a state to mean 0 and deviation 1. mean, std: (219,) float32."""
+    """Scales the 219 numbers of a state to mean 0 and deviation 1. mean, std: (219,) float32."""
 
     mean: Array
     std: Array
 
     def forward(self, state: Array) -> Array:
-        """(..., 219) states in metres and radians to normalised ones."""
+        """Return (..., 219) normalised states from metres and radians."""
         return (state - self.mean) / self.std
 
     def inverse(self, state: Array) -> Array:
-        """(..., 219) normalised states to metres and radians."""
+        """Return (..., 219) states in metres and radians from normalised ones."""
         return state * self.std + self.mean
 
 
 class WeightsError(CheckpointError):
-    """A checkpoint with a weight that is no finite float."""
+    """A checkpoint with a weight that is not a finite float."""
 
 
 @dataclass(frozen=True)
 class Card:
-    """How a checkpoint came about: enough to make it again, and to know what may be done with it."""
+    """How a checkpoint was made: recipe, data and licences."""
 
     recipe: Mapping[str, Any] = field(default_factory=dict)
     data: Mapping[str, Any] = field(default_factory=dict)
@@ -72,11 +72,11 @@ class Card:
 
     @property
     def recipe_digest(self) -> str:
-        """Names the recipe."""
+        """Digest of the recipe."""
         return hashlib.sha256(json.dumps(dict(self.recipe), sort_keys=True).encode()).hexdigest()[:16]
 
     def header(self) -> dict[str, Any]:
-        """As it stands in a checkpoint's header."""
+        """Return the card as a checkpoint's header holds it."""
         return {**asdict(self), "recipe_digest": self.recipe_digest}
 
     @classmethod
@@ -88,7 +88,7 @@ class Card:
 
 @dataclass(frozen=True)
 class Base:
-    """The motion prior with what is needed to run it. start_root: (5, 3). start_rotations: (5, 24, 3)."""
+    """The motion prior, ready to run. start_root: (5, 3). start_rotations: (5, 24, 3)."""
 
     model: DiT
     normaliser: Normaliser
@@ -99,20 +99,20 @@ class Base:
 
     @property
     def usual(self) -> NDArray[np.float64]:
-        """(24, 3) the mean rotation of each joint in the data, radians; of the pelvis none."""
+        """Mean rotation (24, 3) of each joint in the data, radians; zero for the pelvis."""
         joints = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)
         return np.concatenate([np.zeros(3), joints]).reshape(N_JOINTS, 3)
 
 
 def shipped_base() -> Path:
-    """Where the weights of the shipped prior lie."""
+    """Return the path of the shipped prior's weights."""
     return Path(__file__).parent / "weights" / "base.safetensors"
 
 
 def load_base(path: Path) -> Base:
     """Read a base checkpoint, in single precision, ready to run.
 
-    Raises CheckpointError when the file is missing, broken or no base of this format.
+    Raises CheckpointError if the file is missing, broken, or not a base of this format.
     """
     remedy = "Train a base with: humanclaw train base"
     header, tensors = read_checkpoint(path, "base", remedy)
@@ -128,9 +128,9 @@ def load_base(path: Path) -> Base:
 
 
 def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
-    """Read an adapter for this base, in single precision, ready to run; with `skill`, insist that it is that skill's.
+    """Read an adapter for this base, in single precision, ready to run. skill: the skill that it must belong to.
 
-    Raises CheckpointError when the file is missing, broken, another skill's, or was trained against another base.
+    Raises CheckpointError if the file is missing, broken, of another skill, or trained against another base.
     """
     config, tensors = read_adapter(path, base.digest, skill)
     try:
@@ -204,7 +204,7 @@ def check_adapter(path: Path, remedy: str) -> AdapterConfig:
 
 
 class _Shapes(Weights):
-    """Notes what a model asks for."""
+    """Records the tensors that a model asks for."""
 
     def __init__(self) -> None:
         self.asked: dict[str, tuple[int, ...]] = {}
@@ -232,8 +232,10 @@ def _adapter_config(header: Mapping[str, Any]) -> AdapterConfig:
 
 
 def _odd_weights(path: Path) -> Iterator[str]:
-    """Yield what is no finite float: tensors of another kind, and those that hold NaN or infinity, told from the bits
-    as they lie in the file: their exponents are all ones."""
+    """Yield tensors that are not floats, or hold NaN or infinity.
+
+    Exponents of all ones in the raw bytes show NaN and infinity without a conversion.
+    """
     raw = np.memmap(path, np.uint8, "r")
     start = 8 + int.from_bytes(raw[:8].tobytes(), "little")
     for name, entry in json.loads(raw[8:start].tobytes()).items():
@@ -255,12 +257,12 @@ def read_header(path: Path, remedy: str = "Train it with: humanclaw train") -> d
 
 
 def own_tensors(tensors: Tensors) -> Tensors:
-    """Of a checkpoint's tensors those of the model itself, by the names that they have there."""
+    """Return the model's own tensors of a checkpoint, by their names in the model."""
     return {name.removeprefix(MODEL): tensor for name, tensor in tensors.items() if name.startswith(MODEL)}
 
 
 def broken(path: Path, error: Exception, remedy: str) -> CheckpointError:
-    """Return the error of a file that is no usable checkpoint, told in one line."""
+    """Return the error for an unusable checkpoint, in one line."""
     return CheckpointError(f"{path} cannot be read as a checkpoint ({str(error).splitlines()[0]}).", remedy)
 
 
@@ -274,7 +276,7 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
     except (SafetensorError, OSError, ValueError) as error:
         raise broken(path, error, remedy) from error
     if note is None:
-        raise CheckpointError(f"{path} is a safetensors file, but no checkpoint of HumanCLAW.", remedy)
+        raise CheckpointError(f"{path} is a safetensors file, but not a checkpoint of HumanCLAW.", remedy)
     header: dict[str, Any] = json.loads(note)
     if header.get("format") != FORMAT:
         found = f"{path} has checkpoint format {header.get('format')}; this version reads format {FORMAT}."

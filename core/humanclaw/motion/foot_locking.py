@@ -1,9 +1,9 @@
-"""Feet that stand do not slide: the last touch on what the model wrote, after Kovar, Schreiner and Gleicher (2002).
+"""Hold standing feet still, after Kovar, Schreiner and Gleicher (2002).
 
-A small model leaves a standing foot creeping by a few millimetres a frame, which no loss on 219 numbers quite removes.
-Here each stance that the model means, a foot whose toes hardly move, is held at one point and its sole laid level; the
-leg follows by two-bone inverse kinematics. The pelvis, and with it the outcome of the skill, is left as it is. A stance
-under way is held where the history has it, so that errors do not add up from chunk to chunk.
+A small model lets a standing foot creep by a few millimetres a frame. Here each stance (a foot whose toes hardly move)
+is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
+outcome of the skill, stays. A stance that began in the history is held where the history has it, so that errors do not
+add up.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
 from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, solve
 
 _SLOW: Final = 0.25
-"""Metres a second below which a toe is meant to stand."""
+"""Metres a second below which a toe counts as standing."""
 _FADE: Final = 5
-"""Frames over which a correction comes and goes."""
+"""Frames over which a correction fades in and out."""
 _SETTLE: Final = 8
-"""Frames in which a foot that stands askew in the history is laid level."""
+"""Frames in which a tilted foot of the history is laid level."""
 _FLAT: Final = 0.30
-"""Radians: a foot tilted further is meant to be, on its toes or its heel."""
+"""Radians. A foot tilted further stands on its toes or heel on purpose."""
 _STEP: Final = 0.03
-"""Metres: a stance this close to the floor of the chunk stands on it; further off it stands on a stair."""
+"""Metres. A stance this close to the chunk's floor stands on it; a higher one stands on a stair."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
 
@@ -75,7 +75,7 @@ def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> N
 
 
 def _stances(toe: Array) -> list[_Stance]:
-    """When a toe (T, 3) stands, as far as it concerns the future."""
+    """Return the stances of a toe (T, 3) that reach into the future."""
     slow = np.linalg.norm(np.diff(toe, axis=0, prepend=toe[:1]), axis=-1) * FPS < _SLOW
     slow[0] = slow[1]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]]).astype(int))).reshape(-1, 2)
@@ -84,7 +84,7 @@ def _stances(toe: Array) -> list[_Stance]:
 
 
 def _level(stance: _Stance, turn: Array) -> bool:
-    """Whether a foot is meant to be flat for a whole stance. turn: (T, 3, 3)."""
+    """Tell whether a foot is flat for a whole stance. turn: (T, 3, 3)."""
     tilt = np.arccos(np.clip(turn[stance.start : stance.stop, 1, 1], -1.0, 1.0))
     return bool(tilt.max() < _FLAT)
 

@@ -1,6 +1,6 @@
 """The motion generator: five frames and a skill's parameters in, fifteen frames out (paper, section 3.3).
 
-Its product is kinematic: what the body then really does, the simulator decides.
+The motion is kinematic. The simulator decides what the body really does.
 """
 
 from __future__ import annotations
@@ -37,9 +37,8 @@ class _Branch:
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    corrections: hold standing feet still (humanclaw.motion.foot_locking), let small errors of posture not add up
-    (humanclaw.motion.posture), and draw first steps on which both feet slide again (humanclaw.motion.setting_out);
-    without them the motion is as the model first wrote it.
+    corrections: hold standing feet still (foot_locking), keep posture errors from adding up (posture), and redraw first
+    steps on which both feet slide (setting_out). Without them the motion is the model's raw output.
     """
 
     def __init__(self, base: Base, solver: Solver, corrections: bool = True) -> None:
@@ -49,7 +48,7 @@ class DiTGenerator:
         self._usual = base.usual
         self._times = np.array(solver.times, np.float32)
         self._branches: dict[Path, _Branch] = {}
-        # Twenty tokens are too few to share out: a second thread gains nothing, and on a busy machine waiting for it
+        # Twenty tokens are too few for two threads: a second one gains nothing, and on a busy machine waiting for it
         # costs seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
         self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")
         with self._one_thread():
@@ -59,10 +58,10 @@ class DiTGenerator:
     def shipped(cls, profile: str = "default") -> DiTGenerator:
         """Return the base that comes with the package.
 
-        profile: `default` for few solver steps and both corrections, `paper` for the paper's 30 steps and nothing after
-        them.
+        profile: `default` for few solver steps and all corrections, `paper` for the paper's 30 steps without
+        corrections.
 
-        Raises HumanclawError for an unknown profile, CheckpointError when the weights are not there.
+        Raises HumanclawError for an unknown profile, CheckpointError if the weights are missing.
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
@@ -70,7 +69,7 @@ class DiTGenerator:
 
     @property
     def digest(self) -> str:
-        """Names the weights of the prior."""
+        """Digest of the prior's weights."""
         return self.base.digest
 
     def start(self) -> Motion:
@@ -80,10 +79,11 @@ class DiTGenerator:
     def generate(
         self, history: Motion, adapter: Path | None, values: Mapping[str, float], key: Sequence[int]
     ) -> Motion:
-        """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
+        """Return 15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for
+        bit.
 
         adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header
-        names, in SI; their order says nothing. key: non-negative integers.
+        names, in SI, in any order. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]
@@ -95,7 +95,7 @@ class DiTGenerator:
         values: Sequence[Mapping[str, float]],
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
-        """Many bodies at once, one skill for all of them; otherwise as generate."""
+        """Generate for many bodies and one skill; otherwise like generate()."""
         frames = [Pose2D.of_history(_checked(history)) for history in histories]
         local = [frame.to_local(history) for frame, history in zip(frames, histories, strict=True)]
 
@@ -113,7 +113,7 @@ class DiTGenerator:
         values: Sequence[Mapping[str, float]],
         keys: Sequence[Sequence[int]],
     ) -> list[Motion]:
-        """Futures in the frames of their histories."""
+        """Return futures in the frames of their histories."""
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
         with self._one_thread():
             future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
@@ -150,13 +150,13 @@ class DiTGenerator:
 
 
 def _at(modulations: Modulations, index: int) -> Modulations:
-    """Those of one solver time, to be broadcast over a batch."""
+    """Return the modulations of one solver time, to broadcast over a batch."""
     one = slice(index, index + 1)
     return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
 
 
 def _conditions(adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Array:
-    """(B, k) in the order in which the adapter was trained, whatever the order of the names."""
+    """Return (B, k) values in the order in which the adapter was trained."""
     params = adapter.config.params
     for row in values:
         if set(row) != set(params):
@@ -186,11 +186,12 @@ class MotionGenerator(Protocol):
         """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
 
     def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
-        """15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for bit.
+        """Return 15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for
+        bit.
 
-        values: each parameter that the adapter's header names, in SI; their order says nothing.
+        values: each parameter that the adapter's header names, in SI, in any order.
         """
 
     @property
     def digest(self) -> str:
-        """Names the weights of the prior."""
+        """Digest of the prior's weights."""

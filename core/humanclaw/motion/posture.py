@@ -1,9 +1,8 @@
-"""Posture: what nobody commands does not add up.
+"""Keep posture errors from adding up: joints that nobody commands drift back to their usual pose.
 
-The model writes the change of a pose, and people hold their wrists, toes and heads in ways of their own, so it goes on
-with whatever it finds in its history. Its own small errors are found there as well: in eighty calls in a row a wrist
-turns by a right angle, and in a hundred a body is no body any more. People correct that without thinking. So here each
-joint that carries no weight comes back, within every chunk, by a tenth of how far it is from its usual pose.
+The model continues whatever pose it finds in its history, its own small errors included. Without correction a wrist
+turns by a right angle within eighty calls. So each joint that carries no weight returns, within every chunk, by a tenth
+of its distance from its usual pose.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ from humanclaw.body.pose import FUTURE, Array, Motion, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
 
 _BACK: Final = 0.1
-"""Share by which it comes back in a chunk. The fastest of these errors grows by 7 % a chunk."""
+"""Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
 _MOST: Final = 0.35
-"""Radians: of what is further off no more than this counts. An arm that a skill holds up is no error."""
+"""Radians of a deviation that count at most: an arm that a skill holds up is no error."""
 _WITHIN: Final = 10
-"""Frames in which it comes back, so that the next history begins there."""
+"""Frames of the return, so that the next history begins corrected."""
 _LOADED: Final = ("pelvis", "left_hip", "right_hip", "left_knee", "right_knee")
-"""Joints that carry weight: they are left alone, and the ankles' swing to and fro is, too."""
+"""Joints that carry weight, and the ankles: they are left alone."""
 
 
 def _free() -> Array:
-    """(24, 3) 1 for what carries no weight."""
+    """Return (24, 3), 1 for joints that carry no weight."""
     free = np.ones((N_JOINTS, 3))
     free[[JOINT_INDEX[name] for name in _LOADED]] = 0
     free[[JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 0] = 0
@@ -38,7 +37,6 @@ _FREE: Final = _free()
 
 
 def settle(history: Motion, future: Motion, usual: Array) -> Motion:
-    """Return the future with what carries no weight nearer to its usual pose. usual: (24, 3) rotation vectors,
-    radians."""
+    """Return the future with weightless joints nearer to their usual pose. usual: (24, 3) rotation vectors, radians."""
     off = np.clip(history.rotations[-1] - usual, -_MOST, _MOST)
     return Motion(future.root, future.rotations - _BACK * _RAMP * _FREE * off)

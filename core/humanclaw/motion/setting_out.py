@@ -1,8 +1,7 @@
-"""Who stands sets out with one foot, and not with both at once.
+"""Redraw first steps from standing in which both feet slide.
 
-Four small straight steps in a hundred from standing are the average of a left-first and a right-first one, in which
-both feet slide by centimetres: a few solver steps do not always choose. Such a chunk is drawn again. Nothing of what is
-drawn is altered; of a few draws the one that slides least is taken.
+With few solver steps, four in a hundred small straight steps are the average of a left-first and a right-first one, and
+both feet slide by centimetres. Such a chunk is drawn again, and the draw that slides least is taken, unaltered.
 """
 
 from __future__ import annotations
@@ -16,15 +15,15 @@ from humanclaw.body.pose import FPS, Array, Motion
 from humanclaw.body.skeleton import JOINT_INDEX
 
 _STANDS: Final = 0.1
-"""Metres a second: a body whose toes are both slower at the end of the history stands."""
+"""Metres a second. A body with both toes slower than this at the end of the history stands."""
 _SLIDES: Final = 0.01
-"""Metres by which both feet may slide; a step that was chosen slides by a tenth of that."""
+"""Metres by which both feet may slide; a proper step slides by a tenth of that."""
 _DRAWS: Final = 4
-"""At most: each fails once in twenty-five."""
+"""Maximum redraws. Each fails once in twenty-five."""
 _TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 Draw = Callable[[Sequence[int], int], Sequence[Motion]]
-"""Indices of bodies and the number of the attempt to their futures."""
+"""Maps indices of bodies and the number of the attempt to futures."""
 
 
 def set_out(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
@@ -44,13 +43,13 @@ def set_out(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
 
 
 def _slide(history: Motion, future: Motion) -> float:
-    """Path of whichever toe is the slower one, metres; 0 for who does not set out from standing."""
+    """Return the path of the slower toe, metres; 0 for a body that does not start from standing."""
     if _toe_steps(history[-2:]).max() * FPS > _STANDS:
         return 0.0
     return float(_toe_steps(history[-1:].then(future)).min(-1).sum())
 
 
 def _toe_steps(motion: Motion) -> Array:
-    """(T - 1, 2) metres over the floor."""
+    """Return (T - 1, 2) the step of each toe over the floor, metres."""
     steps = np.diff(motion.joints()[:, _TOES], axis=0)[..., [0, 2]]
     return np.asarray(np.linalg.norm(steps, axis=-1))

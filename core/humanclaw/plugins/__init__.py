@@ -1,4 +1,4 @@
-"""How HumanCLAW is extended: the plugin host, its hooks, and the protocols of agents, verifiers and reporters."""
+"""Plugins: the host, its hooks, and the protocols of agents, verifiers and reporters."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What is asked, decided, done and kept: specifications, decisions, records, and the facts read from them."""
+"""Values of an episode: specifications, decisions, feedback, records, and the facts read from them."""
 
 from typing import TYPE_CHECKING
 

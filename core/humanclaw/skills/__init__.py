@@ -1,4 +1,4 @@
-"""What a body can do: the contract of a skill, its measures and recipes, and skills as tools of a model."""
+"""Skills: their contract, measures and recipes, and skills as tools of a model."""
 
 from typing import TYPE_CHECKING
 

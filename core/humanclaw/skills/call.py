@@ -26,7 +26,7 @@ class Call:
 
 
 def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
-    """Fill the defaults of a call in. Raises CallError, written for the model."""
+    """Return the call with defaults filled in. Raises CallError, whose text is for the model."""
     if call.skill not in skills:
         told = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
         known = f"The skills are {', '.join(skills)}."

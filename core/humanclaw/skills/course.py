@@ -1,8 +1,7 @@
-"""Hold the course: what one call left undone of its turn, the next one makes up for.
+"""Hold the course: heading errors are corrected in the next call.
 
-Every generated chunk misses its command by a little. Of a distance that is soon forgotten; of the heading it leads a
-long walk astray, for a quarter of a degree a call is 25 degrees after a hundred. People correct that without thinking,
-and so does the body here, from its own motion alone: what a contact turned it by is the world's affair and stays.
+Every generated chunk misses its command a little. A quarter of a degree a call is 25 degrees after a hundred calls, so
+the next call makes up for it. Only generated motion counts: a turn by contact stays.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ from humanclaw.skills.measures import Declaration
 
 HEADING: Final = "heading.left"
 MOST: Final = 5 * pi / 180
-"""At most so much is made up for in one call, radians: a body whose motion went astray is not whirled around."""
+"""Maximum correction in one call, radians, so that a failed motion does not whirl the body around."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """The turn that is still owed to the calls so far, radians, to the left."""
+    """Left turn that is still owed to the calls so far, radians."""
 
     owed: float = 0.0
 

@@ -26,7 +26,7 @@ from humanclaw.text.json import once
 
 Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
 """What a skill is for: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
-changes how it stands, `gesture` moves limbs and leaves the body where it is, `stop` declares the task complete and ends
+changes how it stands, `gesture` moves limbs in place, `stop` declares the task complete and ends
 the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 _UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})

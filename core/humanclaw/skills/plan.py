@@ -16,7 +16,7 @@ from humanclaw.body.skeleton import JOINT_INDEX
 
 LONGEST_FAULT: Final = 300
 LONGEST_CALL: Final = 10.0
-"""Seconds that one call may last: for as long nobody decides anew."""
+"""Maximum seconds of one call: nobody decides during it."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Control:
 
     adapter: Path
     values: Mapping[str, float]
-    """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.measures.si_name)."""
+    """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.skills.si_name)."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.adapter, Path):
@@ -38,7 +38,7 @@ class Control:
 
 
 class MotionError(ValueError):
-    """Motion that cannot be played. check: the name of the check of skills that finds it."""
+    """Motion that cannot be played. check: name of the failed check."""
 
     def __init__(self, check: str, message: str) -> None:
         super().__init__(message)
@@ -47,10 +47,10 @@ class MotionError(ValueError):
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Rotations laid over the pose in which the body is, played without the motion model.
+    """Rotations added to the body's pose, played without the motion model.
 
-    times: seconds, increasing from 0 to at most 10. rotations: joint name to one rotation vector (radians, joint frame)
-    a time.
+    times: seconds, increasing from 0 to at most 10. rotations: by joint name, one rotation vector (radians, joint
+    frame) for each time.
     """
 
     times: tuple[float, ...]
@@ -86,11 +86,11 @@ class Keyframes:
 
     @property
     def frames(self) -> int:
-        """As many as the keys last, rounded up to whole 15-frame chunks."""
+        """Number of frames, rounded up to whole chunks of 15."""
         return -(-int(np.ceil(self.times[-1] * FPS - 1e-9)) // FUTURE) * FUTURE
 
     def over(self, pose: Motion) -> Motion:
-        """Play on the last frame of a motion, a frame of `frames` each."""
+        """Return the motion of the keyframes over the last frame of a pose."""
         frames = self.frames
         clock = np.minimum(np.arange(1, frames + 1) / FPS, self.times[-1])
         root = np.repeat(pose.root[-1:], frames, axis=0)
@@ -113,11 +113,11 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
 
 Part = Control | Keyframes
 Plan = Part | Sequence[Part]
-"""What a call plays: one part, or a sequence of them, each begun where the one before it has left the body."""
+"""What a call plays: one part, or a sequence of parts, each from the pose that the last one ended in."""
 
 
 def parts(plan: Plan) -> tuple[Part, ...]:
-    """Return what a plan plays, in order. Raises MotionError if it is no plan, or lasts more than 10 s."""
+    """Return the parts of a plan, in order. Raises MotionError for a value that is not a plan, or above 10 s."""
     found = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
     if not found or not all(isinstance(part, Part) for part in found):
         expected = "a skill returns a Control, Keyframes or a sequence of them"

@@ -35,16 +35,16 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "mid_level_goal": {"type": "string", "description": "The objective of the next few seconds."},
     "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
 }
-"""What a model must say before a skill's parameters; the fields of Reasoning."""
+"""Fields that a model fills before a skill's parameters; those of Reasoning."""
 THOUGHTS: Final = "thoughts"
-"""The reasoning fields as one text, a line each that begins with the field's name: with many tools it is much shorter
-to ask for."""
+"""One text field instead of the reasoning fields, one line each, with the field's name first. With many tools it makes
+prompts much shorter."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
 _MAX_DEPTH: Final = 12
 _ANTHROPIC_KEY: Final = re.compile(r"[a-zA-Z0-9_.-]{1,64}")
 _LOG: Final = logging.getLogger(__name__)
 _ABOUT: Final = frozenset({"title", "description", "default", "type"})
-"""Words of which the nearer one goes before that of a referenced schema."""
+"""Keywords for which the referring schema overrides the referenced one."""
 _GEMINI_WORDS: Final = frozenset(
     [
         "type",
@@ -69,8 +69,7 @@ _GEMINI_WORDS: Final = frozenset(
 def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
     """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
-    described=False leaves out what the fields are for: a prompt that says it once need not say it with every tool
-    again.
+    described=False leaves out the descriptions of the fields, for prompts that give them once.
     """
     kept = {key: part for key, part in REASONING_FIELDS.items() if mid_level or key not in _MID_LEVEL}
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
@@ -109,9 +108,9 @@ def publish(
     described: bool = True,
     brief: bool = False,
 ) -> list[Json]:
-    """Write the tool list as a provider's interface takes it. Raises ValueError for an unknown format.
+    """Return the tool list in a provider's format. Raises ValueError for an unknown format.
 
-    A skill that cannot be told in this format is left out, and the log says why; the others are there.
+    A skill that does not fit the format is left out; the log says why.
     """
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
@@ -139,7 +138,7 @@ def tellable(skills: Iterable[Skill], form: Format) -> list[Skill]:
 
 
 def _check_names(skill: Skill, form: Format) -> None:
-    """Names that a provider answers with an error to the whole request."""
+    """Raise PluginError for names that make a provider refuse the whole request."""
     if form == "gemini" and not skill.name[:1].isalpha() and skill.name[:1] != "_":
         raise PluginError(f"the name of skill {skill.name!r} begins with no letter, as Gemini's do.", "Rename it.")
     for key in parameter_schema(skill):
@@ -168,12 +167,12 @@ def openai_tools(
     described: bool = True,
     brief: bool = False,
 ) -> list[Json]:
-    """Write the tool list of OpenAI's chat completions, which most other servers and clients take too."""
+    """Return the tool list for OpenAI's chat completions, which most servers and clients accept."""
     return publish(skills, "openai", mid_level, reasoning, described, brief)
 
 
 def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
-    """Write specifications (name, description, parameters) as a provider's interface takes a list of tools."""
+    """Return specifications (name, description, parameters) as a provider's list of tools."""
     if form == "openai":
         return [{"type": "function", "function": spec} for spec in specs]
     if form == "gemini":
@@ -207,10 +206,7 @@ def call_schema(skills: Sequence[Skill]) -> Json:
 
 
 def parameter_schema(skill: Skill) -> Json:
-    """Return the skill's own parameters, rewritten in the words that every provider keeps.
-
-    Raises PluginError where that fails.
-    """
+    """Return the skill's parameters in keywords that every provider supports. Raises PluginError if that fails."""
     defs = skill.schema.get("$defs", {})
     properties = skill.schema.get("properties", {})
     return {key: _plain(part, defs, f"parameter {key!r} of skill {skill.name!r}") for key, part in properties.items()}
@@ -223,7 +219,7 @@ def _plain(part: Mapping[str, Any], defs: Mapping[str, Any], where: str, depth: 
     if depth > _MAX_DEPTH:
         raise PluginError(f"{where} is nested too deeply or refers to itself.", "Give it a flat type.")
     flat = _one_type(_merge_alternatives(dict(part), defs, where), where)
-    # Names that begin with x- are for us, and providers refuse words that they do not know.
+    # Keywords that begin with x- are ours; providers refuse unknown keywords.
     flat = {word: value for word, value in flat.items() if word != "title" and not word.startswith("x-")}
     if "const" in flat:
         flat["enum"] = [flat.pop("const")]
@@ -265,7 +261,7 @@ def _one_type(part: Json, where: str) -> Json:
 
 
 def _inclusive(part: Json) -> Json:
-    """Exclusive bounds of integers as inclusive ones, which constrained decoders know."""
+    """Turn exclusive bounds of integers into inclusive ones, which constrained decoders support."""
     if part.get("type") == "integer":
         for word, bound, step, pick in (
             ("exclusiveMinimum", "minimum", 1, max),

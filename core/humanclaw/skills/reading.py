@@ -1,6 +1,6 @@
-"""A model's answer read back: its reasoning and its calls.
+"""Read a model's answer: its reasoning and its calls.
 
-Bounds that a model ignored are not mended here: Skill.check refuses them, and the refusal goes back to the model.
+Values out of bounds pass here: Skill.check refuses them, and the refusal goes back to the model.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from humanclaw.text.words import LONGEST
 
 _FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(REASONING_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
 _TRIES: Final = 200
-"""Opening braces of a text that turn out to open no object; each costs as much time as what follows it."""
+"""Maximum opening braces that open no object: each costs time in proportion to the text after it."""
 _BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
 """A text that begins and ends as a JSON object, perhaps in a fence."""
 
 
 @dataclass(frozen=True)
 class Reasoning:
-    """What a model said around a call. The fields are those of Decision; what was not said is empty."""
+    """Reasoning of a model around a call. The fields are those of Decision; missing ones are empty."""
 
     visible_state: str = ""
     progress: str = ""
@@ -38,7 +38,7 @@ class Reasoning:
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
-    """Split the arguments of a tool call into reasoning and call. Nothing is converted: "40" stays a string.
+    """Split the arguments of a tool call into reasoning and call. Values are not converted: "40" stays a string.
 
     Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key
     once.

@@ -1,4 +1,4 @@
-"""How a trained skill's chunks come about: which windows of real clips show it, and how its motion is synthesised.
+"""Recipes: which windows of real clips show a trained skill, and how its motion is synthesised.
 
 A skill that is trained keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`;
 humanclaw-train interprets it and knows no skill by name. What a parameter commands, and so what synthesis does with it,

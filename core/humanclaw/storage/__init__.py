@@ -1,4 +1,4 @@
-"""What is kept on disk: files written whole or not at all, a bounded cache, pictures as bytes."""
+"""Files on disk: written whole or not at all, a bounded cache, pictures as bytes."""
 
 from typing import TYPE_CHECKING
 

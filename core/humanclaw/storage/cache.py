@@ -1,6 +1,6 @@
-"""What is dear to compute and can be computed again: a bounded folder of files, each checked when it is read.
+"""On-disk cache for expensive results: a bounded folder of files, each checked when it is read.
 
-The folder is the user's cache folder, or the one that the environment variable HUMANCLAW_CACHE names.
+The folder is the user's cache folder, or the one in the environment variable HUMANCLAW_CACHE.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from humanclaw.storage.files import write_atomically
 
 VARIABLE: Final = "HUMANCLAW_CACHE"
 LIMIT: Final = 1 << 30
-"""Bytes that one cache may hold; beyond it, what was not asked for longest goes."""
+"""Maximum bytes of one cache. Beyond it the least recently used entries go."""
 _DIGEST: Final = hashlib.sha256().digest_size
 _KEY: Final = re.compile(r"[A-Za-z0-9._-]{1,150}")
 
@@ -27,7 +27,7 @@ _KEY: Final = re.compile(r"[A-Za-z0-9._-]{1,150}")
 class Cache:
     """Bytes by key. Any number of processes may read and write: a file appears whole or not at all.
 
-    A cache never fails a run: what cannot be written is not kept, what is damaged is named in a warning and removed.
+    A cache never fails a run: failed writes are skipped, damaged entries are removed with a warning.
     """
 
     def __init__(self, name: str, limit: int = LIMIT, root: Path | None = None) -> None:
@@ -36,7 +36,7 @@ class Cache:
         self._limit = limit
 
     def get(self, key: str) -> bytes | None:
-        """Return what was put under a key; None if there is nothing, or nothing whole."""
+        """Return the bytes of a key; None if there are none, or they are damaged."""
         path = self._path(key)
         try:
             content = path.read_bytes()
@@ -47,11 +47,11 @@ class Cache:
             self.drop(key, "it is damaged")
             return None
         with contextlib.suppress(OSError):
-            os.utime(path)  # Its time is when it was last asked for.
+            os.utime(path)  # The time of last use decides what goes first.
         return data
 
     def put(self, key: str, data: bytes) -> None:
-        """Keep bytes under a key, and let the oldest others go if there are too many."""
+        """Store bytes under a key, and remove the least recently used entries beyond the limit."""
         path = self._path(key)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -61,20 +61,22 @@ class Cache:
             warnings.warn(f"nothing is cached in {self.folder}: {error.strerror}. Set {VARIABLE}.", stacklevel=2)
 
     def drop(self, key: str, reason: str) -> None:
-        """Remove an entry that cannot be used, and say so."""
+        """Remove an unusable entry, with a warning."""
         warnings.warn(f"{self._path(key)} is made anew: {reason}.", stacklevel=3)
         with contextlib.suppress(OSError):
             self._path(key).unlink(missing_ok=True)
 
     def _path(self, key: str) -> Path:
         if not _KEY.fullmatch(key):
-            raise ValueError(f"a cache key is 1 to 150 letters, digits, dots and dashes; got {key!r}.")
+            raise ValueError(
+                f"a cache key must be 1 to 150 letters, digits, dots, dashes and underscores; got {key!r}."
+            )
         return self.folder / key
 
     def _shrink(self, new: Path) -> None:
         files = []
         for path in self.folder.iterdir():
-            with contextlib.suppress(OSError):  # Another process may have removed it.
+            with contextlib.suppress(OSError):  # Another process may have removed the file.
                 stat = path.stat()
                 files.append((path == new, stat.st_mtime_ns, stat.st_size, path))
         excess = sum(size for _, _, size, _ in files) - self._limit

@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever reads half of one, also after a power cut."""
+"""Write files atomically: no reader ever sees half of one, even after a power cut."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file: a reader sees the old one or the whole new one, also when several processes write it at once.
+    """Write a file. Readers see the old or the whole new file, even if several processes write at once.
 
-    It is on disk when this returns. The folder must exist. Raises OSError.
+    The data are on disk when this returns. The folder must exist. Raises OSError.
     """
     partial = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.partial")
     try:
@@ -25,7 +25,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Sync a folder: a name is on disk when its folder is. Windows has no such call: it opens no folder."""
+    """Flush a folder, so that new names are on disk. Windows cannot open folders, and needs no flush."""
     if os.name == "nt":
         return
     descriptor = os.open(folder, os.O_RDONLY)
@@ -36,8 +36,8 @@ def _sync_folder(folder: Path) -> None:
 
 
 def within(folder: Path, name: str | Path) -> Path:
-    """Return folder/name. Raises ValueError if that leads out of the folder, by its words alone: links are whose the
-    folder is."""
+    """Return folder/name. Raises ValueError if the path, read as text, leads out of the folder. Links are not
+    resolved."""
     home, path = os.path.abspath(folder), os.path.abspath(folder / name)
     if os.path.commonpath((home, path)) != home:
         raise ValueError(f"{str(name)!r} lies outside of {folder}")

@@ -1,4 +1,4 @@
-"""Pictures as bytes."""
+"""Encode pictures as bytes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from PIL import Image
 
 
 def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
-    """Encode a (height, width, 3) picture as a JPEG."""
+    """Encode a (height, width, 3) uint8 picture as JPEG."""
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, "JPEG", quality=quality)
     return buffer.getvalue()
 
 
 def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:
-    """Write (height, width, 3) pictures as a moving one, with one palette for all: a palette a picture flickers.
+    """Write (height, width, 3) pictures as an animated GIF with one palette; a palette for each would flicker.
 
     Raises OSError.
     """
@@ -32,10 +32,10 @@ def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:
 
 
 def data_url(data: bytes) -> str:
-    """Write a JPEG as a data URL, as web pages and models' interfaces take it."""
+    """Return a JPEG as a data URL, for web pages and model interfaces."""
     return f"data:image/jpeg;base64,{in_base64(data)}"
 
 
 def in_base64(data: bytes) -> str:
-    """Write bytes as text."""
+    """Return bytes as base64 text."""
     return base64.b64encode(data).decode()

@@ -1,1 +1,1 @@
-"""Words: names that were meant, texts that a terminal can show, JSON as its author wrote it."""
+"""Words and JSON: nearest names, text that is safe to print, strict JSON, notebook cards."""

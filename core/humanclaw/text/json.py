@@ -1,4 +1,4 @@
-"""What JSON may hold, and what is wrong with a text that should."""
+"""Strict JSON: configuration of pydantic, limits on values, readable faults."""
 
 from __future__ import annotations
 
@@ -9,21 +9,17 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
 
 STRICT: Final = {"extra": "forbid", "ser_json_inf_nan": "strings"}
-"""For pydantic, which reads these classes from records: an unknown field is an error, and what is no number is written
-as a word that can be read back."""
+"""Pydantic configuration of recorded classes: unknown fields are errors, NaN and Infinity are written as words."""
 HELD: Final = STRICT | {"revalidate_instances": "always"}
-"""The same for what plugins make: an instance may hold anything."""
+"""The same for instances made by plugins, which may hold anything."""
 DEEPEST: Final = 16
-"""Levels of nesting in a parameter; what lies deeper no schema asks for."""
+"""Maximum nesting of a parameter. No schema asks for more."""
 LARGEST: Final = 2**53
-"""Of an integer: what every reader of JSON keeps exactly."""
+"""Largest integer that every reader of JSON keeps exactly."""
 
 
 def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Take an object's pairs, for json's object_pairs_hook.
-
-    Raises KeyError for a key that is there twice: of two values one would be lost.
-    """
+    """Return an object from its pairs; for object_pairs_hook. Raises KeyError for a key that occurs twice."""
     values: dict[str, Any] = {}
     for key, value in pairs:
         if key in values:

@@ -1,4 +1,4 @@
-"""How a body, an episode, a record and a run show themselves in a notebook: a few pictures or rows over a few words."""
+"""HTML for notebooks: cards of bodies, episodes and records, tables of runs."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from html import escape
 from typing import Final
 
 SHOWN: Final = 8
-"""Pictures of a strip at most."""
+"""Maximum pictures of a strip."""
 ROWS: Final = 20
-"""Of a table at most."""
+"""Maximum rows of a table."""
 
 
 def spread(count: int, wanted: int = SHOWN) -> list[int]:
-    """At most so many of 0..count-1, evenly, first and last among them."""
+    """Return at most `wanted` indices of 0..count-1, evenly spaced, with first and last."""
     if count <= wanted:
         return list(range(count))
     return sorted({round(k * (count - 1) / (wanted - 1)) for k in range(wanted)})
 
 
 def card(title: str, lines: Iterable[str], pictures: Sequence[tuple[str, bytes]] = ()) -> str:
-    """HTML that needs nothing from outside. pictures: what each is called, and its JPEG."""
+    """Return self-contained HTML. pictures: caption and JPEG of each."""
     side = 320 if len(pictures) == 1 else 120
     shown = "".join(
         f'<figure style="margin:0"><img src="data:image/jpeg;base64,{base64.b64encode(data).decode()}" width="{side}" '
@@ -34,7 +34,7 @@ def card(title: str, lines: Iterable[str], pictures: Sequence[tuple[str, bytes]]
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """HTML of the first rows, which says how many more there are."""
+    """Return HTML of the first rows and the number of further ones."""
     lines = [_row("th", head), *(_row("td", row) for row in rows[:ROWS])]
     more = f"<div>and {len(rows) - ROWS} more</div>" if len(rows) > ROWS else ""
     return f"<div><strong>{escape(title)}</strong><table>{''.join(lines)}</table>{more}</div>"

@@ -1,4 +1,4 @@
-"""What a body moves in: scenes, simulators, views, half-physics, model files and ways."""
+"""The world: scenes, simulators, views, half-physics, model files, navigation."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""A scene as plain values: assets (shape and looks), objects (assets put somewhere), rooms and a start.
+"""A scene as plain values: assets (shape and looks), placed objects, rooms and a start.
 
 Frame: metres, Y up. A scene is complete in itself: simulators and renderers need nothing else, and its digest names it.
 """
@@ -22,9 +22,9 @@ Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "window"})
-"""Categories that belong to the building and not to the furniture."""
+"""Categories of the building; all others are furniture."""
 GROUND: Final = ("floor", "stairs")
-"""Categories of what feet are meant to stand on."""
+"""Categories that feet stand on."""
 _CUSHION: Final = 0.03
 """Metres by which a seat may be above the collision pieces that carry it: a cover, or what their making took off."""
 
@@ -49,7 +49,7 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """What an object is made of, in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front
+    """Shape and looks of an object in its own frame: origin at the centre of its footprint, y = 0 at its bottom, front
     +Z."""
 
     name: str
@@ -58,7 +58,7 @@ class Asset:
     hulls: tuple[NDArray[np.float32], ...]
     """Convex collision pieces, each the (K, 3) vertices of its hull. Empty for objects without a body, such as rugs."""
     seat_height: float | None = None
-    """Height of the sitting surface over the bottom, metres; None for what is not sat on."""
+    """Height of the sitting surface above the bottom, metres; None if it is not a seat."""
     source: str = "generated"
     licence: str = "Apache-2.0"
 
@@ -75,7 +75,7 @@ class Asset:
 
 @dataclass(frozen=True)
 class Hinge:
-    """A vertical axis that an object is fixed to and turns about, as a door does.
+    """A vertical axis that an object turns about, as a door does.
 
     Angles are radians and grow to the left, seen from above: about +Y. At 0 a door is, by custom, closed.
     """
@@ -117,11 +117,11 @@ class SceneObject:
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     movable: bool = False
     mass: float = 0.0
-    """Kilograms; only read if movable."""
+    """Kilograms; used only if movable."""
     friction: float = 0.5
     room: str = ""
     joint: Hinge | None = None
-    """What a movable object hangs on; None where it is free. An object that hangs on a hinge stands upright."""
+    """Hinge of a movable object; None if it is free. A hinged object stands upright."""
     state: float = 0.0
     """The angle of the joint at the start, radians: position and rotation are where the object is at this angle. Only
     read with a joint."""
@@ -167,7 +167,7 @@ class SceneObject:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> SceneObject:
-        """Return the object of some facts. Raises TypeError or KeyError where they are others."""
+        """Return the object of such plain values. Raises TypeError or KeyError if they are others."""
         joint = facts.get("joint")
         hinge = joint and Hinge(**{**joint, "point": tuple(joint["point"])})
         place = {key: tuple(facts[key]) for key in ("position", "rotation")}
@@ -189,14 +189,14 @@ class Room:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A world at rest."""
+    """A world at rest: everything that simulators and renderers need."""
 
     name: str
     assets: Mapping[str, Asset]
     objects: tuple[SceneObject, ...]
     rooms: tuple[Room, ...]
     start: Pose2D
-    """The default place of the body where an episode names none."""
+    """Default place of the body."""
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -209,7 +209,7 @@ class Scene:
 
     @cached_property
     def licences(self) -> tuple[str, ...]:
-        """What the assets in use are under and whom to name for them: 'licence: source', each once, in order."""
+        """Licences of the assets in use with their attribution, as 'licence: source', each once, in order."""
         used = {obj.asset for obj in self.objects}
         return tuple(sorted({f"{asset.licence}: {asset.source}" for key, asset in self.assets.items() if key in used}))
 
@@ -274,5 +274,6 @@ def distance_to_box(points: Array, low: Array, high: Array) -> Array:
 
 
 def distance_to_nearest(points: Array, boxes: Iterable[tuple[Array, Array]]) -> float:
-    """From the nearest of (..., 3) points to the nearest of several boxes, each (low, high); infinite without a box."""
+    """Return the distance from the nearest of (..., 3) points to the nearest box (low, high), metres; infinite without
+    a box."""
     return min((float(distance_to_box(points, low, high).min()) for low, high in boxes), default=float("inf"))

@@ -1,4 +1,4 @@
-"""A scene as bytes and back: what caches keep. The scene that comes back has the digest of the one that went in."""
+"""Scenes as bytes, for caches. A scene that is read back has the digest of the packed one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ _MESH = ("vertices", "faces", "uv", "texture")
 
 
 def pack_scene(scene: Scene) -> bytes:
-    """Return a safetensors file: the arrays of every asset, and one of JSON with all the rest and the digest."""
+    """Return a safetensors file: the arrays of every asset, and one array of JSON with everything else and the
+    digest."""
     arrays: dict[str, NDArray[Any]] = {}
     heads = []
     for number, asset in enumerate(scene.assets.values()):

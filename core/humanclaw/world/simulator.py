@@ -1,4 +1,4 @@
-"""A world that a body moves in: the simulator's protocol, and the values that cross it."""
+"""The protocol of simulators, and the values that they exchange."""
 
 from __future__ import annotations
 
@@ -12,41 +12,40 @@ from humanclaw.text.json import STRICT
 from humanclaw.world.scene import Scene
 
 
-# -- the world ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class WorldState:
-    """A moment of the world: the body's pose (one frame, world frame) and where the movable objects are."""
+    """A moment of the world: the body's pose (one frame, world frame) and the poses of movable objects."""
 
     body: Motion
     objects: Mapping[int, Array]
-    """Object id to (7,): position, then quaternion x, y, z, w. Movable objects only; the rest is where the scene
-    says."""
+    """Pose (7,) by id of the movable object: position, then quaternion x, y, z, w."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """What became of 15 commanded frames."""
+    """Result of executing 15 commanded frames."""
 
     simulated: Motion
-    """15 frames in the world frame, as physics left them."""
+    """The 15 simulated frames (world frame)."""
     contacts: tuple[Contact, ...]
     touches: tuple[tuple[int, int, int], ...]
     """(frame, object id, object id): a movable object touches another object that is not the building."""
     objects: Mapping[int, Array]
-    """Id of each movable object that moved in this chunk to its (15, 7) path."""
+    """Path (15, 7) by id of each movable object that moved in this chunk."""
 
 
 class Simulator(Protocol):
     """Half-physics (paper, section 3.4): the body follows commanded poses as contact and gravity allow."""
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
-        """Load a scene and stand the body on its start, in any pose: the first frames that it is then driven through,
-        five of them, are the stance in which the motion model begins. Raises SceneError if the body does not fit there.
+        """Load a scene and stand the body on its start, in any pose.
+
+        The first five frames that it is then driven through are the stance of the motion model. Raises SceneError if
+        the body does not fit there.
         """
 
     def execute(self, motion: Motion) -> Execution:
-        """Drive the body through consecutive frames given in the world frame; the vertical root motion is not
-        commanded."""
+        """Drive the body through consecutive frames (world frame). The vertical root motion is not commanded."""
 
     def state(self) -> WorldState: ...
 
@@ -54,17 +53,16 @@ class Simulator(Protocol):
 
 
 DistanceFn: TypeAlias = Callable[[Array], float]
-"""From a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
+"""Maps a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
 DistanceFactory: TypeAlias = Callable[[Scene, Sequence[int], float], DistanceFn]
-"""Makes a DistanceFn for a scene, the ids of its targets and the height of the floor at the start."""
+"""Makes a DistanceFn from a scene, the ids of its targets and the height of the start's floor."""
 
 
-# -- what came of it ---------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Contact:
-    """A link of the body against an object: in which frames, and the deepest and highest point of them.
+    """Contact of a link with an object: its frames, and the deepest and highest point among them.
 
-    A simulator tells of the 15 frames of a chunk, one or more at a time; a record of all frames of a step.
+    A simulator reports contacts of a chunk (15 frames); a record merges those of a step.
     """
 
     __pydantic_config__: ClassVar = STRICT
@@ -83,7 +81,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Half a second: the motion that was commanded (15 frames, world frame), and what physics made of it."""
+    """Half a second: the commanded motion (15 frames, world frame) and its execution."""
 
     commanded: Motion
     execution: Execution

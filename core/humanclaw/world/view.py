@@ -1,4 +1,4 @@
-"""What the eyes see: camera, view, and the renderer's protocol."""
+"""Cameras, views, and the protocol of renderers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import WorldState
 
 BODY_ID: Final = -1
-"""The value of the body's own pixels in an id image; 0 is where nothing was drawn."""
+"""Id of the body's own pixels in an id image; 0 means that nothing was drawn."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class View:
 
 
 class Renderer(Protocol):
-    """Draws moments of a world. It needs no simulator, so that records can be looked at later."""
+    """Draws moments of a world. It needs no simulator, so that recorded episodes can be drawn later."""
 
     def load(self, scene: Scene) -> None: ...
 
@@ -49,8 +49,8 @@ class Renderer(Protocol):
 
 
 GAZE_PITCH: Final = np.radians(-20.0)
-"""The eyes are held level and 20 degrees below the horizon, as the vestibulo-ocular reflex would, so steps do not shake
-them."""
+"""Pitch of the eyes, radians: level and 20 degrees below the horizon. As with the vestibulo-ocular reflex, steps do not
+shake them."""
 
 
 def ego_camera(body: Motion, size: int = 512) -> Camera:

@@ -1,7 +1,6 @@
-"""Where a body can go in a scene: occupancy, stairs, the shortest ways, and where to stand at a target (paper, section
-4.1).
+"""Navigation: occupancy, stairs, shortest ways, and places to stand at a target (paper, section 4.1).
 
-An OccupancyGrid is one floor; a MultiFloorMap holds all floors of a scene with the stairs between them; a DistanceField
-tells how far it is to the nearest of some goals from everywhere; Routes lead from one start to everywhere; a Viewpoint
-is a place to stand.
+An OccupancyGrid is one floor. A MultiFloorMap holds all floors of a scene with the stairs between them. A DistanceField
+gives the distance to the nearest goal from everywhere, Routes the ways from one start to everywhere. A Viewpoint is a
+place to stand.
 """

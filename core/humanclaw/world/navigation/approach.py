@@ -1,5 +1,4 @@
-"""Where to stand at a target: viewpoints beside it or before its seat, and how far it is on foot to the nearest of
-them."""
+"""Places to stand at a target, beside it or before its seat, and the walking distance to the nearest one."""
 
 from __future__ import annotations
 
@@ -16,26 +15,26 @@ from humanclaw.world.navigation.search import DistanceField, MultiFloorMap
 from humanclaw.world.scene import Scene
 
 ARM_ROOM: Final = 0.5
-"""From the middle of the body to the end of the seat, metres: hips and elbows must clear the armrest."""
+"""Metres from the middle of the body to the end of the seat: hips and elbows must clear the armrest."""
 STAND_OFF: Final = 0.45
-"""From the edge of a seat to where one turns round before sitting down, metres."""
+"""Metres from the edge of a seat to the place where a body turns round before sitting down."""
 LEANING: Final = 1.0
-"""Farther than this from a cell with a way a body is not leaning on something but shut in, metres."""
+"""Metres. A body farther than this from every reachable cell is not leaning on furniture but shut in."""
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """A place to stand near a target. For a seat: where one turns round, with one's back to it."""
+    """A place to stand near a target. For a seat: the place to turn round, with the back to it."""
 
     target: int
     x: float
     z: float
     yaw: float
-    """Where to face there: the target, or away from a seat."""
+    """Heading there, radians: towards the target, or away from a seat."""
     gap: float
-    """From the place to the target's edge, metres."""
+    """Distance from the place to the target's edge, metres."""
     seat_height: float | None = None
-    """Height of the sitting surface over the floor, metres; None if the target is not to be sat on."""
+    """Height of the sitting surface above the floor, metres; None if the target is not a seat."""
     floor: float = 0.0
 
     @property
@@ -49,7 +48,7 @@ class Viewpoint:
 
 
 def viewpoints(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = False) -> tuple[Viewpoint, ...]:
-    """Places to stand at a target, on whichever floor it is, the best first as far as the place alone can tell.
+    """Return places to stand at a target, on any floor, the best first judging by the place alone.
 
     sit: places from which it can be sat on. Empty if no body fits near it.
     """
@@ -145,8 +144,8 @@ def _facing3(yaw: float) -> Array:
 
 # -- distance to the nearest target ------------------------------------------------------------------------------------
 def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Callable[[Array], float]:
-    """Make a function of a world position (3,): length in metres of the shortest way to a place beside the nearest
-    target (paper, appendix B).
+    """Return a function that maps a world position (3,) to the shortest way to a place beside the nearest target,
+    metres (paper, appendix B).
 
     The way of a body that is RADIUS wide on each side, over the stairs if need be; of a narrower one where that leads
     nowhere; infinite if none does. A body that leans on furniture is measured from the nearest free cell. Eight

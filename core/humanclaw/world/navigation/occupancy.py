@@ -1,4 +1,4 @@
-"""What is free and what is occupied: one floor of a scene on a grid of 5 cm (paper, section 4.1).
+"""Free and occupied cells: one floor of a scene on a grid of 5 cm (paper, section 4.1).
 
 Points on a floor are (..., 2) arrays of x and z, points in the house (..., 3) arrays of x, y and z; metres, world
 frame.
@@ -24,17 +24,17 @@ Mask = NDArray[np.bool_]
 CELL: Final = 0.05
 """Side of a grid cell, metres."""
 OBSTACLE_HEIGHTS: Final = (0.05, 1.9)
-"""What lies between these heights over the floor is in a body's way: a foot steps over the rest or a head passes below
-it."""
+"""Heights above the floor, metres, between which an object blocks a body: lower it is stepped over, higher the head
+passes below it."""
 STEP: Final = 0.26
-"""The highest step that is climbed or stepped down, metres."""
+"""Highest step that a body climbs or descends, metres."""
 STOREY: Final = 3.0
 """What begins so far above a floor is nothing to those who stand on it, metres: they do not even see that it hides
 anything."""
 RADIUS: Final = 0.28
-"""Half the width that a walking body needs, metres."""
+"""Half the width of a walking body, metres."""
 SQUEEZE: Final = 0.14
-"""Half the narrowest gap that is tried when there is no other way, metres."""
+"""Half the narrowest gap, tried only without another way, metres."""
 COMFORT: Final = 0.55
 """Distance from walls beyond which a route is as good as any, metres."""
 
@@ -53,7 +53,7 @@ class OccupancyGrid:
     owners: NDArray[np.int32]
     """Id of the object that blocks a cell, 0 for none."""
     tops: Array
-    """Height over the floor of the tallest static obj in a cell, metres: what hides objects behind it."""
+    """Height over the floor of the tallest static object in a cell, metres: it hides what is behind it."""
     overhead: tuple[Array, Array]
     """Lowest and highest height over the floor of what hangs in a cell above the heads, such as lintels, metres."""
     ground: Array

@@ -1,4 +1,4 @@
-"""The shortest ways: all floors of a scene with the stairs between them, distances from everywhere, and routes."""
+"""Shortest ways: all floors of a scene with the stairs between them, distance fields, and routes."""
 
 from __future__ import annotations
 
