@@ -407,7 +407,7 @@ def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
     ("target", "told"),
     [
         ("no_such_module:hats", "command 'hats' cannot be loaded from no_such_module:hats: ModuleNotFoundError"),
-        ("math:pi", "math:pi is no command: it is of type float."),
+        ("math:pi", "math:pi is of type float; expected a click command."),
     ],
 )
 def test_a_command_that_cannot_be_loaded_is_one_sentence(target, told):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
+from humanclaw.records.difficulty import route_difficulty
 from humanclaw.world import (
     CELL,
     RADIUS,
@@ -23,7 +24,6 @@ from humanclaw.world import (
     stair_runs,
     viewpoints,
 )
-from humanclaw.world.navigation.difficulty import route_difficulty
 
 BEDROOM, LIVING = np.array([1.0, 1.0]), np.array([7.0, 1.0])
 

@@ -546,7 +546,7 @@ import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.integrity import check, played_again
-from humanclaw_bench.metrics import score
+from humanclaw_bench.scores import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.worker import Job, Worker
