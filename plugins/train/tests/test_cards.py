@@ -122,7 +122,7 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
         )
 
     apart = of(replace(row, unseen=("CMU: 03_04", "CMU: 12_01")))
-    assert "to chunks of CMU: 03_04; CMU: 12_01, **which were held out from training**" in apart
+    assert "against CMU: 03_04; CMU: 12_01, **held out from training**" in apart
     assert "were trained on" not in apart
     assert "| 3.2 |" in apart
     assert "**which were trained on**" in of(row)
@@ -134,7 +134,7 @@ def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):
     for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
         text = " ".join(card(weights / name).split())
         assert "All sitting, all regular stairs" in text
-        assert "come from synthetic motion" in text
+        assert "are synthetic" in text
 
 
 def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, capsys):
