@@ -61,7 +61,7 @@ def test_a_truncated_file_is_refused(base_file, tmp_path):
 def test_somebody_elses_safetensors_are_refused(base, tmp_path):
     path = tmp_path / "adapter.safetensors"
     save_file({"weight": np.zeros(3)}, path)
-    with pytest.raises(CheckpointError, match="no checkpoint of HumanCLAW"):
+    with pytest.raises(CheckpointError, match="not a checkpoint of HumanCLAW"):
         load_adapter(path, base, "walk")
 
 

@@ -1,6 +1,6 @@
 """`humanclaw new`: write a complete distribution from the templates that the first-party packages follow too.
 
-The templates (humanclaw/templates) make working distributions named "example": `common` holds the files that all kinds
+The templates (cli/templates) make working distributions named "example": `common` holds the files that all kinds
 share, and each other folder the package, the tests and the README text of one kind. `humanclaw new` replaces the name.
 """
 
@@ -15,7 +15,7 @@ import click
 
 from humanclaw.errors import HumanclawError
 
-TEMPLATES: Final = Path(__file__).parents[1] / "templates"
+TEMPLATES: Final = Path(__file__).parent / "templates"
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*([_-][a-z0-9]+)*")
 _CORE: Final = "humanclaw>=0.1,<0.2"
 # Under their final names these files would act on this repository.

@@ -80,25 +80,22 @@ class Episode:
             raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
         check_end(replay, spec)
         stand_at_start(body, spec)
-        self.body, self.spec = body, spec
-        self._reset = body.resets
+        self.body, self.spec, self._reset = body, spec, body.resets
         self._panel = Panel(agent, verifier)
-        self._max_attempts = attempts
-        self._meter = meter or Meter()
+        self._max_attempts, self._meter = attempts, meter or Meter()
         self._meter.begin("episode")
         settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
         record = begin_record(body, spec, *self._panel.names, options or {}, settings)
-        self._distance = (
-            distance(body.scene, spec.target_ids, body.start.floor) if distance and spec.target_ids else None
-        )
+        self._distance = None
+        if distance and spec.target_ids:
+            self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written, so that a refusal leaves no folder behind.
         self._panel.begin(EpisodeContext(spec, body.skills, spec.seed, meter=self._meter), self._privileged)
         self._recording = Recording(body, record, folder)
         self._history: list[HistoryEntry] = []
-        self._feedback = Feedback()
+        self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
-        self._step = Step(0)
         with self._closing():
             self._replay(replay)
             self._recording.open()

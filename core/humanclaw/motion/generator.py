@@ -25,6 +25,24 @@ from humanclaw.motion.posture import settle
 from humanclaw.motion.setting_out import set_out
 
 
+class MotionGenerator(Protocol):
+    """A motion prior with skill adapters (paper, section 3.3)."""
+
+    def start(self) -> Motion:
+        """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
+
+    def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
+        """Return 15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for
+        bit.
+
+        values: each parameter that the adapter's header names, in SI, in any order.
+        """
+
+    @property
+    def digest(self) -> str:
+        """Digest of the prior's weights."""
+
+
 @dataclass(frozen=True)
 class _Branch:
     """An adapter with its modulations at the solver's times: (layers, 6, times, 1, hidden)."""
@@ -176,22 +194,3 @@ def _checked(history: Motion) -> Motion:
     if len(history) != HISTORY:
         raise ValueError(f"a history needs {HISTORY} frames; got {len(history)}")
     return history
-
-
-# -- motion ------------------------------------------------------------------------------------------------------------
-class MotionGenerator(Protocol):
-    """A motion prior with skill adapters (paper, section 3.3)."""
-
-    def start(self) -> Motion:
-        """Return the five frames of standing that every episode begins from, at the origin facing +Z."""
-
-    def generate(self, history: Motion, adapter: Path, values: Mapping[str, float], key: Sequence[int]) -> Motion:
-        """Return 15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for
-        bit.
-
-        values: each parameter that the adapter's header names, in SI, in any order.
-        """
-
-    @property
-    def digest(self) -> str:
-        """Digest of the prior's weights."""

@@ -20,10 +20,10 @@ from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
-from humanclaw_bench.integrity import asked_of, check, is_told, played_again, standing
+from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.results import Result, named
+from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
     HOUSES,
@@ -176,7 +176,7 @@ def table(
     """Print the paper's tables for one or more runs, one row for each agent."""
     results = _results(runs, files)
     if form == "latex":
-        _require_whole(results, partial)
+        require_whole(results, partial)
     tables = all_tables(results, paper=paper, seed=seed)
     chosen = only or [name for name in NAMES if tables[name].rows and tables[name].columns]
     if as_json:
@@ -202,7 +202,7 @@ def table(
 def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished, and tell differences from noise."""
     one, two = _one(a), _one(b)
-    _require_whole((one, two), partial)
+    require_whole((one, two), partial)
     engines = {scores.simulator for result in (one, two) for scores in result.scores}
     if len(engines) > 1 and not across_engines:
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
@@ -250,15 +250,16 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 def verify(run: Path, submission: Path | None) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json. Lists what
     is damaged or belongs to another run."""
-    count, faults = check(run)
-    asked = max(count, asked_of(run))
+    files = RunFiles.read(run)
+    count, faults = check(run, files)
+    asked = max(count, files.asked)
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
     if submission and not faults:
         faults = submissions.contradictions(submissions.read(submission), run)
         told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
     for fault in faults:
         click.echo(fault)
-    for name in played_again(run):
+    for name in files.again:
         click.echo(f"{name!r:.200} was played again after it had ended.")
     if not is_told(run):
         click.echo(f"There is no run.json in {run}: nothing tells of which split and settings they are.")
@@ -276,8 +277,7 @@ def verify(run: Path, submission: Path | None) -> None:
 @PARTIAL
 def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
     """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
-    _require_whole([_one(run)], partial)
-    made = submissions.submit(run, who, model_date)
+    made = submissions.submit(run, who, model_date, partial)
     out = out or run / submissions.NAME
     write_atomically(out, made.model_dump_json(indent=1).encode())
     click.echo(out)
@@ -309,19 +309,9 @@ def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, 
     return named({str(run): scored(found, extra, run.name) for run, found in episodes.items()}, known)
 
 
-def _require_whole(results: Sequence[Result], partial: bool) -> None:
-    """Raise RecordError for a run with foreign records, and for one that may be incomplete without --partial."""
-    for result in results:
-        if result.faults:
-            raise RecordError(result.faults[0], "`humanclaw bench verify` lists everything that is wrong with the run.")
-        if result.partial and not partial:
-            known = "" if result.asked else "known to be "
-            raise RecordError(f"the run is not {known}complete: {result.note}", "Continue it, or add --partial.")
-
-
 def _one(run: Path) -> Result:
     results = _results([run])
-    _require_whole(results, partial=True)  # Foreign records are refused here; missing ones elsewhere.
+    require_whole(results, partial=True)  # Foreign records are refused here; missing ones elsewhere.
     if len(results) > 1:
         names = ", ".join(result.name for result in results)
         raise RecordError(f"{run} holds runs of several agents ({names}).", "Name the folder of one of them.")

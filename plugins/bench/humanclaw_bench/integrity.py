@@ -1,8 +1,7 @@
-"""Whether a run is what it says it is: its records whole, and its episodes those that run.json names.
+"""Check a run: its records are whole, and its episodes are those that run.json names.
 
-run.json holds the digest of the split. The episodes that belong to it are known from the records of a whole run, from
-split.jsonl beside run.json, or from the benchmark's own splits; each record is then held to its episode, field by
-field.
+run.json holds the digest of the split. Its episodes come from the records of a whole run, from split.jsonl beside
+run.json, or from the benchmark's own splits. Each record is then compared with its episode, field by field.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Final
@@ -21,44 +21,44 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
-from humanclaw.records import EpisodeRecord, read_episodes
+from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
 MANIFEST: Final = "run.json"
 SPLIT: Final = "split.jsonl"
-"""The episodes that a run is of, in its folder."""
+"""File with the episodes of a run, in its folder."""
 JOURNAL: Final = "journal.jsonl"
-"""A line for every episode that ended while it was run."""
+"""File with a line for every episode that ended."""
 MOST: Final = 100_000
-"""Episodes of a run; more are a mistake."""
+"""Maximum episodes of a run."""
 REPEATS: Final = 100
-"""Of each episode; whoever has more needs the split beside run.json."""
+"""Maximum repeats of an episode; runs with more need the split beside run.json."""
 
 
 # -- what a run says of itself -----------------------------------------------------------------------------------------
 class Manifest(BaseModel):
-    """What is read of run.json; it holds more."""
+    """The fields of run.json that are checked; it holds more."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True)
 
     episodes: Annotated[int, Field(ge=1, le=MOST)]
     split: str
-    """SHA-256 of its episodes (split_digest)."""
+    """SHA-256 of the episodes (split_digest)."""
     options: dict[str, Any]
     verifier: str
-    """As it is registered; a record has what it calls itself."""
+    """Registered name of the verifier; records hold its own name."""
     limits: dict[str, float]
     backends: dict[str, Any]
     versions: dict[str, str]
     weights: dict[str, str]
     choice: dict[str, list[str]] = {}
-    """Of plugins and skills; empty for all."""
+    """Choice of plugins and skills; empty for all."""
     plugin_files: Annotated[dict[str, str], Field(alias="plugin files")] = {}
 
     @property
     def content(self) -> dict[str, Any]:
-        """All of run.json, as it is there."""
+        """All of run.json."""
         return self.model_dump(exclude_unset=True, by_alias=True)
 
 
@@ -72,22 +72,21 @@ def read_manifest(run: Path) -> Manifest:
             f"{path} cannot be read: {error.strerror}.", "Name a folder of `humanclaw bench run`."
         ) from error
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = "".join(f" {name}:" for name in first["loc"])
-        told = f"{path} is damaged:{where} {first['msg']}."
+        told = f"{path} is damaged: {first_fault(error)}."
         raise RecordError(told, "Run the split again in another folder.") from None
 
 
 def split_digest(specs: Iterable[EpisodeSpec]) -> str:
-    """Return the SHA-256 of episodes, in whatever order they come."""
+    """Return the SHA-256 of episodes, in any order."""
     lines = (spec.model_dump_json() for spec in sorted(specs, key=lambda spec: spec.id))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
+@cache
 def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]:
     """Return the benchmark's split with a digest, by name, and its episodes; ("", ()) if none has it.
 
-    episodes: of how many a run is, which may have each several times.
+    episodes: number of episodes of the run, repeats included.
     """
     for name in SPLITS:
         specs = load_split(name)
@@ -102,35 +101,32 @@ def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]
 # -- what contradicts it -----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Standing:
-    """What is known of a run besides its episodes' scores."""
+    """Facts about a run besides its scores."""
 
     asked: int = 0
-    """Episodes that it is of, as its run.json says; 0 if there is none."""
+    """Number of episodes according to run.json; 0 without one."""
     faults: tuple[str, ...] = ()
-    """What contradicts that, or leaves it open whether a record was changed; a line each."""
+    """Contradictions to run.json, and records without a seal; one line each."""
     again: int = 0
-    """Episodes that were played again after they had ended."""
+    """Number of episodes that were played again after they had ended."""
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
-    """Hold the episodes of a run, as they were read, to its run.json. Raises RecordError if that is damaged."""
-    return Standing(asked_of(run), faults(episodes, run), len(played_again(run)))
-
-
-def asked_of(run: Path) -> int:
-    """Return how many episodes a run is of, 0 if no run.json tells. Raises RecordError if that is damaged."""
-    return read_manifest(run).episodes if (run / MANIFEST).exists() else 0
+    """Check the episodes of a run, as they were read, against its run.json. Raises RecordError if that is damaged."""
+    files = RunFiles.read(run)
+    return Standing(files.asked, faults(episodes, run, files), len(files.again))
 
 
 def is_told(folder: Path) -> bool:
-    """Whether a run.json says of what the records in a folder are, or the record that it is."""
+    """Tell whether a run.json lies in, above or below a folder."""
     return (folder.absolute().parent / MANIFEST).exists() or any(folder.rglob(MANIFEST))
 
 
-def check(run: Path) -> tuple[int, tuple[str, ...]]:
-    """How many records a run holds, and what is wrong with them: a line each.
+def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...]]:
+    """Return the number of records of a run, and everything that is wrong with them.
 
-    Raises RecordError if there is none, or if run.json is damaged.
+    files: those of the run, if they have been read. Raises RecordError if there is no record, or if run.json is
+    damaged.
     """
     folders = sorted({path.parent for name in ("episode.json", "steps.jsonl") for path in run.rglob(name)})
     if not folders:
@@ -141,16 +137,17 @@ def check(run: Path) -> tuple[int, tuple[str, ...]]:
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    return len(folders), (*damaged, *faults(whole, run))
+    return len(folders), (*damaged, *faults(whole, run, files))
 
 
-def faults(episodes: Sequence[RecordedEpisode], root: Path) -> tuple[str, ...]:
-    """Tell which records have no seal, and which are not of the run in whose folder they lie.
+def faults(episodes: Sequence[RecordedEpisode], root: Path, files: RunFiles | None = None) -> tuple[str, ...]:
+    """Return which records have no seal, and which do not belong to the run in whose folder they lie.
 
-    root: the folder under which they were found. Raises RecordError if a run.json is damaged.
+    root: the folder under which they were found. files: those of root, if they have been read. Raises RecordError if a
+    run.json is damaged.
     """
     unsealed = [
-        f"{one.folder / 'episode.json'} has no seal: nothing tells whether it has been changed."
+        f"{one.folder / 'episode.json'} has no seal, so changes cannot be detected."
         for one in episodes
         if not one.record.seal
     ]
@@ -158,30 +155,26 @@ def faults(episodes: Sequence[RecordedEpisode], root: Path) -> tuple[str, ...]:
     for one in episodes:
         if home := _home(one.folder, root):
             runs[home].append(one)
-    return (*unsealed, *chain.from_iterable(_foreign(run, found) for run, found in runs.items()))
+    return (
+        *unsealed,
+        *chain.from_iterable(
+            _foreign(run, files if files and run == root else RunFiles.read(run), found) for run, found in runs.items()
+        ),
+    )
 
 
 def _home(folder: Path, root: Path) -> Path | None:
-    """Return the run to which a record belongs: of the folders over it, up to the root, the outermost with a run.json.
+    """Return the run of a record: the outermost folder with a run.json, from the root down to the record.
 
-    A run inside another is none of its own: what stands in the outer run.json would hold for nothing.
+    A run inside of another belongs to the outer one; otherwise the outer run.json could be bypassed.
     """
     above = [parent for parent in folder.parents if parent in (folder.parent, root) or root in parent.parents]
     return next((parent for parent in reversed(above) if (parent / MANIFEST).exists()), None)
 
 
-def played_again(run: Path) -> tuple[str, ...]:
-    """Return the episodes of which the journal of a run has more than one end that would have counted, by name.
-
-    A record that was damaged is begun anew, and so is one that somebody threw away since he did not like it: nothing
-    tells them apart.
-    """
-    return tuple(sorted(name for name, ends in journal(run).items() if len(ends) > 1))
-
-
 @dataclass(frozen=True)
 class End:
-    """How an episode ended."""
+    """The end of an episode."""
 
     outcome: str
     steps: int
@@ -191,8 +184,10 @@ class End:
 
 
 def journal(run: Path) -> dict[str, list[End]]:
-    """Return the ends that count of each episode, as the journal has them. A line that cannot be read, as a disk that
-    was full may leave it, tells of nothing."""
+    """Return the ends that count of each episode, according to the journal.
+
+    Unreadable lines, which a full disk may leave, are skipped.
+    """
     try:
         lines = (run / JOURNAL).read_bytes().splitlines()
     except OSError:
@@ -206,23 +201,52 @@ def journal(run: Path) -> dict[str, list[End]]:
     return found
 
 
-def _foreign(run: Path, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
-    """Yield what the records of a run say otherwise than its run.json."""
-    told, here = read_manifest(run), [one for one in episodes if one.folder.parent == run]
+@dataclass(frozen=True)
+class RunFiles:
+    """run.json and the journal of a run, read once."""
+
+    manifest: Manifest | None
+    """None without a run.json."""
+    ends: Mapping[str, Sequence[End]]
+    """Ends that count of each episode, according to the journal."""
+
+    @classmethod
+    def read(cls, run: Path) -> RunFiles:
+        """Read both. Raises RecordError if run.json is damaged."""
+        return cls(read_manifest(run) if (run / MANIFEST).exists() else None, journal(run))
+
+    @property
+    def asked(self) -> int:
+        """Number of episodes of the run; 0 without a run.json."""
+        return self.manifest.episodes if self.manifest else 0
+
+    @property
+    def again(self) -> tuple[str, ...]:
+        """Episodes with more than one end that counts, by name.
+
+        A damaged record is played again, and so is one that somebody threw away: the journal cannot tell them apart.
+        """
+        return tuple(sorted(name for name, ends in self.ends.items() if len(ends) > 1))
+
+
+def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
+    """Yield the contradictions between the records of a run and its run.json."""
+    here = [one for one in episodes if one.folder.parent == run]
     for one in episodes:
         if one.folder.parent != run:
             yield f"{one.folder} lies below the run {run} and not in its folder, where its episodes lie: move it away."
+    told = files.manifest or read_manifest(run)
     asked = _asked(run, told, [one.record.spec for one in here])
     yield from _other_split(run, told, len(here), len(asked))
-    usual, ends = _usual([one.record for one in here]), journal(run)
+    usual = _usual([one.record for one in here])
     for one in here:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
-        yield from _other_end(one, ends.get(one.record.spec.id, []))
+        yield from _other_end(one, files.ends.get(one.record.spec.id, []))
 
 
 def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[str]:
-    """Yield that nobody knows the split that run.json names, or that it has not so many episodes."""
+    """Yield that the split of run.json is unknown, or has another number of episodes."""
     split, episodes = f"split {told.split[:12]}", counted(told.episodes, "episode")
     if not asked:
         nowhere = f"neither the {counted(here, 'record')} here nor a {SPLIT} beside it nor a split of the benchmark"
@@ -232,15 +256,14 @@ def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[s
 
 
 def _other_end(one: RecordedEpisode, ends: Sequence[End]) -> Iterator[str]:
-    """Yield that a record is not the one that the journal saw end last: of several attempts somebody may have chosen
-    the best."""
+    """Yield that a record is not the last end in the journal: somebody may have chosen the best of several attempts."""
     found = End(one.record.outcome, one.record.steps)
     if ends and ended(found.outcome, one.record.limit) and found != ends[-1]:
         yield f"{one.folder} is not the record that was made last: {found}; by the journal {ends[-1]}."
 
 
 def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
-    """Return the episodes of the split that run.json names, by id; none if they are nowhere to be found."""
+    """Return the episodes of the split that run.json names, by id; none if the split is not found."""
     for specs in chain([found], _splits(run, told)):
         if specs and split_digest(specs) == told.split:
             return {spec.id: spec for spec in specs}
@@ -248,8 +271,7 @@ def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[s
 
 
 def _splits(run: Path, told: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
-    """Yield what the split of a run may be where its records do not tell: the one beside its run.json, and the
-    benchmark's own."""
+    """Yield candidates for the split of a run: the file beside its run.json, then the benchmark's own splits."""
     if (run / SPLIT).exists():
         try:
             yield read_episodes(run / SPLIT)
@@ -259,7 +281,7 @@ def _splits(run: Path, told: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
 
 
 def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> list[str]:
-    """In what the episode of a record is another one than the split's."""
+    """Return the fields in which a record's episode differs from the split's."""
     spec = one.record.spec
     if spec.id != one.folder.name:
         return [f"it holds the record of {spec.id!r}"]
@@ -272,7 +294,7 @@ def _other_episode(one: RecordedEpisode, asked: Mapping[str, EpisodeSpec]) -> li
 
 
 def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, str]) -> list[str]:
-    """In what a record was played otherwise than run.json says, or than most records of its run."""
+    """Return the settings in which a record differs from run.json, or from most records of its run."""
     settings = record.settings
     limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
     choice = {kind: list(texts) for kind, texts in told.choice.items() if texts}
@@ -289,8 +311,11 @@ def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, s
 
 
 def _other_parts(record: EpisodeRecord, told: Manifest) -> Iterator[str]:
-    """Yield of what else a record was played with. It has versions of more than the run rests on, and the run has
-    weights of adapters, which a record has in the digests of its skills."""
+    """Yield differing backends, versions and weights.
+
+    A record has versions of more packages than the run depends on. Weights of adapters are compared by the digests of
+    skills.
+    """
     body = record.settings.get("body", {})
     origins = {info.origin for info in record.skills.values()} & record.versions.keys()
     parts = [("backends", name, body, told.backends) for name in sorted(body.keys() | told.backends.keys())]
@@ -304,7 +329,7 @@ def _other_parts(record: EpisodeRecord, told: Manifest) -> Iterator[str]:
 
 
 def _usual(records: Sequence[EpisodeRecord]) -> dict[str, str]:
-    """Return what most records of a run have of what all must have alike, and run.json does not tell."""
+    """Return the most common values of the settings that all records must share and run.json does not hold."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for record in records:
         for what, value in _common(record).items():
@@ -313,8 +338,7 @@ def _usual(records: Sequence[EpisodeRecord]) -> dict[str, str]:
 
 
 def _common(record: EpisodeRecord) -> dict[str, str]:
-    """Return that of a record. Where a plugin failed, nobody knows what an agent that was never made would have said
-    of itself."""
+    """Return these settings of a record. An agent whose plugin failed has none."""
     skills = sorted((name, info.digest) for name, info in record.skills.items())
     deciders = {"verifier": record.verifier, "temperature": record.settings.get("agent", {}).get("temperature")}
     told = {"skills": skills} | (deciders if record.outcome != "plugin_error" else {})

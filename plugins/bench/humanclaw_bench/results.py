@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.integrity import Standing
@@ -123,3 +124,13 @@ def named(
         for (agent, run), found in groups.items()
         for standing in [(known or {}).get(run, Standing())]
     )
+
+
+def require_whole(results: Sequence[Result], partial: bool) -> None:
+    """Raise RecordError for a run with foreign records, and for one that may be incomplete without --partial."""
+    for result in results:
+        if result.faults:
+            raise RecordError(result.faults[0], "`humanclaw bench verify` lists everything that is wrong with the run.")
+        if result.partial and not partial:
+            known = "" if result.asked else "known to be "
+            raise RecordError(f"the run is not {known}complete: {result.note}", "Continue it, or add --partial.")

@@ -13,9 +13,11 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
+from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.integrity import MOST as EPISODES, Manifest, faults, known_split, played_again, read_manifest
+from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
 from humanclaw_bench.metrics import FIND, INTERACT, NAV, estimate
+from humanclaw_bench.results import named, require_whole
 from humanclaw_bench.scores import Scores, ended
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
@@ -115,22 +117,34 @@ class Submission(_Value):
         return self.model_copy(update={"digest": hashlib.sha256(content).hexdigest()})
 
 
-def submit(run: Path, who: str, model_date: str = "") -> Submission:
-    """Make the submission of a run. Raises RecordError unless its records are whole, sealed and of one agent."""
+def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> Submission:
+    """Make the submission of a run. Raises RecordError unless its records are whole, sealed and of one agent.
+
+    partial: allow missing episodes.
+    """
     manifest, episodes = read_manifest(run), load_run(run)
-    if wrong := faults(episodes, run):
-        raise RecordError(wrong[0], f"`humanclaw bench verify {run}` lists everything that is wrong.")
+    known = standing(run, episodes)
+    if known.faults:
+        raise RecordError(known.faults[0], f"`humanclaw bench verify {run}` lists everything that is wrong.")
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
+    pairs = scored(episodes, name=run.name)
+    require_whole(named({str(run): pairs}, {str(run): known}), partial)
     try:
-        return _made(episodes, run, manifest, who, model_date).sealed
+        return _made(episodes, pairs, manifest, known.again, who, model_date).sealed
     except ValidationError as error:
         raise RecordError(f"no submission can be made of {run}: {_first(error)}.", "Fix that and try again.") from error
 
 
-def _made(episodes: Sequence[RecordedEpisode], run: Path, manifest: Manifest, who: str, model_date: str) -> Submission:
-    pairs = scored(episodes, name=run.name)
+def _made(
+    episodes: Sequence[RecordedEpisode],
+    pairs: Sequence[tuple[Scores, Cause | None]],
+    manifest: Manifest,
+    again: int,
+    who: str,
+    model_date: str,
+) -> Submission:
     scores = [one for one, _ in pairs]
     results = tuple(_result(*entry) for entry in zip(episodes, (row(*pair) for pair in pairs), strict=True))
     # An agent that could not be made has no settings.
@@ -141,7 +155,7 @@ def _made(episodes: Sequence[RecordedEpisode], run: Path, manifest: Manifest, wh
         engine=str(first.settings.get("body", {}).get("simulator", "")),
         seeds=tuple(sorted({one.seed for one in results})), asked=manifest.episodes,
         cost=sum(one.cost for one in scores), tokens=sum(one.tokens_in + one.tokens_out for one in scores),
-        again=len(played_again(run)), run=manifest.content, rates=_rates(scores), episodes=results,
+        again=again, run=manifest.content, rates=_rates(scores), episodes=results,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
-from humanclaw_bench.integrity import check, played_again
+from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.scores import score
@@ -253,7 +253,7 @@ def test_an_episode_that_was_thrown_away_is_counted_though_the_journals_last_lin
         journal.write('{"time": 1, "episode": "toy-')
     shutil.rmtree(folder / "toy-1")
     play(toy_world.specs(2))
-    assert played_again(folder) == ("toy-1",)
+    assert RunFiles.read(folder).again == ("toy-1",)
 
 
 def test_an_end_of_which_the_journal_was_not_told_before_the_kill_is_told_when_the_run_goes_on(play):
@@ -263,7 +263,7 @@ def test_an_end_of_which_the_journal_was_not_told_before_the_kill_is_told_when_t
     assert len(check(folder)[1]) == 1
     play(toy_world.specs(2))
     assert check(folder) == (2, ())
-    assert played_again(folder) == ("toy-0",)
+    assert RunFiles.read(folder).again == ("toy-0",)
 
 
 def test_a_better_attempt_of_another_run_is_not_taken_for_one_of_this(play, tmp_path):
@@ -545,7 +545,7 @@ sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.attribution import attribute
-from humanclaw_bench.integrity import check, played_again
+from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.scores import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split

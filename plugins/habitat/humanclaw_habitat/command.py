@@ -16,7 +16,7 @@ from humanclaw_habitat.dataset import Dataset
 from humanclaw_habitat.episodes import LeftOut, convert, read_books
 from humanclaw_habitat.reference import TRIANGLES, Reference
 from humanclaw_habitat.source import load_scene, read_scene
-from humanclaw_habitat.standing import check_start
+from humanclaw_habitat.starting import check_start
 
 _PLACE = click.Path(path_type=Path)
 _skip = click.option("--skip", is_flag=True, help="Leave out what is missing or unsupported, and say what that was.")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from humanclaw import Scene
+from humanclaw import Plugins, Scene, SceneError, default_simulator
 from humanclaw.body import Array, Pose2D
 from humanclaw.world import CELL, OccupancyGrid
 
@@ -64,3 +64,20 @@ def roomiest(scene: Scene, floor: float) -> Pose2D:
     yaw = max((round(float(k * np.pi / 4), 4) for k in range(-3, 5)), key=sight)
     x, z = place.round(3).tolist()
     return Pose2D(x, z, yaw, floor)
+
+
+def check_start(scene: Scene, plugins: Plugins) -> None:
+    """Raise SceneError if the scene has no floor, or its start is outside, in something or on nothing."""
+    if not any(thing.category == "floor" and scene.assets[thing.asset].hulls for thing in scene.objects):
+        raise SceneError(
+            "it has no floor that bears anybody.", "Does its stage have a level surface, and is it collidable?"
+        )
+    plan = OccupancyGrid.of(scene, scene.start.floor)
+    if not plan.at(indoors(scene, plan), np.array([scene.start.x, scene.start.z])):
+        raise SceneError("its start is outside, or in something.", "Is there free floor within its rooms?")
+    simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
+    try:
+        # It lets the body stand for half a second, and refuses a start where that falls or is pushed away.
+        simulator.reset(scene, scene.start)
+    finally:
+        simulator.close()
