@@ -84,6 +84,15 @@ def test_a_door_of_the_former_version_answers_with_every_name_and_says_where_it_
     assert all(any(f" {door}" in line for door in DOORS) for line in told)
 
 
+def test_a_former_door_lists_its_names_and_a_reload_of_the_package_adds_no_second_finder():
+    code = (
+        "import importlib, sys, humanclaw; finders = len(sys.meta_path); importlib.reload(humanclaw);"
+        "import humanclaw.body; print({'Motion', 'JOINTS'} <= set(dir(humanclaw.body)), len(sys.meta_path) - finders)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True 0\n"
+
+
 def test_a_name_that_no_door_has_is_an_attribute_error():
     with pytest.raises(AttributeError, match=r"module 'humanclaw\.world' has no attribute 'Nothing'"):
         humanclaw.world.Nothing  # noqa: B018

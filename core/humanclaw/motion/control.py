@@ -33,7 +33,7 @@ class AdapterConfig:
     centre: tuple[float, ...] = ()
     scale: tuple[float, ...] = ()
     measures: tuple[str, ...] = ()
-    """What each parameter commanded in training (humanclaw.measures); empty in checkpoints that do not say."""
+    """What each parameter commanded in training (humanclaw.skills); empty in checkpoints that do not say."""
 
     def __post_init__(self) -> None:
         if self.encoder not in ENCODERS:

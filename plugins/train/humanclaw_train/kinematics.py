@@ -1,4 +1,4 @@
-"""Forward kinematics and the 219-number state on torch tensors: the differentiable counterpart of humanclaw.pose."""
+"""Forward kinematics and the 219-number state on torch tensors: the differentiable counterpart of humanclaw.body."""
 
 from __future__ import annotations
 

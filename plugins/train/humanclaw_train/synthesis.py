@@ -6,7 +6,7 @@ hips; the other hangs beside it or stands too. First the hanging foot lands wher
 follows. Walking, turning, stairs, sitting down and stopping are the same two swings with other numbers.
 
 Shapes: N bodies move at once. A chunk has 16 instants at s = 0 ... 1; the first belongs to the previous chunk. Frames
-as in humanclaw.pose; "floor" vectors are (x, z). Needs only numpy.
+as in humanclaw.body; "floor" vectors are (x, z). Needs only numpy.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class World(Protocol):
     """A scene and a body in one engine.
 
     Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
-    with the masses and inertias of humanclaw.half_physics.skeleton: no motor, no spring, no damping, no contact with
+    with the masses and inertias of `half_physics.skeleton`: no motor, no spring, no damping, no contact with
     itself. An object on a hinge turns about it within its range, braked by its friction and damping, and meets the body
     and what is free to move alone. The same calls have the same outcome, bit for bit.
     """
