@@ -85,8 +85,8 @@ def test_a_card_counts_the_parameters_of_the_model(weights):
 def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
     path = weights / "sit_in_place" / "adapter.safetensors"
     text = card(path, _report(weights))
-    assert "| generated | 1.012 ± 0.046 | 0.3 |" in text
-    assert "| simulated in half-physics | 1.078 ± 0.020 | 2.0 |" in text
+    assert "* generated: 1.012 ± 0.046 (0.3)" in text
+    assert "* simulated in half-physics: 1.078 ± 0.020 (2.0)" in text
     assert "1.012" not in card(path, _report(weights, base="of another base"))
     assert "Not measured for these weights" in card(path)
 
