@@ -1,4 +1,4 @@
-"""Generate pages for mkdocs: one for each package's README, and the reference of commands."""
+"""Generate pages for mkdocs: one for each package's README, the reference of commands, and the table of checks."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from mkdocs.structure.files import File, Files
 
 from humanclaw import Plugins
 from humanclaw.cli import LazyCommand, build
+from humanclaw.skills.checks import CHECKS
 
 ROOT = Path(__file__).parents[1]
 INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
@@ -78,14 +79,21 @@ def relinked(text: str, path: str, page: str) -> str:
     return _PICTURE.sub(picture, _LINK.sub(link, text))
 
 
+# -- checks ------------------------------------------------------------------------------------------------------------
+def checks() -> str:
+    """Return the table of the checks of a skill, as Markdown."""
+    rows = (f"| `{name}` | {says} |" for name, says in CHECKS.items())
+    return "\n".join(["| check | what holds for a skill that passes it |", "| --- | --- |", *rows])
+
+
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Replace the mark on the page of commands with the reference."""
-    return (
-        markdown.replace("<!-- commands -->", "\n".join(commands()))
-        if page.file.src_path == "commands.md"
-        else markdown
-    )
+    """Replace the marks on the pages of commands and of checks with what the code says."""
+    if page.file.src_path == "commands.md":
+        return markdown.replace("<!-- commands -->", "\n".join(commands()))
+    if page.file.src_path == "check.md":
+        return markdown.replace("<!-- checks -->", checks())
+    return markdown
 
 
 def commands() -> Iterator[str]:

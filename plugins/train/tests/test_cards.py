@@ -55,7 +55,7 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
     text = card(path)
     assert "40 real (100 %)" in text
     assert "* It never hurries." in text
-    assert "| ahead | 0.1 | 0.5 | 0.3 ± 0.2 |" in text
+    assert "* ahead: 0.1 to 0.5, 0.3 ± 0.2" in text
     for claim in ("compose", "sitting", "stairs", "keyed"):
         assert claim not in text
 
@@ -68,7 +68,7 @@ def test_a_card_tells_the_figures_of_the_header(weights):
         "75 synthetic (75 %)",
         "4,321 steps of 64",
         "CC BY-SA 3.0",
-        "| h | 0.19 | 0.81 | 0.5 ± 0.3 |",
+        "* h: 0.19 to 0.81, 0.5 ± 0.3",
     ):
         assert fact in text
     assert f"`{read_header(weights / 'base.safetensors')['digest']}`" in text
@@ -85,8 +85,8 @@ def test_a_card_counts_the_parameters_of_the_model(weights):
 def test_a_card_quotes_the_report_on_its_own_weights_and_no_other(weights):
     path = weights / "sit_in_place" / "adapter.safetensors"
     text = card(path, _report(weights))
-    assert "| generated | 1.012 ± 0.046 | 0.3 |" in text
-    assert "| simulated in half-physics | 1.078 ± 0.020 | 2.0 |" in text
+    assert "* generated: 1.012 ± 0.046 (0.3)" in text
+    assert "* simulated in half-physics: 1.078 ± 0.020 (2.0)" in text
     assert "1.012" not in card(path, _report(weights, base="of another base"))
     assert "Not measured for these weights" in card(path)
 
