@@ -1,4 +1,4 @@
-"""What every skill package is held to."""
+"""The contract of every skill package."""
 
 from pathlib import Path
 
