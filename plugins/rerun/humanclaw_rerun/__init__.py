@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 TARGET: Final = "HUMANCLAW_RERUN"
-"""Environment variable that turns on live logging: the address of a viewer, or a folder for one .rrd file per episode."""
+"""Environment variable that turns on live logging: address of a viewer, or folder for one .rrd file per episode."""
 
 
 @hookimpl
