@@ -1,7 +1,7 @@
 """Requests to a model's provider, through litellm, with retries, a rate limit and a deadline.
 
-Only this module retries (litellm and the provider's client are told not to), so the number of requests is the one
-asked for.
+Only this module retries. Retries of litellm and of the provider's client are off, so the number of requests is the one
+that the options ask for.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ class Client:
     def _key(self) -> str:
         """Return the key to send; empty if litellm finds one by itself.
 
-        "none" for a server of one's own: it often needs no key, but its client library does.
+        "none" for a local server, which often needs no key although its client library does.
         """
         name = self._settings.auth_env
         if name and not os.environ.get(name, "").strip():
@@ -282,7 +282,7 @@ class Client:
 
 
 def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
-    """Return the result of a call within so many seconds of wall time. Raises TooSlowError.
+    """Return the result of a call that takes at most `seconds` of wall time. Raises TooSlowError.
 
     A client's own timeout restarts with every byte that arrives. A request that is too slow is abandoned to its
     thread.

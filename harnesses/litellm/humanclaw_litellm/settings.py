@@ -174,7 +174,7 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
 
 
 def _hides(key: str, value: Any) -> bool:
-    """Whether an option of another plugin holds a key in a nested value, or in JSON text."""
+    """Tell whether an option of another plugin holds a key in a nested value, or in JSON text."""
     if key in Settings.model_fields:
         return False  # The checks of these options give a better message.
     try:

@@ -288,7 +288,9 @@ def main(
     if options.json:
         print(as_json(report))
         return 0
-    from humanclaw.cli import show_markdown  # Not at the top: training imports this module on machines without click.
+    from humanclaw.cli import (
+        show_markdown,
+    )  # Imported here, because training imports this module on machines without click.
 
     show_markdown(markdown(report.rows))
     show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))

@@ -50,7 +50,7 @@ class Command:
 
     @classmethod
     def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
-        """Do the same with a given declaration, for an adapter in any folder."""
+        """Read the range of an adapter in any folder, for a given declaration."""
         config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)

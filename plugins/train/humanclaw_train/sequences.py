@@ -18,8 +18,8 @@ _WALK: Final = ("hips.forward", 0.4)
 _SIDE: Final = ("hips.left", 0.2)
 _TURN: Final = ("heading.left", float(np.radians(37.5)))
 Call = tuple[str, float]
-"""A measure and its amount, SI. It is asked of the flat-ground skill that commands it and least besides; the other
-parameters are 0."""
+"""A measure and its amount, SI. The flat-ground skill that commands it and the fewest other measures executes it; its
+other parameters are 0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),

@@ -163,7 +163,7 @@ def roll_simulated(
     seed: int,
     tick: Callable[[], object] = lambda: None,
 ) -> Rollouts:
-    """Do the same as rollouts.roll in half-physics. On stairs the command stays the same; a seat is used once."""
+    """Run a skill in half-physics, like rollouts.roll. On stairs the command stays the same; a seat is used once."""
     random = np.random.default_rng(seed)
     chunks: list[Motion] = []
     commands: list[Array] = []

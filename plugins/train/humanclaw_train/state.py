@@ -1,6 +1,6 @@
 """State and style of bodies whose motion is synthesised: what a chunk begins from, and how bodies differ.
 
-Shapes: N bodies move at once. Frames as in humanclaw.pose. Needs only numpy.
+Shapes: N bodies move at once. Frames as in humanclaw.body. Needs only numpy.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ hips; the other hangs beside it or stands too. First the hanging foot lands wher
 follows. Walking, turning, stairs, sitting down and stopping are the same two swings with other numbers.
 
 Shapes: N bodies move at once. A chunk has 16 instants at s = 0 ... 1; the first belongs to the previous chunk. Frames
-as in humanclaw.pose; "floor" vectors are (x, z). Needs only numpy.
+as in humanclaw.body; "floor" vectors are (x, z). Needs only numpy.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _feet(
 
 
 def _may_lift(p: StepPlan, steps: gait.Cycle) -> Array:
-    """Return by how many radians a heel may rise if its leg would not reach (N, 2, 16): only the rear foot's."""
+    """Return the radians (N, 2, 16) by which a heel may rise if its leg would not reach; 0 for the front foot."""
     second = np.arange(2) == (1 - p.first)[:, None]
     two_swings = np.where(second[..., None], bump(1.05 * GRID), 0.0)
     behind = np.stack([bump((steps.since(foot) + 0.9) / 0.7) for foot in (0, 1)], 1)

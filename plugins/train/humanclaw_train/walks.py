@@ -1,4 +1,4 @@
-"""Straight walks: where a hundred calls lead, and their gait beside that of real walks."""
+"""Straight walks: drift after a hundred calls, and gait compared with that of real walks."""
 
 from __future__ import annotations
 

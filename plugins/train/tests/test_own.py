@@ -138,7 +138,7 @@ def test_what_a_body_did_in_an_episode_is_not_real(skill, tmp_path):
 
 
 def test_a_recipe_narrows_down_what_shows_the_skill(skill, tmp_path):
-    recipe = 'from humanclaw.recipes import Recipe\nRECIPE = Recipe(name="crouch", windows=lambda w: w.up < -0.05)\n'
+    recipe = 'from humanclaw.skills import Recipe\nRECIPE = Recipe(name="crouch", windows=lambda w: w.up < -0.05)\n'
     (skill / "recipe.py").write_text(recipe)
     record(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", tmp_path)
