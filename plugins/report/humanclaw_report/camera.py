@@ -61,6 +61,7 @@ def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: M
     chosen = _cheapest(cost, 2.5 * swing)
     offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
     offsets = smoothed(offsets, 9.0)
+    # Between two directions the camera would cut the corner and come closer.
     offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
     return smoothed(motion.root, 6.0) + offsets
 

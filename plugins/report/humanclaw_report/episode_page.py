@@ -169,7 +169,7 @@ def environment() -> jinja2.Environment:
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("humanclaw_report", "templates"),
         autoescape=True,
-        undefined=jinja2.StrictUndefined,
+        undefined=jinja2.StrictUndefined,  # A misspelt name in a template is an error, not an empty text.
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -205,6 +205,7 @@ def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[in
     """Return the source of each step's view, by step; empty for a view that was not kept."""
     files = {step.step: recorded.folder / step.frame_file for step in recorded.steps if step.frame_file}
     kept = {step: path for step, path in files.items() if path.is_file()}
+    # All or none: a page with half of its views embedded would still need the folder.
     inside = inside and sum(path.stat().st_size for path in kept.values()) <= FRAMES_BYTES
     found = {
         step: data_uri(path.read_bytes(), "image/jpeg") if inside else link(path, page) for step, path in kept.items()

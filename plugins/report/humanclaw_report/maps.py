@@ -179,6 +179,7 @@ def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = 
     targets = list(recorded.record.targets.values())
     on = storeys_at(floors, np.array([low[1] for low, _ in targets]))
     extent = [100 * piece[:, [0, 2]] for piece in walked] + [100 * np.array(corners)[:, [0, 2]] for corners in targets]
+    # Without the house, the map is as large as path and targets need.
     box = house[0].box if house[0].box[2] else _around(np.concatenate(extent), 60)
     return tuple(
         _path_map(
@@ -242,7 +243,9 @@ def _walked(recorded: RecordedEpisode) -> list[Array]:
         return [np.array(pair) for pair in ends]
     root, pieces, first = recorded.motion().root, [], HISTORY
     for step in recorded.steps:
+        # From the frame before, so that the pieces touch.
         stretch = root[first - 1 : first + step.motion_frames]
+        # Every third frame is fine enough for a map; the last one joins the pieces.
         pieces.append(stretch[sorted({*range(0, len(stretch), 3), len(stretch) - 1})])
         first += step.motion_frames
     return pieces

@@ -52,10 +52,12 @@ class Replay:
         motion, objects = episode.motion(), episode.objects()
         floors = floors_of(scene)
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
+        # Smoothed, so that the scene does not flicker between two storeys on stairs.
         storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
         plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
         eyes = follow(plans, storeys, motion)
         hidden = in_the_way(scene, motion, eyes)
+        # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)
         scenes = tuple(loosened(shown, loose) for shown in scenes)
         return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
@@ -116,6 +118,7 @@ def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int
         seat = scene.assets[obj.asset].seat_height is not None
         around = seat & ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
         hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        # Pictures go with their wall.
         ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
         for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
             sets[frame] |= ids

@@ -182,7 +182,7 @@ def _mesh(asset: Asset) -> Mesh:
         try:
             simplices = ConvexHull(hull).simplices
         except QhullError:
-            continue
+            continue  # A flat piece has no volume to draw.
         vertices.append(hull)
         faces.append(_outward(hull, simplices) + count)
         count += len(hull)

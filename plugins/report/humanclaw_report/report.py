@@ -37,6 +37,7 @@ class Houses:
         if name not in self.known:
             self.known[name] = self._draw(name)
         drawn = self.known[name]
+        # Another version of the house would show walls where the body walked.
         if drawn.scene and digest and drawn.scene.digest != digest:
             return Drawn.missing("the installed scene differs from the one of the record.")
         return drawn
@@ -108,6 +109,7 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
 def _shared(shelf: Path, drawn: Drawn, page: Path, run: Path) -> Shared:
     """Return where a page finds three.js and its house; write the house if it is not there yet."""
     house = shelf / f"house-{drawn.scene.digest[:16] if drawn.scene else 'none'}.js"
+    # The name holds the digest of the scene, so an old file is still right.
     if drawn.scene and not house.exists():
         house.write_text(house_script(drawn.scene), "utf-8")
     return Shared(link(shelf / "three.js", page), link(house, page), link(run, page))

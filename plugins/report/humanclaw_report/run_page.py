@@ -184,6 +184,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path) -> Result:
     met, record = milestones(episode), episode.record
+    # Without a benchmark, an episode succeeds if it met all of its milestones.
     facts = facts or Facts(
         None if record.outcome in ("infra_error", "interrupted", "running") else all(m.met for m in met)
     )

@@ -49,6 +49,7 @@ class Watcher:
                 changed = max(path.stat().st_mtime_ns, (path.parent / "steps.jsonl").stat().st_mtime_ns)
             except OSError:
                 continue
+            # Thousands of ended episodes do not change, and parsing them each second would be slow.
             if self.read.get(path, (0, None))[0] != changed:
                 self.read[path] = changed, _row(path.parent)
             found.append(self.read[path])

@@ -49,6 +49,7 @@ def humanclaw_episode_end(episode: EpisodeRecord) -> None:
         live.end(episode)
 
 
+# Hooks are called for every chunk, and a viewer must get one connection only.
 @functools.cache
 def _live(target: str) -> Live | None:
     """Return the logger of a target, the same at every call; None for an empty target."""

@@ -42,6 +42,7 @@ class Live:
     def chunk(self, episode: EpisodeRecord, chunk: Chunk) -> None:
         """Log half a second of motion. Raises RecordError if the file cannot be written."""
         under_way, simulated = self._of(episode), chunk.execution.simulated
+        # The view of the first step was taken before any motion; the first frame is closest to it.
         under_way.before = under_way.before or simulated[:1]
         under_way.body = simulated[-1:]
         under_way.log.body("simulated", simulated, under_way.frame)
@@ -54,6 +55,7 @@ class Live:
         under_way = self._of(episode)
         under_way.log.view(jpeg(view), under_way.before, under_way.first)
         under_way.log.step(step, under_way.first)
+        # A step can have several chunks, so its end is known only now.
         under_way.first, under_way.before = under_way.frame, under_way.body
 
     def end(self, episode: EpisodeRecord) -> None:

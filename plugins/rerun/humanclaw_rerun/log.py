@@ -54,6 +54,7 @@ class EpisodeLog:
                 self._stream.save(target)
         self._stream.send_blueprint(_blueprint())
         self._stream.send_recording_name(f"{spec.id}: {record.agent}")
+        # Static values hold at all times, also before the first frame.
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
         self._static("task", rr.TextDocument(f"{record.agent} in {spec.scene}: {spec.instruction}"))
         for key, (low, high) in record.targets.items():
@@ -128,6 +129,7 @@ class EpisodeLog:
         self._stream.log(path, what, static=True)
 
     def _columns(self, path: str, first: int, frames: int, columns: rr.ComponentColumnList) -> None:
+        # Columns send a whole chunk at once, which is much faster than a log call for each frame.
         times = rr.TimeColumn(TIME, duration=np.arange(first, first + frames) / FPS)
         self._stream.send_columns(path, indexes=[times], columns=columns)
 
@@ -160,6 +162,7 @@ def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
         picture = recorded.folder / step.frame_file
         if step.frame_file and picture.is_file():
+            # The view was taken where the body stood in the frame before the step.
             log.view(picture.read_bytes(), motion[first - 1 : first], first)
 
 
@@ -203,6 +206,7 @@ def _colours(mesh: Mesh) -> NDArray[np.uint8]:
     """Return the (N, 3) colour of the texture at each vertex."""
     height, width = mesh.texture.shape[:2]
     u, v = np.clip(mesh.uv, 0, 1).T
+    # Texture rows run from the top, v from the bottom.
     return np.asarray(mesh.texture[np.rint((1 - v) * (height - 1)).astype(int), np.rint(u * (width - 1)).astype(int)])
 
 

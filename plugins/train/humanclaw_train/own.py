@@ -61,6 +61,7 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
     declaration, path = Declaration.read(folder), folder / "recipe.py"
     if not path.is_file():
         return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration, measures)
+    # The skill is not installed yet, so its recipe is loaded from the file.
     spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.skill}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -126,6 +127,7 @@ def chunks_of(
         )
     parts = list(shown)
     if skill.recipe.retimed and standing is not None:
+        # Only clips that show the skill: others would add poses that it does not have.
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
     whole = Chunks.join(parts)

@@ -142,13 +142,15 @@ def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[in
     renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
     last, eye = len(motion) - 1, _eye(motion)
     for frame in frames:
-        at = min(frame, last)
+        at = min(frame, last)  # The shorter of two motions rests on its last frame.
+        # The mean of two thirds of a second keeps the camera steady.
         centre = motion.root[max(0, at - 10) : at + 11].mean(0)
         yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
 
 
 def _eye(motion: Motion) -> Array:
     """Return the vector from the body, which first faces +Z, to the camera (3,)."""
+    # From the side of the travel, so that the body does not walk towards the camera or away from it.
     across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
     return _BEFORE if across > ahead else _BESIDE
 
