@@ -1,4 +1,4 @@
-"""The fidelity table: achieved over commanded motion, generated, in half-physics and by the median clip."""
+"""Tests of the fidelity table: achieved over commanded motion, generated, in half-physics and by the median clip."""
 
 import json
 from dataclasses import replace
@@ -45,7 +45,7 @@ def test_commands_stay_in_the_range_of_the_data_and_away_from_nothing(still):
 
 
 def _gliding(distances: np.ndarray) -> Chunks:
-    """Chunks that glide backwards evenly."""
+    """Return chunks that glide backwards evenly."""
     rest = rest_pose(20)
     share = np.clip(np.arange(20) - 4, 0, None) / 15
     root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]

@@ -1,4 +1,4 @@
-"""Measures of motion, on motion whose measures are known by hand."""
+"""Tests of measures on motion whose values are computed by hand."""
 
 import numpy as np
 import pytest

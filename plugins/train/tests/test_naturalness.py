@@ -1,4 +1,4 @@
-"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models that stand still."""
+"""Tests of naturalness (likeness, transitions, a long life, sequences) on models that stand still."""
 
 import json
 
@@ -36,7 +36,7 @@ SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 
 @pytest.fixture(scope="module")
 def still(tmp_path_factory, still_base):
-    """A folder with a base that holds the last pose, and adapters of four skills that change nothing."""
+    """Return a folder with a base that holds the last pose, and adapters of four skills that change nothing."""
     folder = tmp_path_factory.mktemp("still")
     base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
@@ -59,7 +59,7 @@ def commands(still):
 
 
 def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
-    """Chunks of a body that stands still in its history and then drifts at random."""
+    """Return chunks of a body that stands still in its history and then drifts at random."""
     random = np.random.default_rng(seed)
     rest = rest_pose(20)
     drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15

@@ -1,4 +1,4 @@
-"""Training on a few artificial chunks: bodies that glide, commanded by the distance that they cover."""
+"""Tests of training on a few artificial chunks: gliding bodies, commanded by the distance that they cover."""
 
 import hashlib
 import subprocess
@@ -22,7 +22,7 @@ COUNT = 64
 
 
 def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Chunks that cover a distance in metres at an even pace while nodding, from standing or already moving."""
+    """Return chunks that cover a distance (metres) evenly while nodding, from standing or already moving."""
     rest = rest_pose(20)
     ahead = (np.arange(20) - 4) / 15
     ahead = ahead if moving else ahead.clip(0)
