@@ -154,9 +154,8 @@ class Client:
         return not (self._streams or self._worked) and wants_stream(error)
 
     def _settle(self, usage: Usage, reserved: int) -> None:
-        # The next answer is expected to be about as long as this one.
         self._gate.settle(usage.tokens_in + usage.tokens_out - reserved)
-        self._answer = usage.tokens_out
+        self._answer = usage.tokens_out  # The next answer is expected to be about as long.
 
     def _wait_for_turn(self, tokens: int) -> None:
         """Wait until the rate limit allows the request. Raises LimitError if time runs out meanwhile."""
@@ -200,7 +199,7 @@ class Client:
         )
 
     def _wait(self, state: tenacity.RetryCallState) -> float:
-        """Return the seconds to wait: exponential with jitter, at least what the provider asks, at most the time left."""
+        """Return the seconds to wait: exponential with jitter, at least as the provider asks, at most the time left."""
         first = self._settings.backoff
         spread = (tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first))(state)
         asked = min(retry_after(state.outcome.exception() if state.outcome else None), _LONGEST_RETRY_AFTER)
