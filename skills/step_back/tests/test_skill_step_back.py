@@ -1,4 +1,4 @@
-"""The contract of every skill package."""
+"""What every skill package is held to."""
 
 from pathlib import Path
 
