@@ -50,6 +50,7 @@ def is_transient(error: BaseException) -> bool:
     if redirect(error) or too_long(error) or _IN_PIECES.search(str(error)):
         return False
     status = getattr(error, "status_code", None)
+    # A used-up quota also has status 429, but no retry brings it back.
     if not isinstance(status, int) or "insufficient_quota" in str(error):
         return False
     return status in _TRANSIENT or status >= 500 or _is_unreadable(error)

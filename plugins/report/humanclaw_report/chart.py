@@ -19,7 +19,7 @@ def draw_chart(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:
     """Return the maps as one picture of this size (width, height), the highest storey on top."""
     sheet = Image.new("RGB", size, "white")
     height = (size[1] - GAP * (len(maps) - 1)) // len(maps)
-    for row, drawn in enumerate(reversed(maps)):
+    for row, drawn in enumerate(reversed(maps)):  # maps has the lowest storey first.
         sheet.paste(_draw_storey(drawn, (size[0], height)), (0, row * (height + GAP)))
     return sheet
 

@@ -106,6 +106,7 @@ def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, i
     # disable=None hides the progress bar where the output is not a terminal.
     for frame, shot in zip(tqdm(frames, "film", unit="frame", disable=None, leave=False), shots, strict=True):
         step = replay.step(frame)
+        # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))
         yield _caption(shot, step, inset[1])

@@ -82,6 +82,7 @@ def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
         _storey_map(scene, floor, f"{key}-{k}", title)
         for k, (floor, title) in enumerate(zip(floors, _titles(floors), strict=True))
     ]
+    # Stacked storeys must have one scale and one origin on the page.
     box = _box(scene, [wall for drawn in maps for wall in drawn.walls])
     return tuple(replace(drawn, box=box) for drawn in maps)
 
