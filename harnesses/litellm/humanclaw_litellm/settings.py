@@ -185,7 +185,7 @@ def _hides(key: str, value: Any) -> bool:
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the profile. An explicit `history` has no slack, so that it means exactly that many steps."""
+    """Return the values of the profile. An explicit `history` has no slack, so it means that many steps."""
     values = dict(PROFILES.get(str(given.get("profile", "default")), {}))
     return values | ({"history_slack": 0} if "history" in given else {})
 
