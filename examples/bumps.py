@@ -1,6 +1,6 @@
-"""An observer: counts what the body runs into, whoever decides. `humanclaw run --plugin examples/bumps.py`
+"""An observer that counts the body's contacts, with any agent: `humanclaw run --plugin examples/bumps.py`.
 
-An observer is told of every recorded step and of the end of an episode. One that raises changes nothing of the episode.
+Its hooks are called after every recorded step and at the end of an episode. If one raises, the episode does not change.
 """
 
 from collections import Counter
@@ -8,7 +8,7 @@ from collections import Counter
 from humanclaw import hookimpl
 
 FLOOR = 0.03
-"""Contacts below this height are steps, metres."""
+"""Contacts below this height are footsteps, metres."""
 bumps: dict[str, Counter[str]] = {}
 
 

@@ -1,8 +1,8 @@
 """Pictures of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES]
 
-Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a body sees that stands in them) and
-prints what is on each, and how many of 20 views from anywhere in each house show nothing but a bare wall. The default
-is 12 houses into examples/images.
+Writes houses.jpg (each storey from above, without ceilings) and views.jpg (what a standing body sees in them). Prints
+their sizes, and how many of 20 random views in each house show only a bare wall. The default is 12 houses, written to
+examples/images.
 """
 
 import sys
@@ -21,11 +21,11 @@ SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "
 NOBODY = WorldState(Pose2D(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
 TILE, VIEW, EYES = (460, 330), 384, 1.55
 SHELL, BARE = ("wall", "floor", "ceiling"), 0.99
-"""What a bare wall is made of, and the least share of a view that is nothing else."""
+"""Categories of a bare wall, and the share of a view that they fill at least."""
 
 
 def storey(scene: Scene, floor: float) -> Scene:
-    """One storey without what is above it, on the ceilings of the one below."""
+    """Return one storey without the objects above it, on the ceilings of the storey below."""
     kept = []
     for obj in scene.objects:
         low, high = (corner[1] for corner in scene.aabb(obj.id))
@@ -36,7 +36,7 @@ def storey(scene: Scene, floor: float) -> Scene:
 
 
 def from_above(scene: Scene, floor: float, size: tuple[int, int]) -> Camera:
-    """Return a camera high over the house, so that walls hide little."""
+    """Return a camera 30 m above the floor, from where walls hide little."""
     corners = np.array([[room.x0, room.z0, room.x1, room.z1] for room in scene.rooms])
     low, high = corners[:, :2].min(0) - 0.2, corners[:, 2:].max(0) + 0.2
     middle, (wide, deep) = (low + high) / 2, high - low
@@ -48,7 +48,7 @@ def from_above(scene: Scene, floor: float, size: tuple[int, int]) -> Camera:
 
 
 def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
-    """Return the storeys side by side under the name of the house."""
+    """Return a picture of the storeys side by side below the name of the house."""
     floors = sorted({room.floor for room in scene.rooms})
     size = TILE[0] // len(floors), TILE[1] - 24
     tile = Image.new("RGB", TILE, "white")
@@ -68,7 +68,7 @@ def standing(place: Pose2D) -> WorldState:
 
 
 def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
-    """Somewhere one can walk to, 2 to 4 m from an object of this category, facing it, with nothing between."""
+    """Return a reachable place that faces an object of this category, 2 to 4 m away and in view."""
     floors = MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
     places = np.concatenate(floors.starts(start, room=0.4))
@@ -86,7 +86,7 @@ def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
 
 
 def at_stairs(scene: Scene, upper: bool) -> Pose2D:
-    """In the hall, or on the landing above it, facing the stairs."""
+    """Return a place that faces the stairs, in the hall or on the landing above it."""
     (stairs,) = scene.of_category("stairs")
     x, _, z = _front(scene, stairs.id, 1.3)
     dx, _, dz = np.array(stairs.position) - [x, 0, z]
@@ -94,7 +94,7 @@ def at_stairs(scene: Scene, upper: bool) -> Pose2D:
 
 
 def _front(scene: Scene, key: int, distance: float) -> np.ndarray:
-    """(3,) a point so far before the front of an object."""
+    """Return the (3,) point at this distance in front of an object, metres."""
     obj = scene.by_id[key]
     reach = float(scene.assets[obj.asset].mesh.vertices[:, 2].max()) + distance
     return np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ [0.0, 0.0, reach]
@@ -111,7 +111,7 @@ def view_tile(renderer: Renderer, scene: Scene, subject: str, seed: int) -> Imag
 
 
 def bare_views(renderer: Renderer, scene: Scene, seed: int, count: int = 20) -> int:
-    """Return how many views from places drawn at random, in directions drawn at random, show a bare wall alone."""
+    """Return how many views from random places in random directions show only a bare wall."""
     rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
     places = np.concatenate(floors.starts(np.array([scene.start.x, scene.start.floor, scene.start.z]), room=0.35))
     shell = [obj.id for obj in scene.objects if obj.category in SHELL]

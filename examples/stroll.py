@@ -1,6 +1,6 @@
-"""A skill that uses another one's adapter under a schema of its own: `humanclaw run --plugin examples/stroll.py`.
+"""A skill with its own schema and the adapter of another skill: `humanclaw run --plugin examples/stroll.py`.
 
-A model that is poor at numbers gets three words; the motion is that of `walk`, and nothing is trained.
+A model that is poor at numbers chooses between three words. The motion is that of `walk`, so nothing is trained.
 """
 
 from pathlib import Path

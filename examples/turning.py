@@ -1,6 +1,6 @@
-"""A metric of one's own: `humanclaw bench table RUN --only plugins --plugin examples/turning.py`.
+"""A new metric: `humanclaw bench table RUN --only plugins --plugin examples/turning.py`.
 
-It is computed from an episode's record alone, and is a column of tables, exports and humanclaw_bench.load.
+It is computed from the record of an episode alone. Tables, exports and humanclaw_bench.load show it as a column.
 """
 
 from humanclaw import hookimpl

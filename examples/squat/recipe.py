@@ -1,6 +1,6 @@
-"""How the chunks of `squat` are found in clips."""
+"""Recipe of `squat`: which chunks of clips show it."""
 
 from humanclaw.skills import Recipe
 
-# Every window within the bounds of schema.json shows it; `windows=lambda w: ...` would narrow that down.
+# Every window within the bounds of schema.json shows a squat; `windows=lambda w: ...` could select among them.
 RECIPE = Recipe(name="squat", retimed=True)

@@ -1,6 +1,6 @@
-"""A body's skills as tools of agent frameworks: common behaviour, and the frameworks that are installed.
+"""Tests of a body's skills as tools of agent frameworks: common behaviour, and the installed frameworks.
 
-Every framework is tried with its real package by `make frameworks`, each in an environment of its own.
+`make frameworks` tests every framework with its real package, each in its own environment.
 """
 
 import io

@@ -42,7 +42,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         render_mode: str | None = None,
         plugins: Plugins | None = None,
     ) -> None:
-        """scene: one reference, or several of which each reset picks one. size: edge of the observation, pixels.
+        """scene: one reference, or several, of which each reset picks one. size: edge of the observation, pixels.
 
         Raises HumanclawError if no skill can be called, ValueError for an unknown render mode.
         """
@@ -87,6 +87,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
             self._body.reset(scene, seed=seed)
         instruction = chosen.get("instruction") or self.instruction
         spec = free_episode(instruction, self._body.scene, seed=seed, max_steps=self.max_steps)
+        # One attempt: a learner must see that its call was refused, instead of being asked again.
         self._episode = Episode(self._body, spec, "gymnasium", distance=self._distances, attempts=1)
         self._left = self._distance_to_goal()
         return self._see(), self._info()

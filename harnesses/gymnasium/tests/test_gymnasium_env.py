@@ -1,4 +1,4 @@
-"""The body as an environment, in a real house."""
+"""Tests of the body as an environment, in a real house."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_its_actions_are_the_skills_that_were_chosen():
 def test_it_passes_the_checker_of_gymnasium(env):
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
-        # With a spec it would make the same environment again for the one render mode that there is.
+        # With a spec, the checker would make the same environment again for its only render mode.
         warnings.filterwarnings("ignore", message=".*not having a spec")
         check_env(env)
 

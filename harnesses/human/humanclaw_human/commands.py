@@ -57,7 +57,7 @@ def _params(skill: Skill, words: Sequence[str]) -> dict[str, Any]:
     if len(words) > len(parts):
         raise CallError(f"{usage(skill)} takes {len(parts)} numbers; you gave {len(words)}.")
     given = {key: _value(key, part, word) for (key, part), word in zip(parts.items(), words, strict=False)}
-    # A parameter whose bounds include 0 may be omitted and is 0 then.
+    # An omitted parameter is 0 if its bounds include 0, so that "walk 40" is enough.
     left_out = {
         key: 0
         for key, part in parts.items()
@@ -109,7 +109,7 @@ def _form(skill: Skill) -> dict[str, Any]:
 
 
 def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
-    """Return the typed line for each key of the page, without keys that have no skill."""
+    """Return the line of each key of the page, without keys that have no skill."""
     ready = {name: skill for name, skill in skills.items() if skill.trained}
     moves = {key: _move(ready, measures, sign) for key, (sign, measures) in _MOVES.items()}
     ends = {key: _line(skill) for key, role in _ENDS.items() for skill in ready.values() if skill.role == role}

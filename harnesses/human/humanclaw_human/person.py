@@ -15,13 +15,14 @@ import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, PluginError, Skill
+from humanclaw.records import first_fault
 from humanclaw_human.commands import forms, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
 _REVISIT: Final = 1.0
 """Seconds for the last episode's page to reconnect to the same port, before a new page opens."""
 _POLL: Final = 0.2
-"""Seconds. Some systems ignore Ctrl-C during a wait without a timeout."""
+"""Seconds between two looks for a line. Some systems ignore Ctrl-C during a wait without a timeout."""
 
 
 class Settings(BaseModel):
@@ -42,9 +43,8 @@ class Settings(BaseModel):
         try:
             return cls(**options)
         except ValidationError as error:
-            first = error.errors()[0]
             raise HumanclawError(
-                f"--option {first['loc'][0]}: {first['msg']}.", "A person's options are browser and port."
+                f"--option {first_fault(error)}.", "A person's options are browser and port."
             ) from None
 
 
@@ -69,6 +69,7 @@ class Person:
         self._skills, self._most = context.skills, context.spec.max_steps
         if self._window is None:
             self._window = _opened(self._settings, self._lines.put, self._skills)
+            # One page serves all episodes of a run, so it closes with the agent.
             weakref.finalize(self, self._window.close)
         click.echo(
             f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: "
@@ -92,6 +93,7 @@ class Person:
             except CallError as error:
                 click.echo(error)
                 continue
+            # The page must not add a second call to one that came from the terminal.
             self._window.settle()
             return Decision((command.call,), command.seen, raw=line)
 
@@ -111,6 +113,7 @@ class Lines:
     def ask(self, prompt: str) -> str:
         """Wait for the next line. Raises KeyboardInterrupt if the person leaves or the terminal closes."""
         click.echo(prompt, nl=False)
+        # The terminal is read on a thread, so that the page can answer while nobody types.
         if not self._reading and not _is_nothing(sys.stdin):
             self._reading = True
             threading.Thread(target=self._read, daemon=True).start()
@@ -130,7 +133,7 @@ class Lines:
 
 
 def _is_nothing(stream: TextIO) -> bool:
-    """Whether the stream is the null device, as in processes of a benchmark: then only the page gives lines."""
+    """Tell whether the stream is the null device, as in a benchmark's processes; then only the page gives lines."""
     try:
         return os.path.samestat(os.fstat(stream.fileno()), os.stat(os.devnull))
     except (OSError, ValueError):

@@ -19,9 +19,9 @@ from humanclaw import CallError
 from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
-"""Longest line, bytes, with the report of what is seen."""
+"""Longest line with its report of what is seen, bytes."""
 LEAVE: Final = "leave the episode"
-"""The line that ends the episode for a person who leaves."""
+"""The line of a person who leaves the episode."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Window:
         """Whether a page has connected."""
         self._asking = threading.Lock()
         """Free while the page may submit a call. It is held while the body moves, so that keys have no effect then."""
-        self._asking.acquire()
+        self._asking.acquire()  # No episode has begun yet.
         self._secret = secrets.token_urlsafe(16)
         """Known only to the page, so that no other page of the browser can submit calls."""
         self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
@@ -84,7 +84,7 @@ class Window:
         return f"http://127.0.0.1:{self._server.server_port}/"
 
     def show(self, rgb: NDArray[np.uint8], moment: Moment) -> None:
-        """Show a (H, W, 3) picture, as the JPEG that a model gets, and text; then accept one call."""
+        """Show text and an (H, W, 3) picture, as the JPEG that a model gets; then accept one call."""
         self._picture = jpeg(rgb)
         self._state = asdict(moment)
         self.settle()
@@ -112,6 +112,7 @@ class Window:
                 if self._is_ours():
                     told = self.headers.get("Content-Length", "")
                     length = int(told) if told.isdecimal() else 0
+                    # Takes the same time for every wrong secret, so that nothing can be learned from it.
                     known = hmac.compare_digest(self.headers.get("X-HumanCLAW", "").encode(), window._secret.encode())
                     line = self.rfile.read(length).decode("utf-8", "replace") if known and 0 < length < _LONGEST else ""
                     code, words = window._press(line) if known and self.path == "/call" else (403, "")
@@ -160,6 +161,7 @@ class Window:
         """Return page, style, script and controls as one document."""
         told = {"secret": self._secret, "leave": LEAVE, **asdict(self._controls)}
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
+        # "<" is escaped, since a description of a skill may hold "</script>".
         return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()
 
 

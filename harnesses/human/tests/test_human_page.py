@@ -1,7 +1,6 @@
-"""The page in a real browser: arrow keys, buttons and the form are calls, and nothing serious is in the way of a screen
-reader.
+"""Tests of the page in a real browser: arrow keys, buttons and form, and no serious accessibility fault.
 
-Slow, and for machines that have Chromium and playwright: HUMANCLAW_SLOW=1.
+They are slow and need Chromium and playwright. Run them with HUMANCLAW_SLOW=1.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""A person's lines become calls, and the view is where a browser finds it."""
+"""Tests of a person's lines and of the page's server."""
 
 import gc
 import io

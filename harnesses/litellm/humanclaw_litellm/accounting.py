@@ -73,7 +73,7 @@ def _cost_by_list(response: Any, settings: Settings, plain: float) -> float:
 
 
 def _counted_by_litellm(response: Any, model: str, messages: list[Json], sent: int) -> bool:
-    """Whether litellm made up the count: for Ollama it fills in a missing one, from the text alone."""
+    """Tell whether litellm made up the count: for Ollama it fills in a missing one, from the text alone."""
     return "ollama" in model and sent == load().token_counter(messages=messages)
 
 

@@ -107,6 +107,7 @@ class ModeNegotiator:
             if not self._chosen:
                 self._cache[self._key] = reply.mode
         elif said_something and not self._settled and len(self._left) > 1:
+            # A model that writes text although it must use tools will not use them voluntarily: both modes go.
             tools = ("tools", "tools_auto")
             self._left = [
                 mode for mode in self._left if mode != reply.mode and (reply.mode not in tools or mode not in tools)

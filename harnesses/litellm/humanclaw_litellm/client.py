@@ -1,7 +1,7 @@
 """Requests to a model's provider, through litellm, with retries, a rate limit and a deadline.
 
-Only this module retries (litellm and the provider's client are told not to), so the number of requests is the one
-asked for.
+Only this module retries. Retries of litellm and of the provider's client are off, so the number of requests is the one
+that the options ask for.
 """
 
 from __future__ import annotations
@@ -96,6 +96,7 @@ class Client:
         self._meter = meter
         self._check_name()
         self._check_key()
+        # Checked before the first request: afterwards the money would already be spent.
         if meter.limits_money() and price_of(self._settings) is None:
             hint = 'Give prices: --option \'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}\'.'
             raise ModelError(
@@ -154,7 +155,7 @@ class Client:
 
     def _settle(self, usage: Usage, reserved: int) -> None:
         self._gate.settle(usage.tokens_in + usage.tokens_out - reserved)
-        self._answer = usage.tokens_out
+        self._answer = usage.tokens_out  # The next answer is expected to be about as long.
 
     def _wait_for_turn(self, tokens: int) -> None:
         """Wait until the rate limit allows the request. Raises LimitError if time runs out meanwhile."""
@@ -177,8 +178,8 @@ class Client:
             model=settings.model,
             messages=messages,
             timeout=seconds,
-            num_retries=0,
-            max_retries=0,
+            num_retries=0,  # of litellm
+            max_retries=0,  # of the provider's client
             drop_params=False,  # Parameters are sent or refused, never dropped silently; only _HINTS may be dropped.
             **{key: value for key, value in optional.items() if value},
             **{key: value for key, value in chosen.items() if value is not None},
@@ -198,7 +199,7 @@ class Client:
         )
 
     def _wait(self, state: tenacity.RetryCallState) -> float:
-        """Exponential with jitter; at least what the provider asks for, at most the time that is left."""
+        """Return the seconds to wait: exponential with jitter, at least as the provider asks, at most the time left."""
         first = self._settings.backoff
         spread = (tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first))(state)
         asked = min(retry_after(state.outcome.exception() if state.outcome else None), _LONGEST_RETRY_AFTER)
@@ -215,7 +216,7 @@ class Client:
     def _key(self) -> str:
         """Return the key to send; empty if litellm finds one by itself.
 
-        "none" for a server of one's own: it often needs no key, but its client library does.
+        "none" for a local server, which often needs no key although its client library does.
         """
         name = self._settings.auth_env
         if name and not os.environ.get(name, "").strip():
@@ -252,6 +253,7 @@ class Client:
         told = self._tell(error)
         if is_refusal(error):
             return RefusalError(told)
+        # A key or name that worked before is right, so the fault must be the provider's.
         mendable = None if self._worked else self._mendable(getattr(error, "status_code", None), told)
         return mendable or ProviderError(f"{self._where()} gave no answer: {told}")
 
@@ -282,7 +284,7 @@ class Client:
 
 
 def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
-    """Return the result of a call within so many seconds of wall time. Raises TooSlowError.
+    """Return the result of a call that takes at most `seconds` of wall time. Raises TooSlowError.
 
     A client's own timeout restarts with every byte that arrives. A request that is too slow is abandoned to its
     thread.
@@ -315,6 +317,7 @@ def _streamed(**request: Any) -> Any:
     if whole is None:
         raise NoAnswerError("the reply held no pieces")
     counted = load().token_counter(model=pieces[0].model, messages=request["messages"])
+    # A count that equals litellm's own estimate is that estimate.
     if getattr(getattr(whole, "usage", None), "prompt_tokens", counted) == counted:
         whole.usage = None
     return whole

@@ -21,8 +21,10 @@ class _Episode:
 
 
 class ModelAgent:
-    """Asks a model for one call a step. An answer without a call is still a Decision; the loop explains the fault to
-    the model."""
+    """Asks a model for one call per step.
+
+    An answer without a call is still a Decision; the loop explains the fault to the model.
+    """
 
     privileged = False
 

@@ -46,29 +46,30 @@ class NoAnswerError(Exception):
 
 
 def is_transient(error: BaseException) -> bool:
-    """Whether the same request may succeed later."""
+    """Tell whether the same request may succeed later."""
     if redirect(error) or too_long(error) or _IN_PIECES.search(str(error)):
         return False
     status = getattr(error, "status_code", None)
+    # A used-up quota also has status 429, but no retry brings it back.
     if not isinstance(status, int) or "insufficient_quota" in str(error):
         return False
     return status in _TRANSIENT or status >= 500 or _is_unreadable(error)
 
 
 def is_refusal(error: BaseException) -> bool:
-    """Whether the provider refuses the form of the request, so that another form may succeed."""
+    """Tell whether the provider refuses the form of the request, so that another form may succeed."""
     refused = getattr(error, "status_code", None) in (400, 422) and type(error).__name__ not in _NO_REFUSALS
     return refused and not _is_unreadable(error)
 
 
 def wants_stream(error: BaseException) -> bool:
-    """Whether the server only streams: its refusal says so, or its reply shows it."""
+    """Tell whether the server only streams: its refusal says so, or its reply shows it."""
     refused = getattr(error, "status_code", None) in (400, 405, 422) and _WANTS_STREAM.search(str(error))
     return bool(refused or _is_unreadable(error))
 
 
 def _is_unreadable(error: BaseException) -> bool:
-    """Whether litellm could not read the provider's reply. It reports that as if the request had been wrong."""
+    """Tell whether litellm could not read the provider's reply, which it reports as a fault of the request."""
     return bool(_UNREADABLE.search(str(error)))
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 LONGEST_REPLY: Final = 64 * 2**20
-"""Bytes. A streamed answer of a hundred thousand tokens, about the longest, has about thirty million."""
+"""Longest reply, bytes. A streamed answer of a hundred thousand tokens, about the longest, has thirty million."""
 
 
 class TooLongError(Exception):

@@ -85,6 +85,7 @@ def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
     if found is None:
         return None
     largest = next(part.high for part in found.parameters if part.measure == "heading.left")
+    # 1e-9: rounding must not turn an exact division into one more turn.
     return found.name, ceil(2 * np.pi / largest - 1e-9)
 
 

@@ -48,7 +48,7 @@ class Gate:
         return cls(path, settings.requests_per_minute, settings.tokens_per_minute)
 
     def enter(self, tokens: int) -> float:
-        """Reserve the next free slot for a request of so many tokens; return the seconds until then.
+        """Reserve the next free slot for a request of `tokens` tokens; return the seconds until then.
 
         Raises ModelError if there is a limit but its file cannot be written.
         """
@@ -59,18 +59,18 @@ class Gate:
         return wait
 
     def settle(self, tokens: int) -> None:
-        """Correct a reservation: the request took so many tokens more (fewer, if negative) than estimated."""
+        """Correct a reservation by the tokens that the request took beyond the estimate; negative for fewer."""
         if self._tokens and tokens:
             with self._next() as free:
                 free[0] += self._seconds(0, tokens)
 
     def close(self, seconds: float) -> None:
-        """Let no request through for so many seconds, because the provider asks for it."""
+        """Let no request through for this many seconds, because the provider asks for it."""
         with self._next() as free:
             free[0] = max(free[0], self._clock() + seconds)
 
     def _seconds(self, requests: int, tokens: int) -> float:
-        """Return the seconds that these occupy the gate: those of the stricter limit."""
+        """Return the seconds that requests and tokens occupy the gate, by the stricter limit."""
         spans = [60.0 * count / rate for count, rate in ((requests, self._requests), (tokens, self._tokens)) if rate]
         return min(spans, default=0.0) if tokens < 0 else max(spans, default=0.0)
 

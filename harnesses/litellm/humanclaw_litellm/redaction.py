@@ -29,7 +29,7 @@ def redact(text: str, *secrets: str) -> str:
 
 
 def holds_key(path: str) -> bool:
-    """Whether a part of a URL's path is a key or looks like one."""
+    """Tell whether a part of a URL's path is a key or looks like one."""
     return redact(path) != path or any(map(_RANDOM.fullmatch, _PARTS.split(path)))
 
 

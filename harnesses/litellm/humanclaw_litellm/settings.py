@@ -15,7 +15,7 @@ from humanclaw import PluginError
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
-"""How a model is asked for a call: tools it must use, tools it may use, a JSON schema, or instructions alone."""
+"""Ways to ask a model for a call: tools it must use, tools it may use, a JSON schema, or instructions alone."""
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     "paper": {
         "history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0, "guide": False,
@@ -135,6 +135,7 @@ class Settings(BaseModel):
         """
         own = {key.removeprefix("verifier_"): value for key, value in options.items() if key.startswith("verifier_")}
         shared = {key: value for key, value in options.items() if not key.startswith("verifier_")}
+        # Otherwise the key of one provider would be sent to another.
         if own.get("model") and "api_base" not in own:
             shared.pop("api_base", None)
             shared.pop("auth_env", None)
@@ -174,7 +175,7 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
 
 
 def _hides(key: str, value: Any) -> bool:
-    """Whether an option of another plugin holds a key in a nested value, or in JSON text."""
+    """Tell whether an option of another plugin holds a key in a nested value, or in JSON text."""
     if key in Settings.model_fields:
         return False  # The checks of these options give a better message.
     try:
@@ -184,7 +185,7 @@ def _hides(key: str, value: Any) -> bool:
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the profile. An explicit `history` has no slack."""
+    """Return the values of the profile. An explicit `history` has no slack, so it means that many steps."""
     values = dict(PROFILES.get(str(given.get("profile", "default")), {}))
     return values | ({"history_slack": 0} if "history" in given else {})
 

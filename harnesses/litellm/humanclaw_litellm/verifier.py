@@ -68,6 +68,7 @@ def _numbered(skill: Skill) -> dict[str, Check]:
 def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
     asked: Json = {}
     for key in checks:
+        # Models write properties in order, so evidence comes before the answer that it supports.
         asked[f"{key}_evidence"] = {"type": "string"}
         asked[f"{key}_answer"] = {"type": "string", "enum": ["yes", "no"]}
     schema = {

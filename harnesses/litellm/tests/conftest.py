@@ -1,4 +1,4 @@
-"""A scripted model behind a real HTTP server, real skills, and a view."""
+"""Fixtures: a scripted model behind a real HTTP server, real skills, and a view."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def plugins():
 
 @pytest.fixture(scope="session")
 def skills(plugins):
-    """The skills as if trained: nothing here runs the motion model."""
+    """Return the skills, marked as trained; no test here runs the motion model."""
     return {name: dataclasses.replace(skill, adapter=None) for name, skill in plugins.skills.items()}
 
 
@@ -54,8 +54,7 @@ def context(skills):
 
 @pytest.fixture
 def begin(context):
-    """begin(server, **options): a part that talks to the server and has begun the episode. Nothing is cached between
-    tests."""
+    """begin(server, **options): return an agent or verifier that has begun an episode. Tests share no cache."""
     host = Plugins()
     host.add(humanclaw_litellm, "litellm")
 
@@ -70,7 +69,7 @@ def begin(context):
 
 @pytest.fixture
 def view():
-    """view(step): a view of smooth colours, different in each step."""
+    """view(step): return a view of smooth colours, different in each step."""
     ramp = np.linspace(0, 200, 512).astype(np.uint8)
 
     def observe(step: int = 0, feedback: Feedback | str = "") -> Observation:

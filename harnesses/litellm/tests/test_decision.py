@@ -1,4 +1,4 @@
-"""The agent, against a scripted model behind a real HTTP server."""
+"""Tests of the agent against a scripted model behind a real HTTP server."""
 
 import contextlib
 import json
@@ -25,7 +25,7 @@ WALK = {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
 
 
 def answer(name="walk", **params):
-    """A decision as a JSON text."""
+    """Return a decision as JSON text."""
     return json.dumps({**SAID, "skill": name, "parameters": params})
 
 
@@ -33,7 +33,7 @@ def after(decision, observation, words="It went as it went."):
     return HistoryEntry(observation.step, decision, Feedback(refusal=words), observation.rgb)
 
 
-# -- what the model is told and shown ----------------------------------------------------------------------------------
+# -- requests ----------------------------------------------------------------------------------------------------------
 def test_a_scripted_model_walks_and_then_stops(begin, view, skills):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop", **SAID)]) as server:
         agent = begin(server)
@@ -154,7 +154,7 @@ def test_the_sampling_options_are_sent_as_given(begin, view):
     assert (body["temperature"], body["max_tokens"], body["seed"]) == (0.0, 300, 7)
 
 
-# -- answers that hold no single call ----------------------------------------------------------------------------------
+# -- answers without exactly one call ----------------------------------------------------------------------------------
 def handed_back(begin, view, skills, reply):
     """Return the decision for a reply, and the loop's error for it."""
     with OpenAIServer([reply]) as server:

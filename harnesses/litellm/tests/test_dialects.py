@@ -1,4 +1,4 @@
-"""Five dialects over HTTP, through litellm: the same answer has the same result in each."""
+"""Tests of five dialects over HTTP, through litellm: the same answer has the same result in each."""
 
 import json
 import time
@@ -69,7 +69,7 @@ def talk(begin, view, dialect):
     return run
 
 
-# -- what is sent ------------------------------------------------------------------------------------------------------
+# -- requests ----------------------------------------------------------------------------------------------------------
 def test_tools_picture_and_prompt_arrive_whole(talk, skills):
     _, server, _ = talk([call("stop")])
     (request,) = server.requests
@@ -123,7 +123,7 @@ def test_a_call_is_demanded_where_the_dialect_can_say_so(talk, dialect):
     assert demanded[dialect]()
 
 
-# -- what comes back ---------------------------------------------------------------------------------------------------
+# -- answers -----------------------------------------------------------------------------------------------------------
 def test_a_call_is_read_with_all_that_was_said_around_it(talk, skills):
     decision, _, agent = talk([call("walk", **SAID, **WALK)])
     assert check(decision, skills) == Call("walk", WALK)
@@ -158,7 +158,7 @@ def test_numbers_in_quotes_are_handed_back(talk, skills):
 
 @pytest.mark.parametrize("tool", ["walk", "stop"])
 def test_a_call_that_was_cut_off_is_handed_back(talk, skills, tool):
-    """`stop` needs no parameter: half of it must not count as a whole."""
+    """`stop` needs no parameter, so a call that was cut off must not count as a whole one."""
     decision, _, _ = talk([calls((tool, '{"visible_state": "A sof'))])
     with pytest.raises(CallError, match="no call"):
         check(decision, skills)

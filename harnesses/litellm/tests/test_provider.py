@@ -1,4 +1,4 @@
-"""Failures of the provider, the cost of requests, and places where a key must not appear."""
+"""Tests of provider failures, the cost of requests, and places where a key must not appear."""
 
 import contextlib
 import datetime
@@ -377,7 +377,7 @@ def test_the_verifier_can_have_a_model_of_its_own():
     assert (own.model, own.api_base, own.temperature) == ("small", "", 0.5)
 
 
-# -- manners -----------------------------------------------------------------------------------------------------------
+# -- privacy and limits ------------------------------------------------------------------------------------------------
 def test_the_plugin_loads_without_litellm_and_a_failing_run_prints_and_fetches_nothing_of_its_own():
     script = """
 import sys, humanclaw_litellm

@@ -1,4 +1,4 @@
-"""Rate limits shared by workers, and answers that are streamed."""
+"""Tests of rate limits that workers share, and of streamed answers."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_a_server_that_only_streams_is_found_out_once(begin, view):
 
 
 class PiecesServer(OpenAIServer):
-    """Always streams, also unasked."""
+    """Always streams, even if the request does not ask for it."""
 
     def respond(self, request):
         asked = "stream" in request.body

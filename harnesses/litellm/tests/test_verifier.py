@@ -1,4 +1,4 @@
-"""The verifier, against a scripted model behind a real HTTP server."""
+"""Tests of the verifier against a scripted model behind a real HTTP server."""
 
 import json
 
@@ -12,7 +12,7 @@ WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
 
 
 def verdict(*answers, **rest):
-    """The arguments of a verdict: yes or no to each check in turn."""
+    """Return the arguments of a verdict: yes or no to each check in turn."""
     numbered = {f"check_{number}_answer": answer for number, answer in enumerate(answers, start=1)}
     seen = {f"check_{number}_evidence": "a wall" for number, _ in enumerate(answers, start=1)}
     return seen | numbered | rest
@@ -20,7 +20,7 @@ def verdict(*answers, **rest):
 
 @pytest.fixture
 def verify(begin, view, skills):
-    """verify(reply, ...): the verdict on a call, and the requests that were made for it."""
+    """verify(reply, ...): return the verdict on a call, and the requests that were made for it."""
 
     def ask(*replies, about=WALK, **options):
         with OpenAIServer(replies) as server:

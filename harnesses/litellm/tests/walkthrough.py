@@ -56,7 +56,7 @@ def call(step: int) -> Call:
 
 
 def said(step: int) -> dict[str, str]:
-    """The reasoning of a step; the mid-level goal holds for six steps."""
+    """Return the reasoning of a step; the mid-level goal holds for six steps."""
     scene, goal = step % 3, step // 6 % 3
     return {
         "visible_state": _SEEN[scene],

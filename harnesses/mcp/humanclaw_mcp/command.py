@@ -26,7 +26,9 @@ from humanclaw.cli import engine_options, plugin_options
 )
 @click.option("--instruction", help="The task, if the client gives none.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
-@click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Steps an episode.")
+@click.option(
+    "--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Most steps of an episode."
+)
 @click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Most bodies at one time.")
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds to keep an idle body.")
 @click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as in the benchmark.")
@@ -51,7 +53,7 @@ def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **op
     from humanclaw_mcp.serve import serve_http, serve_stdio
     from humanclaw_mcp.settings import Settings
 
-    # Whoever knows a session's name can use its body, and the protocol library logs names below this level.
+    # The name of a session gives access to its body, and the protocol library logs names below this level.
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     if options["auth_env"] and not http:
         raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")

@@ -122,6 +122,7 @@ class Session:
 
     def stop(self) -> None:
         """Stop the current call and refuse further ones, without waiting."""
+        # Without the lock: the running call holds it until it ends.
         if self._episode:
             self._episode.stop()
 

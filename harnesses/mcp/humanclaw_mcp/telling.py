@@ -69,7 +69,7 @@ async def changed(ctx: Context, subscription: Subscription, bus: InMemorySubscri
 async def apart(ctx: Context, work: Callable[[], T], doing: Callable[[], str], every: float) -> T:
     """Run work on a thread, so that the event loop serves other clients meanwhile. Raises what the work raises.
 
-    A client with a progress token gets a message at once and every so many seconds: the seconds so far and `doing()`.
+    A client with a progress token gets a message at once and then at intervals: the seconds so far and `doing()`.
     """
     began = time.monotonic()
 

@@ -1,4 +1,4 @@
-"""A server with real skills and a real house, and official clients to talk to it."""
+"""Fixtures: a server with real skills and a real house, and official clients."""
 
 from __future__ import annotations
 

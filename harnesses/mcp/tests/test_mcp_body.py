@@ -1,4 +1,4 @@
-"""One client, one body, one house: what the tools, the resources and the prompt do."""
+"""Tests of tools, resources and prompt with one client, one body and one house."""
 
 from __future__ import annotations
 

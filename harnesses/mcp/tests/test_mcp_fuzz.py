@@ -1,6 +1,6 @@
-"""Malformed requests: each is answered in the protocol's words, and the server serves the next one.
+"""Tests of malformed requests: each gets an error of the protocol, and the server serves the next one.
 
-HUMANCLAW_FUZZ=N tries N of them.
+HUMANCLAW_FUZZ=N tries N requests.
 """
 
 from __future__ import annotations

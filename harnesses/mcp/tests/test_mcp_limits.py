@@ -1,4 +1,4 @@
-"""Limits that need no motion to test."""
+"""Tests of limits that need no motion."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What a client is told that asked for it: progress, log messages, changed resources, completions, and what it
-missed."""
+"""Tests of progress, log messages, changed resources, completions, and messages after a cut stream."""
 
 from __future__ import annotations
 
@@ -134,7 +133,7 @@ async def test_arguments_are_completed(begun):
     assert found.completion.values == ["Find a chair.", "Find a couch and sit on it."]
 
 
-# -- a stream that is cut ----------------------------------------------------------------------------------------------
+# -- cut streams -------------------------------------------------------------------------------------------------------
 VERSION = "2025-11-25"
 HEADERS = {"Accept": "application/json, text/event-stream", "MCP-Protocol-Version": VERSION, "Host": "127.0.0.1:8000"}
 
@@ -144,7 +143,7 @@ def request(method, number, **params):
 
 
 def events(text):
-    """The events of a stream as (id, data)."""
+    """Yield the events of a stream as (id, data)."""
     parts = [dict(line.split(": ", 1) for line in part.splitlines() if ": " in line) for part in text.split("\r\n\r\n")]
     return [(part["id"], part.get("data", "")) for part in parts if "id" in part]
 

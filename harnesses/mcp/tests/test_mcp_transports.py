@@ -1,4 +1,4 @@
-"""The command itself, over both transports, from the official client."""
+"""Tests of the command over both transports, with the official client."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_only_names_of_this_machine_are_answered(url, headers, status):
 
 @pytest.fixture
 async def served(anyio_backend):
-    """served(settings): an HTTP client of a server in this process; nothing of it moves."""
+    """served(settings): return an HTTP client of a server in this process, whose bodies do not move."""
     async with contextlib.AsyncExitStack() as stack:
 
         async def serve(settings):

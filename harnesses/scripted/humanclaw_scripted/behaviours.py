@@ -24,8 +24,7 @@ TURNING_POINT: Final = 3.2
 
 @dataclass
 class Snapshot:
-    """Input of a fault at one step: the oracle's decision, the episode, and notes of its own that last for the
-    episode."""
+    """Input of a fault at one step: the oracle's decision, the episode, and the fault's own notes of the episode."""
 
     perception: Perception
     decision: Decision
@@ -177,6 +176,7 @@ def _searches_aimlessly(at: Snapshot) -> Decision:
         return at.decision
     at.count("gone")
     back = _back_along(at, at.trail)
+    # The trail is used up: the body is at the start again, and the search begins anew.
     if back.calls[0].skill == at.stop:
         del at.notes["gone"]
         return at.decision
@@ -214,6 +214,7 @@ def _gives_up(at: Snapshot) -> Decision:
 
 def _back_along(at: Snapshot, trail: list[Array]) -> Decision:
     """Take a step back along the trail; stop at its beginning."""
+    # Places that the body has come back to are done.
     while trail and np.hypot(*(trail[-1] - at.perception.here())[[0, 2]]) < 0.35:
         trail.pop()
     if not trail:

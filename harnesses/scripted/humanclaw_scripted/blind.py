@@ -54,6 +54,7 @@ class WanderingAgent:
         self._context = context
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        # A stream of its own (80), so that it shares no draws with other scripted agents.
         rng = np.random.default_rng([self._context.seed, observation.step, 80])
         amounts = (rng.uniform(-0.1, 0.1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5))
         turns = rng.random() < 0.3

@@ -2,7 +2,7 @@
 
 A detector is any program. It reads pictures from its input, 512 x 512 x 3 bytes each, rows from the top, red, green and
 blue. It answers each with one line of JSON, a list of [x0, y0, x1, y1, score, name]: corners in pixels, a score from
-0 to 1, and COCO's name of the thing ("chair", "couch", "potted plant", "bed", "toilet", "tv").
+0 to 1, and the name of a COCO category ("chair", "couch", "potted plant", "bed", "toilet", "tv").
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from humanclaw_scripted.options import DetectorOptions
 from humanclaw_scripted.sight import Mask, Sight
 
 THICK: Final = (0.2, 1.0)
-"""Bounds of the assumed half depth of a thing, metres; between them it is half the width."""
+"""Bounds of the assumed half depth of an object, metres; between them it is half the width."""
 _Score = Annotated[float, Field(ge=0, le=1)]
 _BOXES: Final = TypeAdapter(
     list[tuple[float, float, float, float, _Score, str]], config=ConfigDict(allow_inf_nan=False)
@@ -58,7 +58,7 @@ class PerfectEyes:
 
 
 class DetectorEyes:
-    """Finds a target by a detector's boxes; depth separates the thing in a box from its background."""
+    """Finds a target by a detector's boxes; depth separates the object in a box from its background."""
 
     def __init__(self, options: DetectorOptions) -> None:
         self.settings: Mapping[str, Any] = options.model_dump()
@@ -73,7 +73,7 @@ class DetectorEyes:
 
 
 def filled(boxes: Sequence[Box], view: View) -> Mask:
-    """Return (H, W) which pixels in boxes lie within half a box's width of the depth at its middle."""
+    """Return a mask (H, W) of the pixels in boxes whose depth is within half a box's width of that at its middle."""
     mask = np.zeros(view.depth.shape, bool)
     for x0, y0, x1, y1, *_ in boxes:
         part = slice(max(0, round(y0)), max(0, round(y1))), slice(max(0, round(x0)), max(0, round(x1)))
@@ -81,7 +81,7 @@ def filled(boxes: Sequence[Box], view: View) -> Mask:
         high, wide = (side // 4 for side in depth.shape)
         inner = depth[high : len(depth) - high, wide : depth.shape[1] - wide]
         middle = float(np.median(inner)) if inner.size else np.inf
-        if np.isfinite(middle):  # A box of mostly sky shows no thing.
+        if np.isfinite(middle):  # A box of mostly sky shows no object.
             half = middle * depth.shape[1] / len(mask)  # With 90 degrees the picture is 2 x depth wide.
             mask[part] |= np.abs(depth - middle) < np.clip(half, *THICK)
     return mask
@@ -100,9 +100,9 @@ def _asked(process: subprocess.Popen[bytes], picture: bytes) -> bytes:
 
 
 def _within(seconds: float, ask: Callable[[], bytes]) -> bytes | None:
-    """Return an answer, or None after so many seconds.
+    """Return an answer, or None if it takes longer than `seconds`.
 
-    The thread is abandoned then: children of a killed program may keep its output open.
+    Its thread is then abandoned, because children of a killed program may keep its output open.
     """
     answers: list[bytes] = []
     asking = threading.Thread(target=lambda: answers.append(ask()), daemon=True)

@@ -52,7 +52,7 @@ class Fault:
         return {"fault": f"{self.name}+{other.name}"}
 
     def fits(self, spec: EpisodeSpec) -> bool:
-        """Whether an episode can show this fault. True if the length of its way is unknown."""
+        """Tell whether an episode can show this fault; True if the length of its way is unknown."""
         if self.seated and not spec.interact:
             return False
         way, (least, most) = spec.difficulty, self.ways

@@ -1,7 +1,7 @@
 """An agent that fails in known ways, and a verifier with true knowledge, to check ablations and root causes.
 
-The agent is the oracle with one thing changed, so every failure is due to that change. Its results say nothing about
-any model; they show that harness and benchmark respond to a fault.
+The agent is the oracle with one change, so every failure is due to that change. Its results say nothing about any
+model; they show that harness and benchmark respond to a fault.
 
 A `fault` removes a capability: root causes should find it. A `bounded` agent keeps its capabilities, but its memory,
 attention and distance estimates have limits. The harness's settings (history, images, mid_level, a verifier) widen or
@@ -112,7 +112,7 @@ class BoundedRationality:
     Memory: the agent knows the place of a target out of view for as many steps as the history has; then it looks
     around. Commitment: to turn its back on a seat and sit down takes several steps, and so a mid-level goal; without
     one the agent stops in front of the seat. Attention: among n pictures it may take an old one for the current one,
-    and repeat the call of then. Distance: it may take a target in view within 4 m to be within reach.
+    and repeat the call that followed it. Distance: it may take a target in view within 4 m to be within reach.
     """
 
     options: FaultyOptions
@@ -122,6 +122,7 @@ class BoundedRationality:
     def limit(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
         """Return the limited decision. last_seen: last step with the target in view, this one included, or None."""
         rng = np.random.default_rng([self.perception.context.seed, step, 78])
+        # Every step draws all three numbers, so that one limit does not change the draws of another.
         draws = rng.random(3)
         old = self._mistaken_for(draws[:2], history)
         if old is not None:
@@ -144,7 +145,7 @@ class BoundedRationality:
         return history[-1 - int(draws[1] * others)].executed
 
     def _in_routine(self, call: Call) -> bool:
-        """Whether a call belongs to sitting down: the turn before the seat, the step back, or the sit."""
+        """Tell whether a call belongs to sitting down: the turn before the seat, the step back, or the sit."""
         skill = self.perception.context.skills[call.skill].declaration
         measures = tuple(one.measure for one in skill.parameters)
         sits = skill.role == "sit" or measures == BACK
@@ -173,9 +174,11 @@ class OracleVerifier:
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         advice = self._oracle.decide(observation, self._history)
+        # Its own stream (79): the agent's draws of the same step must not decide what the verifier overlooks.
         lets_pass = np.random.default_rng([self._perception.context.seed, observation.step, 79]).random() < self._miss
         accepted = skill.role != "stop" or self._perception.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
+        # The oracle learns from the executed call whether the body is blocked or sits.
         self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")
         return Verdict(accepted, None if accepted else done, (answer,))

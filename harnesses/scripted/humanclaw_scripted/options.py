@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import HumanclawError
+from humanclaw.records import first_fault
 from humanclaw_scripted.faults import FAULTS
 
 M = TypeVar("M", bound=BaseModel)
@@ -75,8 +76,5 @@ def _read(model: type[M], given: Mapping[str, Any]) -> M:
     try:
         return model(**given)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "options"
-        raise HumanclawError(
-            f"--option {where}: {first['msg']}.", f"The options are {', '.join(model.model_fields)}."
-        ) from None
+        options = f"The options are {', '.join(model.model_fields)}."
+        raise HumanclawError(f"--option {first_fault(error)}.", options) from None

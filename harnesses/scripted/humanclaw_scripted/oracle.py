@@ -136,6 +136,7 @@ class OracleAgent:
         memory.stand = stands[int(np.argmin(prices))]
         memory.way = parts(routes.route(memory.stand.place))
         memory.arrived = memory.sideways = False
+        # Stair skills are needed only in houses with stairs, so begin does not ask for them.
         if any(isinstance(part, StairRun) for part in memory.way):
             for needed in (UP, DOWN):
                 skill_for(self._context.skills, needed)
@@ -218,6 +219,7 @@ class OracleAgent:
             return self._turn(error), f"I stand in front of the {self._noun} and turn my back to it."
         left, ahead = pose.local(stand.point)
         gap = stand.gap - ahead
+        # Too far off for shuffling: plan the way to the seat again.
         if gap > 0.9 or gap < -0.3 or abs(left) > 0.6:
             self._memory.way = []
             return self._act(self._state(), pose)
@@ -295,6 +297,7 @@ class OracleAgent:
             memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1
             return self._back(0.15), "The stairs do not carry me on: I step back and try again."
         elif memory.way:
+            # The scene shows no obstacle there, or the way would avoid it: assume one in front of the body.
             there = pose.root + 0.35 * np.array([ahead[0], 0.0, ahead[1]])
             memory.floors = memory.floors.with_obstacle(there, 0.12)
         memory.blocked, memory.way, memory.jams = 0, [], memory.jams + 1

@@ -145,6 +145,7 @@ class SeeingAgent:
             memory.looks += 1
             return self._turn(float(LOOK)), f"I look round for a {self._noun}."
         if not memory.arrived or memory.stand is None:
+            # Each view can show a nearer place, so the choice is made anew until the agent has arrived.
             memory.stand = self._choose(grid, heights)
         if memory.stand is None:
             return Call(self._stop), f"I have been everywhere and found no {self._noun}."
@@ -200,6 +201,7 @@ class SeeingAgent:
             if np.linalg.norm(stand.point - self._here) > (0.15 if stand.found else 0.4):
                 return self._follow(grid, stand)
             if not stand.found:
+                # Otherwise a frontier that stays unseen would attract the agent forever.
                 self._memory.map.known |= self._memory.map.disk(stand.point, 0.4)
                 return self._turn(float(LOOK)), "Nothing new here: I look round."
             self._memory.arrived = True

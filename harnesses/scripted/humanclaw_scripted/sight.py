@@ -42,8 +42,8 @@ Mask = NDArray[np.bool_]
 class Sight:
     """One view as points.
 
-    points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. mine: (N,) which points show a
-    target. pixels: number of pixels of the view that show one.
+    points: (N, 3) left of the pelvis, over the floor, ahead of the pelvis, metres. mine: (N,) whether a point shows a
+    target. pixels: number of pixels of the view that show a target.
     """
 
     points: Array
@@ -65,18 +65,19 @@ class Sight:
         standing = rest_pose()
         eye = ego_camera(standing).position - standing.root[-1] * [1, 0, 1]
         points = np.stack([-right, eye[1] + ahead * sine + up * cosine, eye[2] + ahead * cosine - up * sine], -1)
+        # The body bends and sways, so its eyes are not exactly at standing height.
         floor = (np.abs(points[:, 1]) < 2 * LEVEL) & (points[:, 2] < 3.0)
         points[:, 1] -= np.median(points[floor, 1]) if floor.sum() > 100 else 0.0
         return cls(points, mine[::STRIDE, ::STRIDE][drawn], int(mine.sum()))
 
     def apart(self) -> Sight:
-        """Drop the agent's own limbs (all points above the floor within their reach), and no floor counts as target."""
+        """Drop the agent's own limbs (all points above the floor within their reach); no floor counts as target."""
         high = self.points[:, 1] > LEVEL
         own = high & (np.hypot(self.points[:, 0], self.points[:, 2]) < LIMBS)
         return Sight(self.points[~own], (self.mine & high)[~own], self.pixels)
 
     def near(self, most: float = FAR) -> Mask:
-        """Return (N,) which points are within range."""
+        """Return a mask (N,) of the points within range. most: metres."""
         return np.asarray(np.hypot(self.points[:, 0], self.points[:, 2]) < most)
 
     def obstacles(self) -> Array:
@@ -87,6 +88,7 @@ class Sight:
 
 def _thinned(points: Array) -> Array:
     """Keep one of the (N, 2) points of each 5 cm cell."""
+    # Both indices are packed into one integer, because unique is much faster on integers than on rows.
     keys = np.unique(np.round(points / CELL).astype(int) @ [1 << 20, 1] + (1 << 19))
     return np.stack([keys >> 20, (keys & ((1 << 20) - 1)) - (1 << 19)], -1) * CELL
 
@@ -149,7 +151,7 @@ class SeenMap:
     def empty(cls) -> Self:
         shape = (round(EXTENT / CELL),) * 2
         fresh = cls(np.zeros(shape, bool), np.zeros(shape, np.int8), np.zeros(shape, bool), np.zeros(shape))
-        fresh.known |= fresh.disk(np.zeros(2), 0.8)  # The body stands there, and its eyes see nothing so near.
+        fresh.known |= fresh.disk(np.zeros(2), 0.8)  # The body stands there, and its eyes do not see the floor so near.
         return fresh
 
     def disk(self, point: Array, radius: float) -> Mask:
@@ -164,6 +166,7 @@ class SeenMap:
     def cell(self, points: Array) -> NDArray[np.int64]:
         """Return (..., 2) indices of (..., 2) points, clipped to the map."""
         index = np.floor((points - np.array(self.origin)) / CELL).astype(np.int64)
+        # A margin of 40 cells leaves room for the disks around points at the edge.
         inside: NDArray[np.int64] = np.clip(index, 40, len(self.known) - 41)
         return inside
 
@@ -175,6 +178,7 @@ class SeenMap:
         low, high = near & (np.abs(heights) <= LEVEL), near & (np.abs(heights) > LEVEL) & (heights < HEADROOM)
         floor[tuple(cells[low].T)], blocked[tuple(cells[high].T)] = True, True
         self.known |= floor
+        # A view of floor is evidence against an obstacle: an early wrong one disappears again.
         change = blocked.astype(np.int8) - (floor & ~blocked).astype(np.int8)
         self.evidence = np.clip(self.evidence + change, -CERTAIN, CERTAIN)
         mine = sight.mine & sight.near(2 * FAR)
@@ -201,6 +205,7 @@ class SeenMap:
     def grid(self) -> OccupancyGrid:
         """Return the known part of the map as a grid to plan on."""
         blocked = (self.evidence > 0) | self.bumped
+        # Distant floor is seen as separate dots; closing joins them.
         known = binary_closing(self.known, iterations=3) | self.known
         rows, columns = (np.flatnonzero((known | blocked).any(axis)) for axis in (1, 0))
         part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

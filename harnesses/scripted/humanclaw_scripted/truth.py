@@ -100,7 +100,7 @@ def _hip_bottom(state: WorldState) -> float:
 
 
 def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
-    """Whether a part of the hips is over a target and rests on its seat."""
+    """Tell whether a part of the hips is over a target and rests on its seat."""
     low, high = box(scene, state, target)
     obj = scene.by_id[target]
     seat = scene.assets[obj.asset].seat_height

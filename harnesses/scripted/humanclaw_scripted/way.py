@@ -81,7 +81,7 @@ def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
     rest = float(along[-1] - along[here])
     ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
     for k in reversed(ahead):
-        # A point nearer than a step would make the body mark time; only the end of the path may be that near.
+        # With a point nearer than a step the body would step on the spot; only the end of the path may be that near.
         if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], 0.2):
             return marks[k], rest
     return marks[ahead[len(ahead) // 2]], rest

@@ -1,4 +1,4 @@
-"""Scripted agents on a body that executes calls within ten per cent."""
+"""Tests of scripted agents on a body that executes calls within ten per cent."""
 
 from __future__ import annotations
 

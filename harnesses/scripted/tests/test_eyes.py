@@ -1,4 +1,4 @@
-"""The agent that sees colours only, with an external detector program."""
+"""Tests of the agent that sees only colours, with an external detector program."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def written(tmp_path: Path, program: str) -> str:
 
 
 def view_of(colour: tuple[int, int, int]) -> View:
-    """A wall 2 m in front of the eyes with a coloured square of 60 x 60 pixels, and empty ids."""
+    """Return a view of a wall 2 m ahead of the eyes with a coloured square of 60 x 60 pixels, and empty ids."""
     rgb = np.full((512, 512, 3), 90, np.uint8)
     rgb[100:160, 300:360] = colour
     return View(rgb, np.full((512, 512), AWAY, np.float32), np.zeros((512, 512), np.int32))

@@ -1,5 +1,4 @@
-"""Deciders that fail in known ways, on a body that moves as told: what each does wrong, and that a repair puts it
-right."""
+"""Tests of faulty agents on a body that executes calls exactly: each fault shows, and a repair removes it."""
 
 from __future__ import annotations
 
@@ -119,7 +118,7 @@ def test_who_loses_heart_stops_where_it_started():
 
 
 def test_who_wanders_turns_back_again_and_again():
-    """Up to 3.2 m of way and a step more: 60 steps are enough to come back twice."""
+    """The turning point is at 3.2 m or one step further, so 60 steps are enough to come back twice."""
     walker, log = live(sit=False, fault="aimless_search")
     away = np.linalg.norm(np.array(walker.track) - walker.track[0], axis=1)
     returns = np.flatnonzero((away[1:] < 0.5) & (away[:-1] >= 0.5))
@@ -141,8 +140,7 @@ def test_who_gropes_walks_against_the_wall_as_long_as_it_has_not_seen_the_target
 
 
 def test_who_is_confused_sits_down_on_the_bed_and_then_stops_at_the_couch():
-    """The seat of the bed is 50 cm high, that of the couch 42: the hips are to be 10 cm over it, and nowhere over
-    54."""
+    """The bed's seat is 50 cm high, the couch's 42 cm. Hips go 10 cm over the seat, but at most to 54 cm."""
     walker, log = live(fault="confusion")
     (sat,) = [call for _, call in log if call.skill == "sit_in_place"]
     assert sat.params["h_cm"] == 54
@@ -158,8 +156,7 @@ def test_putting_the_missing_capability_back_makes_it_the_oracle_again(fault):
 
 
 def test_of_two_faults_at_once_either_can_be_put_right():
-    """Blind and without a sense of distance: with eyes it stops too far away, with a sense of distance it sees
-    nothing."""
+    """Blind and without a sense of distance: with repaired eyes it stops too far away, else it still sees nothing."""
     both = "blindness+distance"
     assert not any("couch is" in decision.visible_state for decision, _ in live(sit=False, fault=both)[1])
     _, log = live(sit=False, fault=both, repair="perception")
@@ -188,7 +185,7 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
 
 
 def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
-    """Ten seeds: with a history of ten steps most agents sit down, without a history none does."""
+    """Over ten seeds, most agents with a history of ten steps sit down, and none without a history."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
     assert sat[0] == 0
     assert sat[10] >= 8

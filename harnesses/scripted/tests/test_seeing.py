@@ -1,4 +1,4 @@
-"""The agent that sees: perception from its views, and tasks without map and pose."""
+"""Tests of the seeing agent: perception from its views, and tasks without map and pose."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def seeing() -> Agent:
 
 
 def before_a_wall() -> View:
-    """A view of a level floor and a wall: each pixel's ray meets the nearer of the two."""
+    """Return a view of a level floor and a wall: each pixel's ray meets the nearer of the two."""
     size, eye = 512, float(ego_camera(rest_pose()).position[1])
     up = 1 - 2 * (np.arange(size) + 0.5) / size
     rise = np.sin(GAZE_PITCH) + up * np.cos(GAZE_PITCH)
@@ -40,7 +40,7 @@ def before_a_wall() -> View:
 
 
 def sight_of(view: View) -> Sight:
-    """The view as points, with the wall as target."""
+    """Return the view as points, with the wall as target."""
     return Sight.of(view, view.ids != 0, view.ids == 2)
 
 

@@ -36,8 +36,8 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for name, told in (
         ("report", "Write the page that shows a run, or several side by side."),
-        ("film", "Film a recorded episode: a camera that follows the body, with what the eyes see in a corner."),
-        ("watch", "Show a run while it is under way, in a browser on this machine."),
+        ("film", "Film a recorded episode from behind the body, with the ego view in a corner."),
+        ("watch", "Show a run in progress in a browser on this machine."),
     ):
         cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", told))
 
@@ -51,7 +51,7 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 
 @hookimpl(optionalhook=True)
 def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
-    """Write the page of a run of the benchmark."""
+    """Write the page of a finished benchmark run."""
     from humanclaw_report.page import report_of
 
     tell(f"report: {report_of(run, plugins)}")

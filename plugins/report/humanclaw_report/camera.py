@@ -1,4 +1,4 @@
-"""A camera that follows a body: near, unobstructed, and without jerks."""
+"""A camera that follows a body: close, with a clear view, and without jerks."""
 
 from __future__ import annotations
 
@@ -15,26 +15,25 @@ from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.world import Camera, OccupancyGrid
 
 DISTANCE: Final = 3.0
-"""From the camera to the body, metres."""
+"""Distance from the camera to the body, metres."""
 AZIMUTHS: Final = np.radians(np.arange(0, 360, 30))
 ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
 _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
 KEY: Final = 8
-"""Frames between two moments at which the camera decides where to be."""
+"""Frames between two key frames; the camera chooses a direction at each key frame."""
 
 
 def sight(scene: Scene, floor: float) -> OccupancyGrid:
-    """Return the plan of a storey, for what a camera over it sees: through the well of its stairs it sees what is
-    below."""
+    """Return the plan of a storey for a camera above it, which sees the storey below through the stairwell."""
     plan = OccupancyGrid.of(scene, floor)
     well = np.isnan(plan.ground) & (plan.tops == 0)
     return replace(plan, tops=np.where(well, -np.inf, plan.tops))
 
 
 def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
-    """Return a level camera at eye that looks at centre. size: width and height in pixels."""
+    """Return a camera at eye that looks at centre without roll. size: width and height, pixels; fov: degrees."""
     forward = (centre - eye) / np.linalg.norm(centre - eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     up = np.cross(right / np.linalg.norm(right), forward)
@@ -42,10 +41,14 @@ def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0)
 
 
 def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion) -> Array:
-    """(T, 3) positions of a camera that stays behind the body and sees it, and moves no more than it must.
+    """Return (T, 3) positions, metres, of a camera that sees the body from behind and moves as little as possible.
 
-    plans: of each storey as it is shown; storeys: (T,) index of the one that the body is on. The cheapest sequence of
-    directions (Viterbi) by what hides the body, how far it is from behind, and how far it swings.
+    A Viterbi search finds the cheapest sequence of directions. A direction costs more if something hides the body, if
+    it is far from behind the body, and if the camera swings far to get there.
+
+    Args:
+        plans: Plan of each storey as it is shown.
+        storeys: (T,) index of the storey that the body is on.
     """
     keys = np.arange(0, len(motion), KEY)
     azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
@@ -58,24 +61,25 @@ def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: M
     chosen = _cheapest(cost, 2.5 * swing)
     offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
     offsets = smoothed(offsets, 9.0)
+    # Between two directions the camera would cut the corner and come closer.
     offsets *= DISTANCE / np.linalg.norm(offsets, axis=1, keepdims=True)
     return smoothed(motion.root, 6.0) + offsets
 
 
 def smoothed(values: Array, frames: float) -> Array:
-    """(T, ...) values, smoothed over time."""
+    """Smooth (T, ...) values over time. frames: standard deviation of the Gaussian."""
     return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
 
 
 def _discomfort(
     plan: OccupancyGrid, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
 ) -> Array:
-    """(K, W) cost of each direction at each key frame."""
+    """Return the (K, W) cost of each direction at each key frame."""
     joints, yaw = motion.joints()[keys], motion.yaw()[keys]
     behind = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None] - np.pi))
     steep = np.abs(elevation - PREFERRED_ELEVATION)
     eyes = joints[:, None, 0] + DISTANCE * ways
-    # The floor around the feet counts a little: a picture of the body behind the top of a wall tells little.
+    # The floor around the feet counts too: a picture says little if the top of a wall hides where the body stands.
     soles = joints[:, :, 1].min(1)[:, None, None] * [0, 1, 0]
     ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
@@ -84,13 +88,16 @@ def _discomfort(
 
 
 def _ring(radius: float) -> Array:
-    """(6, 3) points on a circle on the floor."""
+    """Return (6, 3) points on a horizontal circle around the origin. radius: metres."""
     angle = np.linspace(0, 2 * np.pi, 6, endpoint=False)
     return radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1)
 
 
 def _cheapest(cost: Array, change: Array) -> NDArray[np.int64]:
-    """(K,) states of least total cost; cost: (K, W) per key frame, change: (W, W) between neighbours."""
+    """Return the (K,) states of least total cost (Viterbi).
+
+    cost: (K, W) of each state at each key frame; change: (W, W) from one state to the next.
+    """
     total, back = cost[0], []
     for row in cost[1:]:
         options = total[:, None] + change

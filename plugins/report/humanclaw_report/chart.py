@@ -1,4 +1,4 @@
-"""The path of an episode on a map, for the poster."""
+"""The map of an episode as a picture, for the poster."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from humanclaw_report.maps import HouseMap, PathMap
 
 FILLS: Final = {"fixed": "#cfc8b9", "movable": "#e6dfc9", "stairs": "#ffffff"}
 GAP: Final = 16
-"""Between the pictures of a poster, pixels."""
+"""Space between the pictures of a poster, pixels."""
 
 
 def draw_chart(maps: Sequence[PathMap], size: tuple[int, int]) -> Image.Image:
-    """Return the maps of the report as a picture of this size, the highest storey on top."""
+    """Return the maps as one picture of this size (width, height), the highest storey on top."""
     sheet = Image.new("RGB", size, "white")
     height = (size[1] - GAP * (len(maps) - 1)) // len(maps)
-    for row, drawn in enumerate(reversed(maps)):
+    for row, drawn in enumerate(reversed(maps)):  # maps has the lowest storey first.
         sheet.paste(_draw_storey(drawn, (size[0], height)), (0, row * (height + GAP)))
     return sheet
 
@@ -33,7 +33,7 @@ def _draw_storey(path: PathMap, size: tuple[int, int]) -> Image.Image:
 
 @dataclass(frozen=True, eq=False)
 class _Chart:
-    """A sheet of twice the size that is wanted, and the scale from centimetres to its pixels."""
+    """A sheet of twice the wanted size, for smooth edges, and the map from centimetres to its pixels."""
 
     image: Image.Image
     pen: ImageDraw.ImageDraw
@@ -62,7 +62,7 @@ class _Chart:
 
     def house(self, house: HouseMap) -> None:
         for x, z, wide, deep, _ in house.rooms:
-            # A little larger than the room, so that the floor goes on in the doorways.
+            # A little larger than the room, so that the floor continues in the doorways.
             self.pen.rectangle(self.corners(x - 8, z - 8, wide + 16, deep + 16), fill="#f3efe6")
         for outline, kind, _ in house.objects:
             self.pen.polygon(self.line(outline), fill=FILLS[kind], outline="#a8a294")

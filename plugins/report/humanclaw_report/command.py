@@ -1,4 +1,4 @@
-"""`humanclaw report` and `humanclaw film`: look at runs that are already recorded."""
+"""`humanclaw report`, `humanclaw film` and `humanclaw watch`: look at recorded and running episodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Where to write; the default is report.html in the run, of several runs in this folder.",
+    help="File to write; default: report.html in the run, or in this folder for several runs.",
 )
 @plugin_files
 def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) -> None:
@@ -38,15 +38,29 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE")
-@click.option("--out", type=click.Path(path_type=Path), help="MP4 or GIF; the default is film.mp4 in the episode.")
-@click.option("--height", type=click.IntRange(90, 2160), default=720, show_default=True, help="Pixels; 16 to 9.")
-@click.option("--every", type=click.IntRange(1, 30), default=2, show_default=True, help="Of 30 frames a second.")
-@click.option("--renderer", default="raster", show_default=True, help="What draws it, by name.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="MP4 or GIF file to write; default: film.mp4 in the episode."
+)
+@click.option(
+    "--height",
+    type=click.IntRange(90, 2160),
+    default=720,
+    show_default=True,
+    help="Height in pixels; the width follows from 16:9.",
+)
+@click.option(
+    "--every",
+    type=click.IntRange(1, 30),
+    default=2,
+    show_default=True,
+    help="Keep every Nth frame; recordings have 30 a second.",
+)
+@click.option("--renderer", default="raster", show_default=True, help="Name of the renderer that draws it.")
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
-    """Film a recorded episode: a camera that follows the body, with what the eyes see in a corner.
+    """Film a recorded episode from behind the body, with the ego view in a corner.
 
-    EPISODE is its folder; the folder of a run will do where it holds one.
+    EPISODE is the folder of an episode, or of a run that holds only one.
     """
     from humanclaw import Plugins
     from humanclaw_report.film import film as make
@@ -64,7 +78,7 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
 
 
 def _episode(folder: Path) -> RecordedEpisode:
-    """Return the episode in a folder, or the only one of a run."""
+    """Return the episode in a folder, or the only episode of a run."""
     from humanclaw import RecordedEpisode, RecordError, load_run
 
     if (folder / "episode.json").exists():
@@ -77,10 +91,10 @@ def _episode(folder: Path) -> RecordedEpisode:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="RUN")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="The default is a free one.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on; default: a free one.")
 @plugin_files
 def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
-    """Show a run while it is under way, in a browser on this machine. Reads only; Ctrl-C ends it."""
+    """Show a run in progress in a browser on this machine. It changes no file; Ctrl-C ends it."""
     from humanclaw import Plugins
     from humanclaw_report.watch import Watcher, server
 

@@ -1,6 +1,6 @@
-"""The page of one episode: one time line drives the view, the replay in three dimensions, the map and the calls.
+"""The page of one episode: one time line drives the view, the 3D replay, the map and the list of calls.
 
-Everything comes from the record; the scene is only needed to draw the house around it.
+All facts come from the record; the scene is only needed to draw the house.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ from humanclaw_report.three import three
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 FILM_BYTES: Final = 4_000_000
-"""A larger film is linked and not put into the page."""
+"""A larger film is linked instead of embedded."""
 FRAMES_BYTES: Final = 12_000_000
-"""Views of more than this together are linked and not put into the page."""
+"""If all views together are larger than this, they are linked instead of embedded."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A scene as pages show it."""
+    """A scene with its maps, ready for pages."""
 
     scene: Scene | None
     maps: tuple[HouseMap, ...]
     note: str = ""
-    """Why the house is not drawn."""
+    """Why the house is not drawn; empty if it is."""
 
     @classmethod
     def of(cls, scene: Scene) -> Drawn:
@@ -63,7 +63,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Shared:
-    """Where a page that is not complete in itself finds what many pages share, relative to the page."""
+    """Addresses, relative to the page, of the files that the pages of a run share."""
 
     three: str
     house: str
@@ -78,20 +78,20 @@ class StepView:
     record: StepRecord
     call: str
     picture: str
-    """Where its view is: a data URI, a path relative to the page, or empty."""
+    """Source of its view: a data URI, a path relative to the page, or empty."""
     refusals: tuple[str, ...]
     verdict: str
     verdict_kind: str
     contacts: str
     sensor_readings: str
-    """What sensors other than vision told of it."""
+    """Readings of sensors other than vision."""
     pixels: int
     colour: str
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A quantity over the time of the episode, to be drawn in a box of 100 by 30."""
+    """A quantity over the time of the episode, drawn in a box of 100 by 30 units."""
 
     title: str
     unit: str
@@ -102,7 +102,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class FilmView:
-    """A film beside the record: a data URI where it is small enough, else a path relative to the page."""
+    """The film of the episode. source: a data URI if it is small enough, else a path relative to the page."""
 
     kind: str
     source: str
@@ -111,7 +111,7 @@ class FilmView:
 
 @dataclass(frozen=True)
 class EpisodeView:
-    """One episode as its page tells it."""
+    """Everything that the page shows of one episode."""
 
     recorded: RecordedEpisode
     words: str
@@ -127,7 +127,7 @@ class EpisodeView:
 
 
 def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None) -> str:
-    """Return the HTML of an episode. page: where it will lie; shared: None for a page that is complete in itself."""
+    """Return the HTML of an episode. page: path that it will be written to; shared: None for a self-contained page."""
     view = _view(recorded, drawn, page, inside=shared is None)
     moving = replay(recorded, drawn.scene)
     return environment().get_template("episode.html").render(
@@ -146,22 +146,22 @@ def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Sh
 
 
 def house_script(scene: Scene) -> str:
-    """Return a script that hands a house to the page; a page opened from disk may read a script and no data file."""
+    """Return a script that gives a house to the page: a page opened from disk may load scripts, but no data files."""
     return f"window.humanclawHouse = {as_json(house(scene))};"
 
 
 def script(text: str) -> markupsafe.Markup:
-    """Put a script into a page as it is; nothing in it may end the element that holds it."""
+    """Mark a script as safe for a page; escape the tag that would end its element."""
     return markupsafe.Markup(text.replace("</script", "<\\/script"))
 
 
 def source(name: str) -> markupsafe.Markup:
-    """One of our own scripts, as a page holds it."""
+    """Return one of this package's scripts for a page."""
     return script(resources.files("humanclaw_report").joinpath("scripts", name).read_text("utf-8"))
 
 
 def as_json(value: Any) -> markupsafe.Markup:
-    """JSON that a script element can hold whatever a model wrote."""
+    """Return JSON for a script element; `<` is escaped, since a model may have written `</script>`."""
     return markupsafe.Markup(json.dumps(value).replace("<", "\\u003c"))
 
 
@@ -169,7 +169,7 @@ def environment() -> jinja2.Environment:
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("humanclaw_report", "templates"),
         autoescape=True,
-        undefined=jinja2.StrictUndefined,
+        undefined=jinja2.StrictUndefined,  # A misspelt name in a template is an error, not an empty text.
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -202,9 +202,10 @@ def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) 
 
 
 def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[int, str]:
-    """Step to where its view is found; empty for a view that was not kept."""
+    """Return the source of each step's view, by step; empty for a view that was not kept."""
     files = {step.step: recorded.folder / step.frame_file for step in recorded.steps if step.frame_file}
     kept = {step: path for step, path in files.items() if path.is_file()}
+    # All or none: a page with half of its views embedded would still need the folder.
     inside = inside and sum(path.stat().st_size for path in kept.values()) <= FRAMES_BYTES
     found = {
         step: data_uri(path.read_bytes(), "image/jpeg") if inside else link(path, page) for step, path in kept.items()
@@ -213,12 +214,12 @@ def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[in
 
 
 def link(target: Path, page: Path) -> str:
-    """From a page to a file, as a relative address."""
+    """Return the relative address of a file as seen from a page."""
     return quote(Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix())
 
 
 def _film(folder: Path, page: Path) -> FilmView | None:
-    """Return the film that `humanclaw run` left in the episode's folder, if it did."""
+    """Return the film in the episode's folder, if there is one."""
     for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
         path = folder / f"film.{kind}"
         if path.is_file():
@@ -247,9 +248,9 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str
     )
 
 
-# -- what the script is told -------------------------------------------------------------------------------------------
+# -- data of the script ------------------------------------------------------------------------------------------------
 def _moments(view: EpisodeView, scene: Scene | None) -> list[dict[str, Any]]:
-    """Return what the page shows of each step while it is played."""
+    """Return what the player shows during each step."""
     return [
         {
             "step": step.record.step,
@@ -274,7 +275,7 @@ def _last_frame(recorded: RecordedEpisode) -> int:
 
 
 def _speeds(recorded: RecordedEpisode) -> Array:
-    """(N,) speed of the hips over the floor in each frame of the replay, over half a second, m/s."""
+    """Return the (N,) horizontal speed of the hips in each frame of the replay, averaged over half a second, m/s."""
     if not recorded.has_motion:
         return np.zeros(0)
     root = recorded.motion().root[::EVERY, [0, 2]]
@@ -283,7 +284,7 @@ def _speeds(recorded: RecordedEpisode) -> Array:
 
 
 def _charts(recorded: RecordedEpisode) -> tuple[Chart, ...]:
-    """Distance to the target, speed and tokens over the time of the episode, as far as they were recorded."""
+    """Return charts of distance to the target, speed and tokens, for the quantities that were recorded."""
     last = max(1.0, _last_frame(recorded) - 1.0)
     ends = [min(1.0, end / EVERY / last) for _, end in spans(recorded)]
     far = [step.target_distance for step in recorded.steps]

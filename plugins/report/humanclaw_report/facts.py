@@ -1,4 +1,4 @@
-"""What the records of an episode say, in words: how far it came, how it ended, what was verified and touched."""
+"""Facts about an episode from its record, in words: milestones, outcome, verdicts and contacts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanclaw.records import end_distance, in_view, on_target, reached, touched
 
 @dataclass(frozen=True)
 class Milestone:
-    """Found, reached, sat or stopped: whether, and one fact about it."""
+    """A milestone (in view, reached, sat or stopped), whether it was met, and one fact about it."""
 
     name: str
     met: bool
@@ -33,7 +33,7 @@ class ContactRow:
 
 
 def episodes_asked(run: Path) -> int:
-    """Return how many episodes a run is of; 0 if its folder does not tell."""
+    """Return how many episodes a run was started with; 0 if its folder does not say."""
     try:
         return int(json.loads((run / "run.json").read_bytes())["episodes"])
     except (OSError, ValueError, TypeError, KeyError):
@@ -41,7 +41,10 @@ def episodes_asked(run: Path) -> int:
 
 
 def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
-    """How far an episode came, by geometry and the active stop alone; metrics also ask what the agent acknowledged."""
+    """Return the milestones of an episode.
+
+    They follow from geometry and the active stop alone; metrics also ask what the agent acknowledged.
+    """
     spec, steps = recorded.record.spec, recorded.steps
     stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {counted(len(steps), 'step')}")
     if not spec.target_ids:
@@ -58,7 +61,7 @@ def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
 
 
 def _sat(recorded: RecordedEpisode) -> Milestone:
-    """Whether the hips were on a target when the episode was stopped."""
+    """Return whether the hips were on a target when the episode ended."""
     on = [step.step for step in recorded.steps if on_target(recorded, step)]
     if on and on[-1] == recorded.steps[-1].step:
         return Milestone("sat", True, f"since step {on[-1]}")
@@ -89,7 +92,7 @@ def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
 
 
 def verdict_of(step: StepRecord) -> tuple[str, str]:
-    """Kind (none, accepted, replaced or open) and words."""
+    """Return the kind of verdict (none, accepted, replaced or open) and a text."""
     verdict, calls = step.verdict, step.decision.calls
     proposed = calls[0] if calls else None
     if verdict is None:
@@ -104,7 +107,7 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
 
 
 def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
-    """Return what was touched other than by standing on it, the longest first."""
+    """Return the objects that were touched above the ground, most steps first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
         for contact in touched_above_ground(recorded, step):
@@ -124,7 +127,7 @@ def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[Contact
 
 
 def _ranges(numbers: Sequence[int]) -> str:
-    """1, 2, 3, 7 as '1-3, 7'."""
+    """Write 1, 2, 3, 7 as '1-3, 7'."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:

@@ -23,7 +23,7 @@ from humanclaw_report.playback import Replay
 Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
 GIF_SIZE: Final = (480, 270)
-"""A GIF holds every pixel of every frame: a larger one is for nobody to load."""
+"""Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
 
 
 def film(
@@ -35,10 +35,16 @@ def film(
     every: int = 2,
     size: tuple[int, int] = FILM_SIZE,
 ) -> Path:
-    """Film an episode from behind and above, with the ego view in a corner. every: frames of motion a frame of film.
+    """Film an episode from behind and above, with the ego view in a corner.
 
-    Loads the scene, without what hides the body from above, into the renderer. Raises RecordError if there is no motion
-    or out cannot be written.
+    Loads the scene into the renderer, without the objects that hide the body from above.
+
+    Args:
+        every: Frames of motion for each frame of film.
+        size: Width and height, pixels.
+
+    Raises:
+        RecordError: The record holds no motion, or out cannot be written.
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
@@ -51,16 +57,18 @@ def film(
 def poster(
     episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
 ) -> Path:
-    """Return a strip of third-person moments over the ego views of the same moments, beside the map with the walked
-    path (PNG)."""
+    """Write a picture of an episode: moments from outside, ego views of the same moments below, and the map beside.
+
+    moments: columns of the strip; width: of the whole picture, pixels.
+    """
     replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
-    # The map fills its column, a storey below another: as wide as its shape makes it at the height of both rows.
+    # The storeys are stacked in a column as high as both rows, so the map's shape sets how wide that column is.
     shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
     side = int((width - GAP * (moments + 2 + shape * (2 - len(maps)))) / (moments + 2 * shape))
     last = len(replay.motion) - 1
     frames = [int(frame) for frame in np.linspace(min(HISTORY, last), last, moments)]
     outside = list(_shots(replay, renderer, frames, (side, side)))
-    # The eyes see the ceiling, so the ego views need the whole scene.
+    # The scene of the outside views has no ceiling, but the eyes see it: the ego views need the whole scene.
     renderer.load(scene)
     inside = [renderer.render(replay.state(frame), ego_camera(replay.state(frame).body, side)).rgb for frame in frames]
     sheet = Image.new("RGB", (width, 2 * side + 3 * GAP), "white")
@@ -75,7 +83,7 @@ def poster(
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
-    """Yield the body from outside at each frame, in the scene as it is shown then; what gets in the way fades."""
+    """Yield the body from outside at each frame, in the scene of its storey; objects in the way fade."""
     shown: Scene | None = None
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
@@ -95,9 +103,10 @@ def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, i
     inset: tuple[str, Image.Image | None] = ("", None)
     frames = range(0, len(replay.motion), every)
     shots = _shots(replay, renderer, frames, size)
-    # tqdm keeps silent where nobody watches a terminal.
+    # disable=None hides the progress bar where the output is not a terminal.
     for frame, shot in zip(tqdm(frames, "film", unit="frame", disable=None, leave=False), shots, strict=True):
         step = replay.step(frame)
+        # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))
         yield _caption(shot, step, inset[1])
@@ -111,7 +120,7 @@ def _ego(path: Path, side: int) -> Image.Image | None:
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:
-    """Return the ego view in the corner; below, the call that is being executed, and why, in the agent's words."""
+    """Add the ego view in a corner, and below it the current call with the agent's reasoning."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     if ego:
@@ -130,7 +139,7 @@ def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None)
 
 
 def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -> None:
-    """Draw a line of white text with a dark edge, cut off where the picture ends."""
+    """Draw a line of white text with a dark edge, cut with an ellipsis at width pixels."""
     font = ImageFont.load_default(size=max(size, 4))
     if draw.textlength(text, font) > width:
         while text and draw.textlength(text + "\u2026", font) > width:
@@ -143,9 +152,10 @@ def _line(draw: ImageDraw.ImageDraw, text: str, y: int, size: int, width: int) -
 def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, int]) -> None:
     writer = imageio_ffmpeg.write_frames(
         str(out), size, fps=fps, codec="libx264", macro_block_size=2,
+        # A browser can start a film before it has all of it: faststart puts the index first.
         output_params=["-crf", "21", "-movflags", "+faststart"]
     )  # fmt: skip
-    writer.send(None)
+    writer.send(None)  # The writer is a generator: it opens the file at the first send.
     try:
         for picture in pictures:
             writer.send(np.ascontiguousarray(picture))

@@ -1,5 +1,7 @@
-"""What a plugin can add to the page of a run. It implements these hooks with @hookimpl(optionalhook=True),
-and then also works where the report is not installed."""
+"""Hooks with which a plugin adds to the page of a run.
+
+Implement them with @hookimpl(optionalhook=True), so that the plugin also works where the report is not installed.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ hookspec = pluggy.HookspecMarker("humanclaw")
 
 
 class Overview(Protocol):
-    """The page of one or more runs, before it is written."""
+    """The page of one or more runs, to be filled before it is written."""
 
     def table(
         self,
@@ -30,17 +32,26 @@ class Overview(Protocol):
         """Add a table.
 
         Args:
-            title: Over the table.
-            head: A word a column.
-            rows: Cells as text, the first of each the row's heading.
+            title: Heading over the table.
+            head: Heading of each column.
+            rows: Cells as text; the first cell of a row is its heading.
             notes: Sentences under the table.
-            shares: For each row the shares, 0 to 1, drawn as bars under the cells after the first; NaN draws none.
+            shares: For each row, shares from 0 to 1 that are drawn as bars under the cells after the first. NaN draws
+                no bar.
         """
 
     def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
-        """Tell of an episode whether it succeeded (None: it counts in no rate), why it failed, and how hard it is."""
+        """Add facts about an episode.
+
+        Args:
+            run: Folder of the run.
+            name: Identifier of the episode.
+            success: Whether it succeeded; None if it counts in no rate.
+            cause: Why it failed.
+            tier: How difficult it is: easy, medium or hard.
+        """
 
 
 @hookspec
 def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Overview) -> None:
-    """Add tables and facts to the page of runs."""
+    """Add tables and facts to the page of these runs; called before the page is written."""

@@ -1,4 +1,4 @@
-"""A house from above, a map a storey, and the path that a body walked over it."""
+"""Maps of a house from above, one for each storey, and the path that a body walked."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from humanclaw.records import Vec3
 from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, floors_of
 
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
-"""Start to end of a path: even in lightness, so that it reads on light and on dark paper."""
+"""Colours from start to end of a path: of even lightness, so that they show on light and dark pages."""
 
 Box = tuple[float, float, float, float]
 """x, z, width and depth, centimetres."""
 Corners = tuple[Vec3, Vec3]
 """Lowest and highest corner of a box, metres."""
 Polygon = str
-"""Points as SVG writes them: x,z x,z ... in centimetres."""
+"""Points in SVG notation: x,z x,z ... in centimetres."""
 
 
 @dataclass(frozen=True)
 class HouseMap:
-    """One storey of a house from above. Centimetres; x to the right, z down, as one looks at it."""
+    """One storey of a house from above, in centimetres: x points right and z down on the page."""
 
     key: str
     box: Box
     """The same for all storeys of a house."""
     title: str = ""
-    """Which storey; empty if there is only one."""
+    """Name of the storey; empty if there is only one."""
     floor: float = 0.0
-    """Metres."""
+    """Height of the floor, metres."""
     rooms: tuple[tuple[float, float, float, float, str], ...] = ()
-    """x, z, width, depth and kind."""
+    """x, z, width and depth in centimetres, and kind of room."""
     walls: tuple[Polygon, ...] = ()
     objects: tuple[tuple[Polygon, str, str], ...] = ()
     """Outline, kind (fixed, movable or stairs) and title."""
@@ -46,14 +46,14 @@ class HouseMap:
 
 @dataclass(frozen=True)
 class PathMap:
-    """What one episode adds to the map of one storey."""
+    """The path and the targets of one episode on the map of one storey."""
 
     house: HouseMap
     box: Box
     pieces: tuple[tuple[Polygon, str, int], ...]
-    """Stretch of the path, its colour, its step."""
+    """Points of a piece of the path, its colour, and its step."""
     text: float
-    """Size of the labels, so that they are as large on the page whatever the size of the house."""
+    """Size of the labels in centimetres. It grows with the house, so that labels look the same on every page."""
     start: tuple[float, float, float] | None
     """x, z and bearing in degrees, clockwise from up; None if the path begins on another storey."""
     end: tuple[float, float, float] | None
@@ -63,30 +63,35 @@ class PathMap:
 
 
 def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
-    """(...) index of the highest of the floors, lowest first, that is not above each of (...) heights, metres; 0 if all
-    are.
+    """Return the (...) index of the storey that each of (...) heights is on: the highest floor at or below it, else 0.
 
-    A pelvis, or the bottom of an object, tells which storey it is on; on stairs a body changes storeys two thirds of
-    the way up.
+    Take the height of a pelvis or of the bottom of an object. With the pelvis, a body on stairs changes storeys two
+    thirds of the way up.
+
+    Args:
+        floors: Heights of the floors, metres, lowest first.
+        heights: Metres.
     """
     return np.maximum(np.searchsorted(np.asarray(floors), np.asarray(heights) + 0.1, side="right") - 1, 0)
 
 
 def house_maps(scene: Scene, key: str) -> tuple[HouseMap, ...]:
-    """Return the storeys of a house from above, lowest first, all in one box: they can be laid one on the other."""
+    """Return the maps of the storeys, lowest first. They share one box, so that they can be laid over each other."""
     floors = floors_of(scene)
     maps = [
         _storey_map(scene, floor, f"{key}-{k}", title)
         for k, (floor, title) in enumerate(zip(floors, _titles(floors), strict=True))
     ]
+    # Stacked storeys must have one scale and one origin on the page.
     box = _box(scene, [wall for drawn in maps for wall in drawn.walls])
     return tuple(replace(drawn, box=box) for drawn in maps)
 
 
 def _titles(floors: Sequence[float]) -> list[str]:
-    """Return what storeys are called by their heights, lowest first. One alone needs no name."""
+    """Return the names of the storeys, lowest first; an only storey has no name."""
     if len(floors) == 1:
         return [""]
+    # The ground floor is at height 0; a cellar lies more than a metre lower.
     below = next((k for k, floor in enumerate(floors) if floor > -1.0), 0)
     above = len(floors) - below - 1
     lower = [f"lower floor {below - k}" if below > 1 else "lower floor" for k in range(below)]
@@ -100,6 +105,7 @@ def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
         if abs(r.floor - floor) < 0.5
     )
     walls, objects = [], []
+    # Objects are drawn from the lowest top up, so that a table covers its rug.
     for obj in sorted(scene.objects, key=lambda obj: scene.aabb(obj.id)[1][1]):
         if obj.category in ("floor", "ceiling") or not _on_storey(scene, obj, floor):
             continue
@@ -113,17 +119,19 @@ def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
 
 
 def _on_storey(scene: Scene, obj: SceneObject, floor: float) -> bool:
-    """Stairs are on the storeys that they join: they lead up to one whose floor is a step higher than their last."""
+    """Tell whether an object is on a storey; stairs are on both storeys that they join.
+
+    The upper floor is one step higher than the last step of the stairs.
+    """
     low, high = scene.aabb(obj.id)
     bottom = floor - STEP if obj.category == "stairs" else floor + 0.02
     return bool(low[1] < floor + OBSTACLE_HEIGHTS[1] and high[1] > bottom)
 
 
 def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
-    """Convex outlines of an object's collision pieces between floor and head height: a doorway is open, its lintel
-    above.
+    """Return the convex outlines of an object's collision pieces between floor and head height.
 
-    Of stairs all pieces, from the lowest up.
+    A doorway stays open, since its lintel is above head height. All pieces of stairs are drawn, from the lowest up.
     """
     asset = scene.assets[obj.asset]
     if not asset.hulls:
@@ -165,13 +173,14 @@ def _around(points: Array, margin: float) -> Box:
 
 
 def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = "") -> tuple[PathMap, ...]:
-    """Return the walked path over the storeys of a house that it or a target is on, lowest first."""
+    """Return the maps of the storeys that hold part of the path or a target, lowest first."""
     walked = _walked(recorded)
     floors = [storey.floor for storey in house]
     pieces = storeys_at(floors, np.array([piece[:, 1].mean() for piece in walked]))
     targets = list(recorded.record.targets.values())
     on = storeys_at(floors, np.array([low[1] for low, _ in targets]))
     extent = [100 * piece[:, [0, 2]] for piece in walked] + [100 * np.array(corners)[:, [0, 2]] for corners in targets]
+    # Without the house, the map is as large as path and targets need.
     box = house[0].box if house[0].box[2] else _around(np.concatenate(extent), 60)
     return tuple(
         _path_map(
@@ -190,7 +199,7 @@ def _path_map(
     targets: list[Corners],
     note: str,
 ) -> PathMap:
-    """Draw the path of one storey. here: (pieces,) whether each piece of the path is on this storey."""
+    """Draw the path on one storey. here: (pieces,) whether each piece of the path is on this storey."""
     record = recorded.record
     noun = record.spec.target_category.replace("_", " ")
     pieces = tuple(
@@ -222,9 +231,10 @@ def _mark(place: Array, yaw: float) -> tuple[float, float, float]:
 
 
 def _walked(recorded: RecordedEpisode) -> list[Array]:
-    """(N, 3) pelvis positions of each step, from the motion if there is one, else from the steps' ends.
+    """Return (N, 3) pelvis positions of each step, metres.
 
-    Without a step the start alone.
+    They come from the motion if the record holds it, else from the start and end of each step. An episode without steps
+    has its start alone.
     """
     if not recorded.steps:
         start = recorded.record.start
@@ -234,19 +244,21 @@ def _walked(recorded: RecordedEpisode) -> list[Array]:
         return [np.array(pair) for pair in ends]
     root, pieces, first = recorded.motion().root, [], HISTORY
     for step in recorded.steps:
+        # From the frame before, so that the pieces touch.
         stretch = root[first - 1 : first + step.motion_frames]
+        # Every third frame is fine enough for a map; the last one joins the pieces.
         pieces.append(stretch[sorted({*range(0, len(stretch), 3), len(stretch) - 1})])
         first += step.motion_frames
     return pieces
 
 
 def _bearing(yaw: float) -> float:
-    """Yaw to SVG degrees for an arrow that points up: with x right and z down, yaw 0 points down."""
+    """Convert yaw (radians) to the SVG rotation of an arrow that points up; yaw 0 points down on the page."""
     return round(180.0 - float(np.degrees(yaw)), 1)
 
 
 def colour(share: float) -> str:
-    """Colour of a moment, from start (0) to end (1)."""
+    """Return the colour of a moment between start (0) and end (1)."""
     place = np.clip(share, 0, 1) * (len(TIME_COLOURS) - 1)
     index = min(int(place), len(TIME_COLOURS) - 2)
     mixed = TIME_COLOURS[index] + (place - index) * (TIME_COLOURS[index + 1] - TIME_COLOURS[index])

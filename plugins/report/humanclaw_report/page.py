@@ -1,4 +1,4 @@
-"""What `humanclaw run` makes of an episode once it is recorded: a film, a picture and the page that shows them."""
+"""The reporter of `humanclaw run`: a film, a picture and a page of each recorded episode."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from humanclaw_report.report import write_report
 
 
 def report_of(run: Path, plugins: Installed) -> Path:
-    """Write the page of a run with what plugins add to it."""
+    """Write the page of a run with the tables and facts of the installed plugins; return its path."""
     return write_report(
         run,
         None,
@@ -25,11 +25,12 @@ class PageReporter:
     """Writes film.mp4 or film.gif and poster.png beside an episode, and report.html beside the run."""
 
     def __init__(self, film: str = "mp4", renderer: str = "raster") -> None:
-        """film: mp4, gif or none."""
+        """film: mp4, gif or none; renderer: name of the renderer that draws it."""
         self._film, self._renderer = film, renderer
 
     def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
-        """Film and poster first: the page embeds them. Returns what was written, by what a person calls it."""
+        """Write all files of an episode; return their paths by the name that the terminal shows."""
+        # The page embeds film and poster, so they are written first.
         written = self._pictures(episode, plugins) if self._film != "none" else {}
         return written | {"report": report_of(run, plugins)}
 

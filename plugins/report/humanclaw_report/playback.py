@@ -1,4 +1,4 @@
-"""A recorded episode played back: the scene as it was in each frame, without the walls in the way."""
+"""Playback of a recorded episode: the scene in each frame, without the walls that hide the body."""
 
 from __future__ import annotations
 
@@ -18,33 +18,32 @@ from humanclaw_report.maps import storeys_at
 SHOWN: Final = [
     JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")
 ]
-"""Joints that nothing may hide."""
+"""Joints that no object may hide."""
 FADE: Final = 12
-"""Frames of motion in which what gets in the way fades out, or comes back."""
+"""Frames of motion in which an object in the way fades out or in."""
 AHEAD: Final = 12
-"""Frames of motion before and after it is in the way that an object is left out."""
+"""An object is left out this many frames of motion before and after it hides the body."""
 AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-"""Where an object is put that is left out."""
+"""Place of an object that is left out: position (metres) and quaternion, far below the house."""
 SLAB: Final = 0.4
-"""The thickest floor that hides those below it, metres."""
+"""Objects that begin less than this below an upper floor belong to its slab, metres."""
 
 
-# -- playing it back ---------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Replay:
     """An episode's motion in its scene, with a camera for every frame."""
 
     episode: RecordedEpisode
     scenes: tuple[Scene, ...]
-    """The scene as it is shown while the body is on each storey, lowest first."""
+    """The scene that is shown while the body is on each storey, lowest first."""
     storeys: NDArray[np.int64]
-    """(T,) on which storey the body is."""
+    """(T,) index of the storey that the body is on."""
     motion: Motion
     objects: dict[int, Array]
     eyes: Array
     """(T, 3) camera positions, metres."""
     hidden: tuple[frozenset[int], ...]
-    """For each frame the ids of the objects that are left out, since they are between the camera and the body."""
+    """For each frame, ids of the objects that are left out because they hide the body from the camera."""
 
     @classmethod
     def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
@@ -53,21 +52,26 @@ class Replay:
         motion, objects = episode.motion(), episode.objects()
         floors = floors_of(scene)
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
+        # Smoothed, so that the scene does not flicker between two storeys on stairs.
         storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
         plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
         eyes = follow(plans, storeys, motion)
         hidden = in_the_way(scene, motion, eyes)
+        # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)
         scenes = tuple(loosened(shown, loose) for shown in scenes)
         return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
 
     def state(self, frame: int, without: frozenset[int] = frozenset()) -> WorldState:
-        """Return the world at a frame. without: ids of objects that are left out."""
+        """Return the world at a frame. without: ids of objects to leave out."""
         places = {key: path[frame] for key, path in self.objects.items()}
         return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
 
     def fading(self, frame: int) -> tuple[frozenset[int], float]:
-        """Return what was left out before, and the share of the picture without it that is still seen."""
+        """Return the objects that were left out before the last change, and the weight of the picture without them.
+
+        The weight falls to 0 over FADE frames.
+        """
         for past in range(1, min(FADE, frame) + 1):
             if self.hidden[frame - past] != self.hidden[frame]:
                 return self.hidden[frame - past], 1 - past / (FADE + 1)
@@ -88,20 +92,21 @@ class Replay:
 
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:
-    """Return the same scene, open from above: without its ceilings and without what begins above a height, metres."""
+    """Return the same scene without its ceilings and without objects that begin above a height, metres."""
     kept = [obj for obj in scene.objects if not obj.category.startswith("ceiling") and scene.aabb(obj.id)[0][1] < above]
     return replace(scene, objects=tuple(kept))
 
 
 def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
-    """Return the same scene with these objects movable, so that a renderer takes from each state where they are."""
+    """Return the same scene with these objects movable, so that a renderer takes their places from each state."""
     return replace(scene, objects=tuple(replace(o, movable=True) if o.id in ids else o for o in scene.objects))
 
 
 def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
-    """For each frame the ids of what is between the eye and the body, in time for it to fade.
+    """Return for each frame the ids of the objects between eye and body, early enough for them to fade.
 
-    eyes: (T, 3). Boxes of objects at rest, but for floors and stairs and for a seat that the hips are on.
+    Objects are tested by their boxes at rest. Floors, stairs, rugs and the seat that the hips are on never count.
+    eyes: (T, 3), metres.
     """
     objects = [obj for obj in scene.objects if obj.category not in (*GROUND, "rug")]
     joints = motion.joints()
@@ -113,6 +118,7 @@ def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int
         seat = scene.assets[obj.asset].seat_height is not None
         around = seat & ((hips > low - 0.15) & (hips < high + 0.15)).all(-1)
         hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
+        # Pictures go with their wall.
         ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
         for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
             sets[frame] |= ids
@@ -120,7 +126,10 @@ def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int
 
 
 def hung_on(scene: Scene, wall: int) -> set[int]:
-    """Return the ids of what hangs on a wall, which would hang in the air without it: it touches no floor."""
+    """Return the ids of the objects that hang on a wall: they touch the wall and stand on no floor.
+
+    They are hidden with the wall, since they would float without it.
+    """
     low, high = scene.aabb(wall)
     boxes = {obj.id: scene.aabb(obj.id) for obj in scene.objects if obj.category not in (*GROUND, "wall")}
     floors = floors_of(scene)
@@ -131,9 +140,9 @@ def hung_on(scene: Scene, wall: int) -> set[int]:
 
 
 def _crosses(start: Array, end: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Whether the segments from start to end, each (..., 3), meet the box; one that begins in it does."""
+    """Tell whether each segment from start to end, (..., 3), meets the box; one that begins inside does."""
     way = end - start
-    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+    way = np.where(np.abs(way) < 1e-9, 1e-9, way)  # Avoids division by zero along an axis.
     near, far = (low - start) / way, (high - start) / way
     enters, leaves = np.minimum(near, far).max(-1), np.maximum(near, far).min(-1)
     return np.asarray((enters <= leaves) & (leaves > 0) & (enters < 0.98))

@@ -1,4 +1,4 @@
-"""An episode and its house as data for the page's script: small integers, compressed, in JSON."""
+"""An episode and its house as data for the page's script: compressed arrays in JSON."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from humanclaw.world import GAZE_PITCH, STRUCTURE, Asset, Mesh, floors_of
 from humanclaw_report.facts import name_of_object
 
 EVERY: Final = 2
-"""Frames of motion a frame of the replay, which is drawn in between."""
+"""Frames of motion for each frame of the replay; the page interpolates between frames."""
 MILLIMETRES: Final = 1000.0
 MOST_FACES: Final = 12_000
-"""An asset with more triangles is shown by its collision hulls."""
+"""The page shows the collision hulls of an asset that has more triangles than this."""
 MOVED: Final = 0.001
-"""Metres an object has to move to be moved in the replay."""
+"""An object moves in the replay if it moved farther than this, metres."""
 
 
 def data_uri(data: bytes, media: str) -> str:
@@ -43,9 +43,9 @@ def data_uri(data: bytes, media: str) -> str:
 
 
 def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Arrays as JSON: what each is, and the bytes of all of them, little-endian, gzip and base64."""
+    """Return arrays as JSON: name, type and shape of each, and all bytes, little-endian, as base64 of gzip."""
     parts = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
-    # Four bytes each at least, so that every array begins where a view of its type may begin.
+    # JavaScript opens a typed array only at a multiple of its element size, which is at most four bytes.
     padded = b"".join(part.tobytes() + b"\0" * (-part.nbytes % 4) for part in parts.values())
     head = [{"name": name, "type": part.dtype.name, "shape": list(part.shape)} for name, part in parts.items()]
     return {"arrays": head, "bytes": base64.b64encode(gzip.compress(padded, 6, mtime=0)).decode()}
@@ -73,16 +73,17 @@ def _shape(shape: Any) -> dict[str, Any]:
 
 
 def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
-    """First frame of each step in motion.npz and the one after its last; the same for a step that moved nothing."""
+    """Return the first frame of each step in motion.npz and the frame after its last; equal if nothing moved."""
     ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
     return [(int(end) - step.motion_frames, int(end)) for step, end in zip(recorded.steps, ends, strict=True)]
 
 
 def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | None:
-    """Return what moves in an episode; None if its motion was not kept."""
+    """Return the motion of body and objects as JSON; None if the record holds no motion."""
     if not recorded.has_motion:
         return None
     simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
+    # Most objects never move: the page takes their place from the house.
     moved = {key: path for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED}
     arrays = _pose("simulated", simulated) | _pose("generated", generated)
     arrays |= {f"object_{key}": path[_kept(len(path))].astype(np.float32) for key, path in moved.items()}
@@ -108,12 +109,13 @@ def _pose(kind: str, motion: Motion) -> dict[str, NDArray[Any]]:
     turns = quaternion_from_matrix(matrix_from_vector(motion.rotations[kept]))
     return {
         f"{kind}_root": motion.root[kept].astype(np.float32),
+        # 16 bits hold a turn to 0.01 degrees, in half the bytes of float32.
         f"{kind}_turns": np.round(turns * 32767).astype(np.int16),
     }
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]:
-    """First and last frame of the replay, joint, and what it touches, other than the ground."""
+    """Return each contact above the ground: first and last frame of the replay, joint, and name of the object."""
     return [
         [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
          name_of_object(scene, contact.object_id)]
@@ -125,7 +127,7 @@ def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]
 
 # -- the house ---------------------------------------------------------------------------------------------------------
 def house(scene: Scene) -> dict[str, Any]:
-    """Return a scene as meshes with pictures on them, each asset and each picture once."""
+    """Return a scene as textured meshes; each asset and each picture is there once."""
     names = sorted({obj.asset for obj in scene.objects})
     meshes = [_mesh(scene.assets[name]) for name in names]
     pictures: dict[bytes, int] = {}
@@ -172,7 +174,7 @@ def _picture(mesh: Mesh) -> bytes:
 
 
 def _mesh(asset: Asset) -> Mesh:
-    """Return the asset's mesh, or its hulls in its mean colour where it has too many triangles to be sent along."""
+    """Return the asset's mesh, or its collision hulls in its mean colour if the mesh is too large for a page."""
     if len(asset.mesh.faces) <= MOST_FACES or not asset.hulls:
         return asset.mesh
     vertices, faces, count = [], [], 0
@@ -180,7 +182,7 @@ def _mesh(asset: Asset) -> Mesh:
         try:
             simplices = ConvexHull(hull).simplices
         except QhullError:
-            continue
+            continue  # A flat piece has no volume to draw.
         vertices.append(hull)
         faces.append(_outward(hull, simplices) + count)
         count += len(hull)
@@ -193,7 +195,7 @@ def _mesh(asset: Asset) -> Mesh:
 
 
 def _outward(points: Array | NDArray[np.float32], faces: NDArray[Any]) -> NDArray[Any]:
-    """Return the same triangles, counter-clockwise from outside."""
+    """Return the same triangles, counter-clockwise as seen from outside."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     inside = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - points.mean(0)) < 0
     faces = faces.copy()

@@ -1,4 +1,4 @@
-"""Pages about recorded runs: one for each episode, and one for the run where it holds several."""
+"""Pages of recorded runs: one for each episode, and one for a run of several episodes."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.three import three
 
 FOLDER: Final = "report"
-"""Beside the page of a run: what the pages of its episodes share."""
+"""Folder in the run for files that the pages of its episodes share."""
 PAGE: Final = "page.html"
-"""In the folder of each episode of a run."""
+"""File in the folder of each episode of a run."""
 
 Runs = Mapping[Path, Sequence[RecordedEpisode]]
 Contribute = Callable[[Runs, Collected], None]
-"""Lets plugins add tables and facts."""
+"""A function that lets plugins add tables and facts."""
 
 
 @dataclass
 class Houses:
-    """Scenes by name, each loaded and drawn once. One that cannot be loaded leaves a note in its place."""
+    """Scenes by name. Each is loaded and drawn once; one that cannot be loaded is replaced by a note."""
 
     load: Callable[[str], Scene]
     known: dict[str, Drawn] = field(default_factory=dict)
@@ -37,6 +37,7 @@ class Houses:
         if name not in self.known:
             self.known[name] = self._draw(name)
         drawn = self.known[name]
+        # Another version of the house would show walls where the body walked.
         if drawn.scene and digest and drawn.scene.digest != digest:
             return Drawn.missing("the installed scene differs from the one of the record.")
         return drawn
@@ -55,11 +56,17 @@ def write_report(
     *,
     contribute: Contribute | None = None,
 ) -> Path:
-    """Write the page of a run, or of several side by side; returns where (by default report.html in the run).
+    """Write the page of a run, or of several runs side by side; return its path.
 
-    A run of one episode is that episode's page, complete in itself. Of more, the page lists them, and each has a page
-    in its own folder. scenes: loads a scene by its reference; if it raises HumanclawError the house is left out, and
-    the page says so. Raises RecordError if there is nothing to report or it cannot be written.
+    The page of a run of one episode is that episode's page, in one self-contained file. The page of a longer run lists
+    the episodes, and each episode has a page in its own folder.
+
+    Args:
+        out: Where to write; the default is report.html in the run, or in the working folder for several runs.
+        scenes: Loads a scene by its reference. If it raises HumanclawError, the page leaves the house out and says so.
+
+    Raises:
+        RecordError: There is nothing to report, or the page cannot be written.
     """
     folders = [runs] if isinstance(runs, Path) else list(runs)
     found = {folder: load_run(folder) for folder in folders}
@@ -85,7 +92,7 @@ def _write(found: Runs, target: Path, houses: Houses, contribute: Contribute | N
 
 
 def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
-    """Write the page of every episode, and once for a run what they share."""
+    """Write the page of every episode, and the files that the pages of a run share."""
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
         for run, episodes in found.items():
@@ -100,8 +107,9 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
 
 
 def _shared(shelf: Path, drawn: Drawn, page: Path, run: Path) -> Shared:
-    """Where a page finds three.js and its house, which is written if it is not there yet."""
+    """Return where a page finds three.js and its house; write the house if it is not there yet."""
     house = shelf / f"house-{drawn.scene.digest[:16] if drawn.scene else 'none'}.js"
+    # The name holds the digest of the scene, so an old file is still right.
     if drawn.scene and not house.exists():
         house.write_text(house_script(drawn.scene), "utf-8")
     return Shared(link(shelf / "three.js", page), link(house, page), link(run, page))

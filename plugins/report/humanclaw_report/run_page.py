@@ -15,17 +15,17 @@ from humanclaw_report.episode_page import PARTS, environment, link
 from humanclaw_report.facts import Milestone, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
-"""What an episode came to, in a word: it can be read without colour."""
+"""The result of an episode in a word, for readers who do not see colours."""
 FIRST: Final = 50
-"""Rows of the list that a browser lays out when the page opens; the others follow when they are scrolled to."""
+"""Rows of the list that a browser lays out when the page opens; the others follow on scrolling."""
 
 
-# -- what plugins add --------------------------------------------------------------------------------------------------
+# -- contributions of plugins ------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Cell:
     text: str
     share: float | None = None
-    """Per cent of its length that a bar under the text fills; None: no bar."""
+    """Filled part of the bar under the text, per cent; None draws no bar."""
 
     @property
     def value(self) -> str:
@@ -33,7 +33,7 @@ class Cell:
 
     @property
     def interval(self) -> str:
-        """What follows the value in brackets, with them; it has a line of its own."""
+        """The part of the text in brackets after the value, brackets included; it is shown on its own line."""
         return self.text[len(self.value) + 1 :]
 
 
@@ -49,7 +49,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Facts:
-    """What a benchmark says of an episode."""
+    """Facts that a benchmark adds about an episode."""
 
     success: bool | None
     cause: str = ""
@@ -58,7 +58,7 @@ class Facts:
 
 @dataclass
 class Collected:
-    """Tables and facts as plugins add them (humanclaw_report.hookspecs.Overview)."""
+    """Tables and facts that plugins added; implements humanclaw_report.hookspecs.Overview."""
 
     tables: list[Table] = field(default_factory=list)
     facts: dict[tuple[Path, str], Facts] = field(default_factory=dict)
@@ -83,7 +83,7 @@ def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
 # -- the page ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Result:
-    """What came of an episode in one run."""
+    """Result of an episode in one run."""
 
     word: str
     outcome: str
@@ -91,14 +91,14 @@ class Result:
     steps: int
     milestones: tuple[Milestone, ...]
     page: str
-    """Where its page is, relative to this one."""
+    """Address of its page, relative to this page."""
     picture: str
-    """Its last view, relative to this page; empty if none was kept."""
+    """Address of its last view, relative to this page; empty if none was kept."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A row of the list: an episode, and its result in each run, None where the run has not got it."""
+    """A row of the list: an episode and its result in each run, None if the run does not have it."""
 
     spec: EpisodeSpec
     tier: str
@@ -106,7 +106,7 @@ class Line:
 
     @property
     def changed(self) -> bool:
-        """Whether its runs came to different ends."""
+        """Whether its result differs between runs."""
         return len({result.word for result in self.results if result}) > 1
 
     @property
@@ -124,7 +124,13 @@ Runs = Mapping[Path, Sequence[RecordedEpisode]]
 def run_page(
     runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path], asked: Mapping[Path, int]
 ) -> str:
-    """Return the HTML of the page. page_of: where the page of an episode lies; asked: how many episodes a run is of."""
+    """Return the HTML of the page.
+
+    Args:
+        out: Path that the page will be written to.
+        page_of: Returns the path of an episode's page.
+        asked: How many episodes each run was started with.
+    """
     lines = _lines(runs, found, out, page_of)
     every = [episode for episodes in runs.values() for episode in episodes]
     tables = found.tables or [_milestone_table(runs)]
@@ -146,13 +152,13 @@ def run_page(
 
 
 def _common(tables: Sequence[Table]) -> tuple[str, ...]:
-    """Return the notes of several tables, which are said once."""
+    """Return the notes that more than one table has; the page shows them once."""
     said = Counter(note for table in tables for note in table.notes)
     return tuple(note for note, times in said.items() if times > 1)
 
 
 def _names(runs: Runs) -> list[str]:
-    """Return the agent of each run, with the run's own name where several are shown."""
+    """Return the agent of each run, with the name of the run if several are shown."""
     agents = [", ".join(dict.fromkeys(e.record.agent for e in episodes)) for episodes in runs.values()]
     return agents if len(runs) == 1 else [f"{run.resolve().name} ({a})" for run, a in zip(runs, agents, strict=True)]
 
@@ -172,12 +178,13 @@ def _lines(runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedE
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Order house-2 before house-10."""
+    """Return a sort key that orders house-2 before house-10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in name.split("-")]
 
 
 def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path) -> Result:
     met, record = milestones(episode), episode.record
+    # Without a benchmark, an episode succeeds if it met all of its milestones.
     facts = facts or Facts(
         None if record.outcome in ("infra_error", "interrupted", "running") else all(m.met for m in met)
     )
@@ -194,7 +201,7 @@ def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path
 
 
 def _milestone_table(runs: Runs) -> Table:
-    """Return what the records alone say, where no benchmark scored them."""
+    """Return a table of milestones from the records, for runs that no benchmark scored."""
     rows, names = [], ("in view", "reached", "sat", "stopped")
     for name, episodes in zip(_names(runs), runs.values(), strict=True):
         met = [{stage.name: stage.met for stage in milestones(episode)} for episode in episodes]
@@ -204,8 +211,8 @@ def _milestone_table(runs: Runs) -> Table:
         ]
         rows.append((Cell(name), *cells))
     notes = (
-        "By geometry and the active stop: a target counts as in view from 100 pixels on, as reached within 0.2 m of "
-        "its bounding box, as sat on while the hips touch it.",
+        "From geometry and the active stop alone. A target is in view from 100 pixels on, reached within 0.2 m of its "
+        "bounding box, and sat on while the hips touch it.",
     )
     return Table("How far the episodes came", ("agent", *names), tuple(rows), notes)
 

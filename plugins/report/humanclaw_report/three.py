@@ -1,7 +1,6 @@
-"""three.js, out of an installed package that carries it: no third-party script lies in this project.
+"""three.js, taken from an installed package, so that this project holds no third-party script.
 
-trimesh brings a built three.js (MIT) for its own viewer, in a template. The library is the licence comment and the one
-line after it.
+trimesh has a built three.js (MIT) in the template of its own viewer. The library is one line below its licence comment.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _LIBRARY: Final = re.compile(r"/\*\*\n \* @license\n(?: \*[^\n]*\n)*? \*/\n[^\n]
 
 @functools.cache
 def three() -> str:
-    """Return the script of three.js with its licence notice. Raises HumanclawError if the package does not hold it."""
+    """Return the script of three.js with its licence notice. Raises HumanclawError if trimesh does not hold it."""
     archive = resources.files("trimesh").joinpath("resources/templates/viewer.zip")
     found = None
     if archive.is_file():
@@ -29,6 +28,6 @@ def three() -> str:
         found = _LIBRARY.search(text)
     if found is None:
         raise HumanclawError(
-            "the installed trimesh carries no three.js.", "Install another: pip install trimesh==5.2.0."
+            "the installed trimesh holds no three.js.", "Install another version: pip install trimesh==5.2.0."
         )
     return found[0]

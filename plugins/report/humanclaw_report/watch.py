@@ -1,4 +1,4 @@
-"""A run while it is under way: a page on this machine alone, told of every step by server-sent events. Reads only."""
+"""A live page of a run, for this machine only: server-sent events update it after every step. It changes no file."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from humanclaw_report.maps import path_maps
 from humanclaw_report.report import Houses
 
 SECONDS: Final = 1.0
-"""Between two looks at the folder."""
+"""Seconds between two reads of the folder."""
 LIVE: Final = 4
-"""Episodes whose view and map are shown, those that moved last."""
+"""The page shows views and maps of this many episodes: those that changed last."""
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
 _MAP: Final = re.compile(rf"/map/({_NAME})")
@@ -31,62 +31,67 @@ _OWN: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
 
 @dataclass
 class Watcher:
-    """Looks at the folder of a run. An episode is read again only when its steps have grown."""
+    """Reads the folder of a run. An episode is read again only when its files have changed."""
 
     folder: Path
     scenes: Callable[[str], Scene]
     read: dict[Path, tuple[int, dict[str, Any] | None]] = field(default_factory=dict)
-    """When an episode last changed, and its row of the table; None for one that cannot be read."""
+    """For each episode: time of its last change (ns) and its table row, None if it cannot be read."""
 
     def __post_init__(self) -> None:
         self.houses = Houses(self.scenes)
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return every episode, the one that changed last first. One that is just being written is left out."""
+        """Return the rows of all episodes, last changed first, without those that cannot be read yet."""
         found = []
         for path in (*self.folder.glob("episode.json"), *self.folder.glob("*/episode.json")):
             try:
                 changed = max(path.stat().st_mtime_ns, (path.parent / "steps.jsonl").stat().st_mtime_ns)
             except OSError:
                 continue
+            # Thousands of ended episodes do not change, and parsing them each second would be slow.
             if self.read.get(path, (0, None))[0] != changed:
                 self.read[path] = changed, _row(path.parent)
             found.append(self.read[path])
         return [row for _, row in sorted(found, key=lambda pair: -pair[0]) if row]
 
     def state(self) -> dict[str, Any]:
-        """Return what the page shows, as JSON."""
+        """Return the content of the page, for JSON."""
         rows = self.rows()
         ended = sum(row["outcome"] != "running" for row in rows)
         return {"ended": ended, "episodes": len(rows), "asked": episodes_asked(self.folder), "rows": rows, "live": LIVE}
 
     def place(self, name: str) -> Path:
-        """Return the folder of an episode: in that of the run, or the same."""
+        """Return the folder of an episode: below the watched folder, or the watched folder itself."""
         return self.folder if name == self.folder.resolve().name else self.folder / name
 
     def drawn(self, name: str) -> str:
-        """Return the maps of an episode so far, as HTML; empty if there is no such episode."""
+        """Return the maps of an episode up to now, as HTML; empty if there is no such episode."""
         try:
             episode = RecordedEpisode(self.place(name))
         except RecordError:
             return ""
         house = self.houses.of(episode)
-        # Houses of several episodes are on one page: each has names of its own.
+        # One page shows the houses of several episodes, so their element ids must differ.
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
         maps = path_maps(episode, storeys, house.note)
         template = environment().get_template("live_map.html")
         return template.render(maps=maps, house=storeys if house.scene else (), words=name, parts=())
 
     def frame(self, name: str, file: str) -> bytes:
-        """Return a view of an episode; empty if there is none of that name."""
+        """Return a view of an episode as JPEG; empty if there is no such file."""
         path = self.place(name) / "frames" / file
         return path.read_bytes() if path.is_file() else b""
 
 
 def _row(folder: Path) -> dict[str, Any] | None:
-    """Tell of an episode by its record and its last whole step alone: thousands are read while a run goes on."""
+    """Return the table row of an episode; None if it cannot be read.
+
+    Only the record and the last complete step are parsed, since this runs thousands of times during a run.
+    """
     try:
         record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+        # The last piece is empty, or a line that is still being written.
         lines = (folder / "steps.jsonl").read_bytes().split(b"\n")[:-1]
         last = StepRecord.model_validate_json(lines[-1]) if lines else None
     except (OSError, ValueError):
@@ -107,7 +112,7 @@ def _row(folder: Path) -> dict[str, Any] | None:
 
 
 def server(watcher: Watcher, port: int = 0) -> ThreadingHTTPServer:
-    """Serve a run on the loopback interface; close it with shutdown(). port: 0 takes a free one."""
+    """Return a server of a run on the loopback interface; shutdown() ends it. port: 0 picks a free one."""
     made = ThreadingHTTPServer(("127.0.0.1", port), _handler(watcher))
     made.daemon_threads = True
     return made
@@ -121,12 +126,12 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
             try:
                 self._answer()
             except OSError:
-                # The page was closed, or what it asked for went while it was sent.
+                # The page was closed, or the file vanished while it was sent.
                 self.close_connection = True
 
         def _answer(self) -> None:
             if not _OWN.fullmatch(self.headers.get("Host", "")):
-                # A page from elsewhere that has its own name lead here reads nothing.
+                # DNS rebinding: a foreign page could point its own host name at this address.
                 self._send(b"", "text/plain", HTTPStatus.FORBIDDEN)
                 return
             path = unquote(urlsplit(self.path).path)
@@ -151,7 +156,7 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(body)
 
         def _events(self) -> None:
-            """Send the state whenever it differs from the one before, until the page is closed."""
+            """Send the state each time it changes, until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Cache-Control", "no-store")
@@ -161,7 +166,7 @@ def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
             told = ""
             while True:
                 state = json.dumps(watcher.state())
-                # A line that says nothing: it is how a closed page is noticed.
+                # A comment line is sent if nothing changed: only a failed write reveals a closed page.
                 self.wfile.write(f"data: {state}\n\n".encode() if state != told else b": still here\n\n")
                 self.wfile.flush()
                 told = state

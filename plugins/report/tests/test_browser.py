@@ -1,6 +1,6 @@
-"""The pages in a real browser: no error, the replay moves, the filter filters, nothing serious for a screen reader.
+"""Tests of the pages in a real browser: no errors, replay, filters, and no serious accessibility fault.
 
-Slow, and for machines that have Chromium and playwright: HUMANCLAW_SLOW=1.
+They are slow and need Chromium and playwright. Run them with HUMANCLAW_SLOW=1.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PHONE, DESK = {"width": 390, "height": 844}, {"width": 1400, "height": 1000}
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The page of one episode, and that of two runs of two episodes, of which one changed."""
+    """Return a page of one episode, and a page of two runs of two episodes, of which one differs."""
     folder = tmp_path_factory.mktemp("pages")
     scene = record_episode(folder / "one" / "couch-0")
     for run in ("a", "b"):
@@ -55,7 +55,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @dataclass
 class Watched:
-    """A run under way that is watched. drawing: cleared, a house takes until it is set."""
+    """A watched run in progress. drawing: while it is cleared, houses do not load."""
 
     folder: Path
     address: str
@@ -64,7 +64,7 @@ class Watched:
 
 @pytest.fixture
 def watched(tmp_path: Path) -> Iterator[Watched]:
-    """Two episodes under way in two houses, and one that has ended."""
+    """Serve a run with two episodes in progress in two houses, and one that has ended."""
     drawing = threading.Event()
     drawing.set()
     scenes = {name: replace(two_rooms(), name=name) for name in ("test:rooms", "test:others")}
@@ -98,7 +98,7 @@ def browser() -> Iterator[Any]:
 def opened(
     browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light", measured: bool = False
 ) -> tuple[Any, list[str]]:
-    """A page that is ready, and the list into which its errors go. measured: the time of its main thread is counted."""
+    """Open a page; return it once it is ready, with a list of its errors. measured: count its main thread's time."""
     tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
@@ -255,7 +255,7 @@ def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watc
         tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('{count} ')")
         assert card.locator("img").evaluate("image => image.naturalWidth") == 256
         card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
-        assert tab.locator("#lede").inner_text() == "1 ended, 2 under way."
+        assert tab.locator("#lede").inner_text() == "1 ended, 2 in progress."
         assert not errors
 
 

@@ -1,4 +1,4 @@
-"""The command of the page: what it costs those who only ask what commands there are."""
+"""Tests of the commands: listing them loads nothing heavy."""
 
 import subprocess
 import sys

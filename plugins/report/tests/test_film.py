@@ -1,4 +1,4 @@
-"""Films and posters of a recorded episode, drawn by a renderer that paints one colour."""
+"""Tests of films and posters of a recorded episode, with a renderer that paints one colour."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from humanclaw_report.playback import AHEAD, Replay, hung_on, opened
 
 
 class Painter:
-    """Paints everything orange and remembers what it was shown."""
+    """Paints everything orange and remembers the scenes that it loaded."""
 
     def __init__(self) -> None:
         self.scenes: list[Scene] = []
@@ -99,7 +99,7 @@ def test_the_camera_looks_in_from_above_where_the_ceiling_was(made: tuple[Record
 
 @pytest.fixture(scope="module")
 def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Scene]:
-    """From the ground floor of a house with two storeys onto the bed upstairs."""
+    """Record an episode from the ground floor of a house with two storeys to the bed upstairs."""
     folder = tmp_path_factory.mktemp("climbed")
     scene = record_episode(folder, two_storeys(), instruction="sit on the bed", targets=(31,))
     return RecordedEpisode(folder), scene

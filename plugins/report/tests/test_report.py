@@ -1,4 +1,4 @@
-"""The report of a small recorded run, read as a browser's parser would."""
+"""Tests of the report of a small recorded run, read with an HTML parser."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VOID = {"meta", "img", "br", "link", "input", "hr"}
 
 
 class Page(HTMLParser):
-    """Tags, attributes and text of a page; raises if its tags are not nested properly."""
+    """Tags, attributes and text of a page. Parsing fails if the tags are not nested properly."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -54,7 +54,7 @@ class Page(HTMLParser):
 
     @property
     def paths(self) -> list[dict[str, str | None]]:
-        """The stretches of the walked path on the maps."""
+        """The pieces of the walked path on the maps."""
         return [line for line in self.all("polyline") if line.get("class") == "path"]
 
     def all(self, name: str) -> list[dict[str, str | None]]:
@@ -63,7 +63,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene]:
-    """One episode, whose instruction is markup."""
+    """Record an episode whose instruction contains markup."""
     folder = tmp_path_factory.mktemp("run")
     return folder, record_episode(folder / "one", instruction="<script>alert(1)</script> find a couch")
 
@@ -130,7 +130,7 @@ def test_the_path_on_the_map_begins_and_ends_where_the_body_did(page: Page, made
 
 @pytest.fixture(scope="module")
 def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Scene]:
-    """From the ground floor of a house with two storeys onto the bed upstairs."""
+    """Record an episode from the ground floor of a house with two storeys to the bed upstairs."""
     folder = tmp_path_factory.mktemp("climbed")
     settings = {"body": {"sensors": ["vision", "touch"]}}
     scene = record_episode(folder, two_storeys(), instruction="sit on the bed", targets=(31,), settings=settings)

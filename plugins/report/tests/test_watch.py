@@ -1,4 +1,4 @@
-"""A run that is watched: what the page is told, and what nobody else can read."""
+"""Tests of the live page: its content, and the files that it does not serve."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from humanclaw_report.watch import Watcher, server
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path]]:
-    """A run of which one episode has ended and one has not."""
+    """Serve a run with one ended and one running episode."""
     folder = tmp_path_factory.mktemp("run")
     scene = record_episode(folder / "couch-0")
     record_episode(folder / "couch-1", name="couch-1")
@@ -70,7 +70,7 @@ def test_nothing_can_be_written_and_no_other_host_is_answered(served: tuple[int,
 
 @pytest.fixture
 def run(tmp_path: Path) -> tuple[Path, Watcher]:
-    """A run of one episode, and who watches it."""
+    """Record a run of one episode; return its folder and a watcher."""
     scene = record_episode(tmp_path / "run" / "couch-0")
     return tmp_path / "run", Watcher(tmp_path / "run", lambda name: scene)
 

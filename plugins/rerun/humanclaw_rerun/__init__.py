@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 TARGET: Final = "HUMANCLAW_RERUN"
-"""The environment variable that says where episodes are logged while they are played: the address of a viewer, or a
-folder for an .rrd file each. Without it nothing is logged."""
+"""Environment variable that turns on live logging: address of a viewer, or folder for one .rrd file per episode."""
 
 
 @hookimpl
@@ -50,9 +49,10 @@ def humanclaw_episode_end(episode: EpisodeRecord) -> None:
         live.end(episode)
 
 
+# Hooks are called for every chunk, and a viewer must get one connection only.
 @functools.cache
 def _live(target: str) -> Live | None:
-    """Return what logs to a target, always the same; None without one."""
+    """Return the logger of a target, the same at every call; None for an empty target."""
     if not target:
         return None
     from humanclaw_rerun.live import Live

@@ -1,4 +1,4 @@
-"""`humanclaw rerun`: recorded episodes for the Rerun viewer."""
+"""`humanclaw rerun`: write recorded episodes for the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from humanclaw.cli import plugin_files
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE|RUN")
-@click.option("--out", type=click.Path(path_type=Path), help="File; the default is episode.rrd in the episode.")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: episode.rrd in the episode.")
 @plugin_files
 def rerun(folder: Path, out: Path | None, files: tuple[Path, ...]) -> None:
-    """Write recorded episodes for the Rerun viewer: `rerun FILE` shows one.
+    """Write recorded episodes for the Rerun viewer; `rerun FILE` shows one.
 
-    EPISODE is its folder. Of a RUN every episode is written into its own folder.
+    EPISODE is the folder of an episode. For a RUN, every episode gets a file in its own folder.
     """
     from humanclaw import HumanclawError, Plugins, load_run
     from humanclaw_rerun.live import house_of
@@ -25,7 +25,7 @@ def rerun(folder: Path, out: Path | None, files: tuple[Path, ...]) -> None:
     episodes, plugins = load_run(folder), Plugins.discover(files)
     if out and len(episodes) > 1:
         raise HumanclawError(
-            f"{folder} holds {len(episodes)} episodes; --out is the file of one.",
+            f"{folder} holds {len(episodes)} episodes, but --out takes one.",
             f"Name one of them, such as {episodes[0].folder}, or leave out --out.",
         )
     for episode in episodes:

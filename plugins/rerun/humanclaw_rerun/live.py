@@ -1,4 +1,4 @@
-"""Episodes logged while they are played."""
+"""Live logging of episodes while they run."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from humanclaw_rerun.log import EpisodeLog
 
 @dataclass
 class _Open:
-    """An episode under way: its log, the frame that comes next, and that with which the step under way began.
+    """An episode in progress: its log, its next frame, and the first frame of the current step.
 
-    before, body: the last frame of the body when that step began, and now; None while nothing has moved.
+    before, body: last frame of the body before the current step, and now; None until the body has moved.
     """
 
     log: EpisodeLog
@@ -29,20 +29,20 @@ class _Open:
 
 
 class Live:
-    """Logs every episode that it is told of, from its first chunk on.
+    """Logs every episode from its first chunk on.
 
-    Its three methods are what the observers of the same names are told. Safe with several episodes at once, each of
-    which is told of by one thread.
+    The observer hooks call its three methods. Several episodes may run at once if each has a thread of its own.
     """
 
     def __init__(self, target: str | Path) -> None:
-        """target: the address of a viewer (rerun+http://...), or a folder for a file each, NAME.rrd."""
+        """target: the address of a viewer (rerun+http://...), or a folder for one file per episode, NAME.rrd."""
         self._target = str(target)
         self._open: dict[str, _Open] = {}
 
     def chunk(self, episode: EpisodeRecord, chunk: Chunk) -> None:
         """Log half a second of motion. Raises RecordError if the file cannot be written."""
         under_way, simulated = self._of(episode), chunk.execution.simulated
+        # The view of the first step was taken before any motion; the first frame is closest to it.
         under_way.before = under_way.before or simulated[:1]
         under_way.body = simulated[-1:]
         under_way.log.body("simulated", simulated, under_way.frame)
@@ -51,14 +51,15 @@ class Live:
         under_way.frame += len(chunk.commanded)
 
     def step(self, episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
-        """Log a step once it is recorded. view: what the eyes saw before it, (height, width, 3)."""
+        """Log a recorded step. view: ego view before the step, (height, width, 3)."""
         under_way = self._of(episode)
         under_way.log.view(jpeg(view), under_way.before, under_way.first)
         under_way.log.step(step, under_way.first)
+        # A step can have several chunks, so its end is known only now.
         under_way.first, under_way.before = under_way.frame, under_way.body
 
     def end(self, episode: EpisodeRecord) -> None:
-        """Close the recording."""
+        """Close the recording of an episode."""
         self._of(episode).log.close()
         del self._open[episode.spec.id]
 
@@ -85,7 +86,7 @@ def _log_house(log: EpisodeLog, episode: EpisodeRecord) -> None:
 
 
 def house_of(episode: EpisodeRecord, plugins: Plugins) -> tuple[Scene | None, str]:
-    """Return the house of an episode if the installed one is the same, else None; and then why."""
+    """Return the house of an episode and an empty note; None and the reason if it is missing or differs."""
     try:
         scene = plugins.scene(episode.spec.scene)
     except HumanclawError as fault:

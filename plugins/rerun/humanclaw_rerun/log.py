@@ -1,6 +1,6 @@
-"""One episode in a Rerun recording: house, body, ghost, eyes, calls and distance on one time line.
+"""One episode as a Rerun recording: house, body, ghost, eyes, calls and distance on one time line.
 
-The time line `time` is in seconds: frame k of motion.npz is at k / 30. Positions are the world's: metres, Y up.
+The time line `time` is in seconds: frame k of motion.npz is at k / 30. Positions are in the world frame: metres, Y up.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _LOOK: Final[Mapping[Kind, tuple[tuple[int, int, int, int], float]]] = {
     "simulated": ((235, 130, 40, 255), 0.035),
     "generated": ((120, 150, 255, 110), 0.012),
 }
-"""Colour and radius (metres) of the bones: what physics made of the motion, and as a ghost what was generated."""
+"""Colour and radius (metres) of the bones of the simulated motion, and of the generated motion as a ghost."""
 _LEFT_OUT: Final = "ceiling"
-"""Of a house: one looks in from above."""
+"""Category of objects that are not logged, so that the viewer can look in from above."""
 _BONES: Final = [(parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0]
 
 
 def bones(motion: Motion) -> Array:
-    """(T, 23, 2, 3) ends of every bone, metres, world frame."""
+    """Return the (T, 23, 2, 3) ends of every bone, metres, world frame."""
     return motion.joints()[:, _BONES]
 
 
@@ -40,7 +40,7 @@ class EpisodeLog:
     """The recording of one episode. Close it, or use it as a context manager."""
 
     def __init__(self, record: EpisodeRecord, target: str | Path) -> None:
-        """target: an .rrd file to write, or the address of a viewer (rerun+http://...).
+        """Begin a recording. target: an .rrd file to write, or the address of a viewer (rerun+http://...).
 
         Raises RecordError if the file cannot be written.
         """
@@ -54,6 +54,7 @@ class EpisodeLog:
                 self._stream.save(target)
         self._stream.send_blueprint(_blueprint())
         self._stream.send_recording_name(f"{spec.id}: {record.agent}")
+        # Static values hold at all times, also before the first frame.
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
         self._static("task", rr.TextDocument(f"{record.agent} in {spec.scene}: {spec.instruction}"))
         for key, (low, high) in record.targets.items():
@@ -64,18 +65,18 @@ class EpisodeLog:
         fov = np.radians(Camera.fov)
         self._static("world/eyes", rr.Pinhole(fov_y=fov, aspect_ratio=1.0, camera_xyz=rr.ViewCoordinates.RUB))
 
-    # -- what stands there ---------------------------------------------------------------------------------------------
+    # -- the house -----------------------------------------------------------------------------------------------------
     def house(self, scene: Scene) -> None:
-        """Log every object but the ceilings, as a mesh with a colour a vertex, where the scene says."""
+        """Log every object except ceilings at its place in the scene, as a mesh with one colour per vertex."""
         self._names = {obj.id: f"{obj.category}_{obj.id}" for obj in scene.objects}
         for obj in scene.objects:
             if obj.category != _LEFT_OUT:
                 self._static(self._path(obj.id), _placed(obj))
                 self._static(self._path(obj.id), _mesh(scene.assets[obj.asset].mesh))
 
-    # -- what moves ----------------------------------------------------------------------------------------------------
+    # -- motion --------------------------------------------------------------------------------------------------------
     def body(self, kind: Kind, motion: Motion, first: int) -> None:
-        """Log the skeleton; first: the frame that the motion begins with."""
+        """Log the skeleton. first: frame at which the motion begins."""
         path, ends = f"world/body/{kind}", bones(motion)
         strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3)).partition(
             [len(_BONES)] * len(ends)
@@ -83,14 +84,14 @@ class EpisodeLog:
         self._columns(path, first, len(ends), strips)
 
     def objects(self, paths: Mapping[int, Array], first: int) -> None:
-        """Log (T, 7) positions and quaternions of movable objects."""
+        """Log (T, 7) positions (metres) and quaternions of movable objects, by id."""
         for key, path in paths.items():
             placed = rr.Transform3D.columns(translation=path[:, :3], quaternion=path[:, 3:])
             self._columns(self._path(key), first, len(path), placed)
 
-    # -- what is seen, said and measured -------------------------------------------------------------------------------
+    # -- views, calls and distance -------------------------------------------------------------------------------------
     def view(self, picture: bytes, body: Motion | None, frame: int) -> None:
-        """Log what the eyes saw (JPEG), and from where if it is known: they are the last frame's of a motion."""
+        """Log an ego view (JPEG). body: motion whose last frame gives the place of the eyes; None if it is unknown."""
         self._stream.set_time(TIME, duration=frame / FPS)
         if body is not None:
             eyes = ego_camera(body)
@@ -99,7 +100,7 @@ class EpisodeLog:
         self._stream.log("world/eyes", rr.EncodedImage(contents=picture, media_type="image/jpeg"))
 
     def step(self, step: StepRecord, first: int) -> None:
-        """Log a call with the words around it as it begins, and how far the target is when it has ended."""
+        """Log a call with its words at its first frame, and the distance to the target after its last."""
         self._stream.set_time(TIME, duration=first / FPS)
         for level, line in _lines(step):
             self._stream.log("calls", rr.TextLog(line, level=level))
@@ -108,7 +109,7 @@ class EpisodeLog:
             self._stream.log("distance", rr.Scalars(step.target_distance))
 
     def note(self, text: str) -> None:
-        """Log a sentence about the whole."""
+        """Log a sentence about the whole episode."""
         self._static("note", rr.TextDocument(text))
 
     def close(self) -> None:
@@ -128,6 +129,7 @@ class EpisodeLog:
         self._stream.log(path, what, static=True)
 
     def _columns(self, path: str, first: int, frames: int, columns: rr.ComponentColumnList) -> None:
+        # Columns send a whole chunk at once, which is much faster than a log call for each frame.
         times = rr.TimeColumn(TIME, duration=np.arange(first, first + frames) / FPS)
         self._stream.send_columns(path, indexes=[times], columns=columns)
 
@@ -135,8 +137,8 @@ class EpisodeLog:
 def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, note: str = "") -> None:
     """Write a recorded episode as an .rrd file.
 
-    scene: None leaves the house out; note: says why. Raises RecordError if the record is damaged or the file cannot be
-    written.
+    scene: None leaves the house out. note: a sentence that says why. Raises RecordError if the record is damaged or the
+    file cannot be written.
     """
     with EpisodeLog(recorded.record, out) as log:
         if scene:
@@ -153,24 +155,25 @@ def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, n
 
 
 def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
-    """Log the view before each step, as far as it was kept."""
+    """Log the view before each step, if the record holds it."""
     if not recorded.has_motion:
         return
     motion = recorded.motion()
     for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
         picture = recorded.folder / step.frame_file
         if step.frame_file and picture.is_file():
+            # The view was taken where the body stood in the frame before the step.
             log.view(picture.read_bytes(), motion[first - 1 : first], first)
 
 
 def first_frames(recorded: RecordedEpisode) -> list[int]:
-    """Frame of motion.npz with which each step begins."""
+    """Return the frame of motion.npz at which each step begins."""
     ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
     return [int(end) - step.motion_frames for end, step in zip(ends, recorded.steps, strict=True)]
 
 
 def _lines(step: StepRecord) -> Iterator[tuple[str, str]]:
-    """Yield level and line of all that was said about a step."""
+    """Yield the log level and text of each line about a step."""
     yield from (("WARN", f"refused: {attempt.error}") for attempt in step.attempts if attempt.error)
     if step.decision.reasoning:
         yield "DEBUG", step.decision.reasoning
@@ -200,15 +203,16 @@ def _mesh(mesh: Mesh) -> rr.Mesh3D:
 
 
 def _colours(mesh: Mesh) -> NDArray[np.uint8]:
-    """(N, 3) colour of the texture at each vertex."""
+    """Return the (N, 3) colour of the texture at each vertex."""
     height, width = mesh.texture.shape[:2]
     u, v = np.clip(mesh.uv, 0, 1).T
+    # Texture rows run from the top, v from the bottom.
     return np.asarray(mesh.texture[np.rint((1 - v) * (height - 1)).astype(int), np.rint(u * (width - 1)).astype(int)])
 
 
 @contextmanager
 def _writing(target: str | Path) -> Iterator[None]:
-    """Tell of a file that cannot be written as RecordError: the library says RuntimeError for whatever it is."""
+    """Raise RecordError if the file cannot be written; Rerun raises RuntimeError for every cause."""
     try:
         yield
     except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""Recordings for the Rerun viewer, read back with Rerun's own reader and held to the records."""
+"""Tests of Rerun recordings, read back with Rerun's own reader and compared with the records."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from humanclaw_rerun.log import EpisodeLog, bones, write_recording  # noqa: E402
 
 
 class Recording:
-    """What an .rrd file holds: times in seconds and values, by entity and component."""
+    """The content of an .rrd file: times in seconds and values, by entity and component."""
 
     def __init__(self, path: Path) -> None:
         self.reader = chunks.RrdReader(path)
@@ -43,7 +43,7 @@ class Recording:
         return {path for path, _ in self.batches}
 
     def read(self, path: str, component: str) -> tuple[np.ndarray, list]:
-        """Times (NaN for what holds at all times) and what was logged at each, in order of time."""
+        """Return times (NaN for static values) and the values logged at them, in order of time."""
         times, values = [], []
         for found, batch in self.batches:
             if found == path and component in batch.schema.names:
@@ -116,7 +116,7 @@ def test_the_eyes_hold_the_pictures_of_the_record_where_the_head_was(recorded, r
     _, axes = recording.read("/world/eyes", "Transform3D:mat3x3")
     before = recorded.motion().joints()[HISTORY - 1]
     assert np.linalg.norm(np.array(places[0][0]) - before[15]) < 0.25
-    # Column by column: right, up and backwards. At yaw 0 a body looks along +Z, so that its right is -X.
+    # The columns are right, up and backwards. At yaw 0 a body looks along +Z, so its right is -X.
     right, up, back = np.array(axes[0][0]).reshape(3, 3)
     facing = np.array([np.sin(recorded.record.start.yaw), 0, np.cos(recorded.record.start.yaw)])
     assert -back @ facing > 0.7

@@ -55,6 +55,7 @@ def build(
     of clips.
     """
     every = [clip for clip in load_pack(source) if clip.source not in without]
+    # Before anything is measured on clips: profiles of synthetic motion must not see held-out people either.
     clips = [clip for clip in every if not held_out(clip, hold_out)]
     for name, chunks in build_real([clip for clip in every if held_out(clip, hold_out)], skills).items():
         chunks.save(out / "held_out" / f"{name}.npz")

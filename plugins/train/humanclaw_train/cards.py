@@ -36,7 +36,7 @@ _NAMES: Final = {
     "retimed": "the same clips at other paces, by `humanclaw_train.retimed`",
 }
 _DERIVED: Final = {"composed": "that of the clips it was measured on", "retimed": "that of the clips"}
-"""Licences of sources that are made from other sources."""
+"""Licences of sources that are derived from other sources."""
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
         "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
@@ -62,7 +62,7 @@ def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: Na
     """
     import jinja2
 
-    # Strict: a misspelt name in the template is an error and not an empty cell.
+    # Strict: a misspelt name in the template is an error, not an empty cell.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report, naturalness))
 
@@ -130,6 +130,7 @@ def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) ->
 
 
 def _parameters(checkpoint: Path) -> int:
+    # Shapes are in the header, so no weights are read.
     with safe_open(str(checkpoint), framework="np") as file:
         shapes = [file.get_slice(name).get_shape() for name in file.keys() if name.startswith("model.")]  # noqa: SIM118
     return sum(math.prod(shape) for shape in shapes)
@@ -149,7 +150,7 @@ def _ratio(ratio: Ratio) -> str:
     return f"{ratio.mean:.3f} ± {ratio.std:.3f}"
 
 
-# -- all of them -------------------------------------------------------------------------------------------------------
+# -- writing -----------------------------------------------------------------------------------------------------------
 def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     """Write the card beside each checkpoint. Returns the cards that were out of date. check: write nothing.
 

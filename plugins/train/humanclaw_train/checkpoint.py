@@ -121,6 +121,7 @@ def weights_of(module: nn.Module) -> Weights:
 
 
 def _halved(module: nn.Module) -> dict[str, Tensor]:
+    # Half precision halves the shipped files; weights are read back in single precision.
     return {MODEL + name: tensor.half() for name, tensor in module.state_dict().items()}
 
 
@@ -140,6 +141,7 @@ def _digest(tensors: Mapping[str, Tensor]) -> str:
 
 
 def _write(path: Path, tensors: dict[str, Tensor], header: Mapping[str, Any]) -> None:
+    # Sorted keys, so that the same training writes the same bytes.
     content = save(tensors, {HEADER: json.dumps({"format": FORMAT, **header}, sort_keys=True)})
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, content)

@@ -165,6 +165,7 @@ def canonical(root: Array, rotations: Array) -> tuple[Array, Array]:
 def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Array]:
     origin = np.stack([root[:, HISTORY - 1, 0], floor, root[:, HISTORY - 1, 2]], -1)
     turn = yaw_matrix(-heading(rotations[:, HISTORY - 1, 0]))
+    # Only the pelvis turns: all other rotations are relative to their parents.
     turned = rotations.copy()
     turned[:, :, 0] = vector_from_matrix(turn[:, None] @ matrix_from_vector(rotations[:, :, 0]))
     return np.einsum("nij,ntj->nti", turn, root - origin[:, None]), turned
@@ -173,6 +174,7 @@ def _canonical(root: Array, rotations: Array, floor: Array) -> tuple[Array, Arra
 def cut(motion: Motion, starts: NDArray[np.int_]) -> tuple[Array, Array]:
     """Cut the chunks that begin at frames `starts` (N,): canonical root (N, 20, 3) and rotations (N, 20, 24, 3)."""
     frames = np.asarray(starts, int)[:, None] + np.arange(CHUNK)
+    # Windows overlap, so the heights of the soles are computed once for the whole motion.
     support = support_height(motion.joints())
     return _canonical(motion.root[frames], motion.rotations[frames], support[frames[:, :HISTORY]].min(axis=1))
 
@@ -275,6 +277,7 @@ class Chunks:
         """Write one npz. An interrupted save leaves the old file in place."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
+        # Renaming is atomic, so a reader never sees half a file.
         part = path.with_name(f"{path.name}.part")
         with part.open("wb") as file:
             np.savez_compressed(file, **{field.name: getattr(self, field.name) for field in fields(self)})

@@ -133,7 +133,7 @@ class Commands:
 
     @property
     def sits(self) -> Mask:
-        """(N,) Whether the command sets a height of the pelvis."""
+        """Whether the command sets a height of the pelvis (N,)."""
         return np.isfinite(self.height)
 
 
@@ -147,6 +147,7 @@ def _row(skill: Trained, given: Mapping[str, float]) -> dict[str, float]:
     if unknown := sorted(set(given) - set(axes)):
         raise HumanclawError(f"{skill.name} has no parameter {', '.join(unknown)}.", f"It has: {', '.join(axes)}.")
     row = {"x": np.nan, "z": np.nan, "yaw": np.nan, "rise": 0.0, "height": np.nan}
+    # A parameter that is not given is commanded as 0; an axis without a parameter stays open (NaN).
     return row | {key: sign * given.get(name, 0.0) for name, (key, sign) in axes.items()}
 
 

@@ -30,6 +30,7 @@ class Adapter(nn.Module):
         self.config = config
         hidden = base.config.hidden
         self.blocks = copy.deepcopy(base.blocks).requires_grad_(True)  # The base is frozen, and so is its copy.
+        # Zero weights: before training, the branch adds nothing to the base.
         self.weights = nn.ModuleList(_zeros(hidden) for _ in self.blocks)
         self.encode = _encoder(config, hidden)
         # Not persistent: the header has both numbers.

@@ -25,8 +25,8 @@ from humanclaw_train.chunks import EACH
 
 Arrays = Mapping[str, NDArray[Any]]
 """Content of a file of chunks, by name."""
-# Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow.
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
+"""Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow."""
 _SETTLED: Final = 10
 """Frames after which the error of a history has faded."""
 
@@ -79,6 +79,7 @@ def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
     before = set[bytes]()
     for part in parts:
         keys = [root.tobytes() + turns.tobytes() for root, turns in zip(part["root"], part["rotations"], strict=True)]
+        # Synthetic chunks differ between seeds, so they are never repeated.
         yield np.array([not real or one not in before for real, one in zip(part["real"], keys, strict=True)])
         before |= set(keys)
 
@@ -120,6 +121,7 @@ def standing(chunks: ChunkTensors) -> tuple[Tensor, Tensor]:
     root, rotations = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     positions = kinematics.joints(root, rotations)
     moving = positions.diff(dim=1).norm(dim=-1).mean((1, 2)) + (chunks.root[:, -1] - chunks.root[:, 0]).norm(dim=-1)
+    # A seated or bent body can be calm too, so its head must be about as high as that of most calm bodies.
     upright = positions[:, -1, JOINT_INDEX["head"], 1]
     calm = moving <= moving.quantile(0.1)
     still = calm & (upright > upright[calm].quantile(0.5) - 0.05)
@@ -160,6 +162,7 @@ def noisy_history(
     """
     device = root.device
     strengths = 1 + (strength - 1) * (_pace(root) / _BRISK).clamp(max=1)[:, None, None] if strength > 1 else strength
+    # Squared, so that most histories have small errors and a few have large ones.
     share = strengths * torch.rand(len(root), 1, 1, generator=generator, device=device) ** 2
     pose, drift, history = (curve.to(device)[None, :, None] for curve in _curves())
 

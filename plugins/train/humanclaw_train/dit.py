@@ -65,7 +65,7 @@ class Block(nn.Module):
         nn.init.zeros_(self.modulation.bias)
 
     def forward(self, z: Tensor, modulation: Tensor) -> Tensor:
-        """z: (B, T, hidden). modulation: (6, B, 1, hidden) of this block."""
+        """Return the tokens after this block (B, T, hidden). z: (B, T, hidden); modulation: (6, B, 1, hidden)."""
         shift, scale, gate, shift_mlp, scale_mlp, gate_mlp = modulation.unbind(0)
         z = z + gate * self._attend(_modulate(z, shift, scale))
         hidden = F.gelu(self.up(_modulate(z, shift_mlp, scale_mlp)), approximate="tanh")

@@ -63,13 +63,13 @@ class Ratio:
     after_other: float
     """Mean over chunks that follow another skill; NaN if there are none."""
     error: float
-    """Mean absolute error over all parameters; centimetres and degrees count alike."""
+    """Mean absolute error over all parameters; a centimetre counts as much as a degree."""
     chunks: int
 
 
 @dataclass(frozen=True)
 class Row:
-    """One skill's row. `generated` is NaN for a skill without parameters; None stands for not measured."""
+    """One skill's row. `generated` is NaN for a skill without parameters; None means not measured."""
 
     skill: str
     generated: Ratio
@@ -80,7 +80,7 @@ class Row:
     paper: tuple[float, float] | None = None
     """Mean and standard deviation of the ratio in the paper's table 1, on its data and body."""
     paper_baseline: tuple[float, float] | None = None
-    """The same for the paper's baseline, MoMask, which ignores the magnitude."""
+    """Mean and standard deviation for the paper's baseline, MoMask, which ignores the magnitude."""
     uncommanded: Uncommanded = field(default_factory=dict)
     """Travel and turn that the skill does not command."""
 
@@ -288,7 +288,8 @@ def main(
     if options.json:
         print(as_json(report))
         return 0
-    from humanclaw.cli import show_markdown  # Not at the top: training imports this module on machines without click.
+    # Imported here, because training imports this module on machines without click.
+    from humanclaw.cli import show_markdown
 
     show_markdown(markdown(report.rows))
     show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))

@@ -50,6 +50,7 @@ def first_steps(
         motions = [generator.start() for _ in range(bodies)]
         values = _first_commands(command, bodies, np.random.default_rng(seed))
         extend(generator, command, motions, np.arange(bodies), values, (seed, 13))
+        # From the last history frame on, so that a jump at the seam counts as a slide.
         slides = [measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions]
         found[command.skill] = FirstSteps.of(np.array(slides))
     return found

@@ -97,6 +97,7 @@ class Loss:
         root = implied[..., kinematics.ROOT]
         joints = kinematics.joints(root, implied[..., kinematics.ROTATIONS].reshape(-1, FUTURE, N_JOINTS, 3))
         true = states[..., kinematics.POSITIONS].reshape(-1, CHUNK, N_JOINTS, 3)
+        # The first step starts at the last history frame, so that the loss sees a jump at the seam.
         steps = torch.cat([true[:, HISTORY - 1 : HISTORY], joints], 1).diff(dim=1)
         true_steps = true[:, HISTORY - 1 :].diff(dim=1)
         return (
@@ -135,7 +136,7 @@ def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool =
         noisy = noised(future, noise, tau)
         with torch.autocast(states.device.type, torch.bfloat16, enabled=_has_bfloat16(states.device)):
             output = forward(normal[:, :HISTORY], noisy, tau, condition)
-        output = output.float()
+        output = output.float()  # The loss in single precision: its metric terms are small differences.
         wanted = future if prediction == "clean" else target(future, noise)
         return loss(output, wanted, clean(prediction, output, noisy, tau), states)
 

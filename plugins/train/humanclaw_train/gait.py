@@ -25,7 +25,7 @@ SWING: Final = LIFT + LAND
 """Duration of a swing, in steps."""
 
 
-# -- what speed decides ------------------------------------------------------------------------------------------------
+# -- effects of speed --------------------------------------------------------------------------------------------------
 def cadence(speed: Array) -> Array:
     """Return the steps in a chunk at a speed in m/s: 1.5 a second at 0.9 m/s, 1.95 at 1.6 m/s."""
     return np.asarray(1.57 * np.clip(speed, 0.3, 2.0) ** 0.45 * FUTURE / FPS)
@@ -112,11 +112,11 @@ class Cycle:
         return np.ceil(self.phase[:, 0] - LAND).astype(int)
 
     def since(self, foot: int) -> Array:
-        """(N, 16) Phase since a foot passed the other one, in [-1, 1)."""
+        """Return the phase since a foot passed the other one (N, 16), in [-1, 1)."""
         return (self.phase + foot) % 2 - 1
 
     def progress(self, passing: Ints) -> Array:
-        """(N, 16) Progress of a swing: 0 as the toes leave, 1 as the heel lands, and beyond."""
+        """Return the progress of a swing (N, 16): 0 as the toes leave, 1 as the heel lands, and beyond."""
         return (self.phase - passing[:, None] + LIFT) / SWING
 
 

@@ -67,7 +67,7 @@ def support_height(positions: Tensor) -> Tensor:
 
 
 def encode(root: Tensor, rotations: Tensor) -> Tensor:
-    """Encode (B, T, 3) and (B, T, 24, 3) as states (B, T, 219), like pose.encode."""
+    """Encode (B, T, 3) and (B, T, 24, 3) as states (B, T, 219), like humanclaw.body.encode."""
     positions = joints(root, rotations)
     steps = positions.diff(dim=1)
     velocity = torch.cat([steps[:, :1], steps], 1)

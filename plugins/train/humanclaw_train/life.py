@@ -1,4 +1,4 @@
-"""A long life: what many random calls in a row do to a body that continues its own motion."""
+"""A long life: errors that accumulate when a body continues its own motion over many random calls."""
 
 from __future__ import annotations
 

@@ -91,6 +91,7 @@ def _compared(
 ) -> list[NaturalnessRow]:  # fmt: skip
     """Add the Frechet distances to a skill's rows."""
     apart = held_out(folders, command.skill)
+    # Too few held-out chunks: one half of the data takes the place of unseen clips.
     held, rest = apart or halves(data)
     distance, least = likeness(generator, command, held, rest, features, seed)
     free = free_running(generator, command, data, features, seed)
@@ -106,6 +107,7 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
     held, rest = (_some(part, _MOST, seed) for part in found)
     histories = [held.motion(index)[:HISTORY] for index in range(len(held))]
     keys = [(seed, 9, index) for index in range(len(held))]
+    # No adapter: the prior runs alone.
     futures = generator.generate_batch(histories, None, [{}] * len(held), keys)
     whole = [history.then(future) for history, future in zip(histories, futures, strict=True)]
     made, true, other = (_arrays(part) for part in (whole, held, rest))
@@ -173,6 +175,7 @@ def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
     if len(names) == 1:
         middle = len(chunks) // 2
         return chunks[:middle], chunks[middle:]
+    # The largest clips first, each to the smaller half, so that both halves get about the same size.
     first: list[str] = []
     sizes = [0, 0]
     for index in np.argsort(-counts):

@@ -23,6 +23,7 @@ _TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 def skate(joints: Array) -> float:
     """Return the mean horizontal speed of toes that touch a floor at 0, cm/s; NaN if none does."""
     low = joints[..., _TOES, 1] - TOE_SOLE < _TOUCH
+    # A speed lies between two frames, and the toe must touch in both.
     both = low[..., 1:, :] & low[..., :-1, :]
     speed = _toe_speed(joints)
     return float(speed[both].mean()) if both.any() else float("nan")

@@ -1,4 +1,4 @@
-"""Naturalness: generated motion beside real motion, by feet, joints, likeness, transitions, gait and jerk.
+"""Naturalness: generated motion compared with real motion, by feet, joints, likeness, transitions, gait and jerk.
 
     humanclaw naturalness --chunks REAL EDITED
 

@@ -20,7 +20,7 @@ class Notes:
     paper: tuple[float, float] | None = None
     """Mean and standard deviation of achieved over commanded in the paper's table 1, on its data and body."""
     baseline: tuple[float, float] | None = None
-    """The same for the paper's baseline, MoMask, which ignores the magnitude."""
+    """Mean and standard deviation for the paper's baseline, MoMask, which ignores the magnitude."""
 
     @classmethod
     def read(cls, folder: Path) -> Notes:

@@ -3,7 +3,7 @@
     humanclaw data chunks --skill FOLDER --clips DIR
 
 FOLDER contains the skill's schema.json, which names the measure of each parameter. Every window of every clip is
-measured, and windows within the schema's bounds are kept. A recipe.py beside it may narrow down the windows. DIR
+measured, and windows within the schema's bounds are kept. A recipe.py beside it may select among the windows. DIR
 contains .bvh files, .amc files with their .asf, AMASS .npz files, or motion.npz files of recorded episodes.
 """
 
@@ -51,9 +51,9 @@ _BEYOND: Final = 0.15
 of its data."""
 
 
-# -- what is given -----------------------------------------------------------------------------------------------------
+# -- input -------------------------------------------------------------------------------------------------------------
 def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Trained:
-    """Read a skill's declaration and recipe from its folder. Without a recipe.py, every window may show it.
+    """Read a skill's declaration and recipe from its folder. Without a recipe.py, any window may show the skill.
 
     Raises PluginError for a broken schema.json, HumanclawError for a recipe.py without RECIPE.
     """
@@ -61,6 +61,7 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
     declaration, path = Declaration.read(folder), folder / "recipe.py"
     if not path.is_file():
         return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration, measures)
+    # The skill is not installed yet, so its recipe is loaded from the file.
     spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.skill}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -68,7 +69,7 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
     spec.loader.exec_module(module)
     recipe = getattr(module, "RECIPE", None)
     if not isinstance(recipe, Recipe):
-        raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.recipes.Recipe.")
+        raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.skills.Recipe.")
     return Trained(recipe, declaration, measures)
 
 
@@ -109,7 +110,7 @@ def _recorded(file: Path) -> Motion | None:
         raise MocapError(f"{file} cannot be read: {error}.", "Check that the file is complete.") from error
 
 
-# -- what is made of it ------------------------------------------------------------------------------------------------
+# -- chunks ------------------------------------------------------------------------------------------------------------
 def chunks_of(
     skill: Trained, clips: Sequence[Clip], seconds: float, seed: int, standing: Motion | None = None
 ) -> Chunks:
@@ -126,6 +127,7 @@ def chunks_of(
         )
     parts = list(shown)
     if skill.recipe.retimed and standing is not None:
+        # Only clips that show the skill: others would add poses that it does not have.
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
     whole = Chunks.join(parts)

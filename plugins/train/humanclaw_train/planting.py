@@ -36,7 +36,7 @@ def plant(pose: Pose) -> Pose:
     for side in SIDES:
         pose = _levelled(pose, side, floor)
     shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in SIDES}
-    # An error that both feet share is the root's.
+    # Both feet off by the same height is an error of the root, so the legs need not bend for it.
     common = float(np.median(np.concatenate([shift[:, 1] for shift in shifts.values()])))
     ankles = {side: pose.at(f"{side}_ankle") + shift for side, shift in shifts.items()}
     root = pose.root + [0.0, common, 0.0]
@@ -94,6 +94,7 @@ def _hold(pose: Pose, side: str, runs: list[slice], floor: float | None) -> Arra
     target = toe.copy()
     for run in runs:
         target[run] = _steady(toe[run])
+        # On stairs no common floor is known, so each stance keeps its own height.
         target[run, 1] = np.median(toe[run, 1]) if floor is None else floor + TOE_SOLE
     shift = _between(runs, target - toe)
     if runs:

@@ -78,7 +78,7 @@ def reach_ankle(root: Array, world: Array, side: str, ankle: Array) -> Array:
     thigh, shin = np.linalg.norm(OFFSETS[knee]), np.linalg.norm(OFFSETS[foot])
     start = root + world[:, 0] @ OFFSETS[hip]
     reach = ankle - start
-    # Neither folded together nor quite straight.
+    # Neither folded together nor quite straight: at both ends the plane of the knee would be undefined.
     distance = np.clip(np.linalg.norm(reach, axis=-1, keepdims=True), 0.25 * (thigh + shin), STRAIGHT * (thigh + shin))
     along = unit(reach)
     hinge = world[:, hip, :, 0] + world[:, knee, :, 0]  # Turns least of all parts of a leg, even in a deep squat.

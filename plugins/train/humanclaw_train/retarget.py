@@ -134,5 +134,6 @@ def leg_length(source: SourceMotion) -> float:
 
 def _settled(motion: Motion) -> Motion:
     """Put the floor at 0 under the lowest sole, and the start over the origin."""
+    # A percentile, since single frames of captured feet go through the floor.
     low = float(np.percentile(support_height(motion.joints()), 5))
     return Motion(motion.root - [motion.root[0, 0], low, motion.root[0, 2]], motion.rotations)

@@ -50,7 +50,7 @@ def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generato
 
     standing: the prior's standing pose; its last frame counts. begun: whether to start exactly in that pose.
     """
-    clip = clip[_moving(clip)]
+    clip = clip[_moving(clip)]  # Otherwise the clock would spend most of its time at rest.
     passed = _sampled(clip, _clock(len(clip), chunks, rng))
     turned = _upright(passed, standing, float(clip.root[:, 1].max()))
     if begun:
@@ -73,6 +73,7 @@ def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:
     marks[0] = rng.choice([0.0, rng.uniform(0.0, last)])
     for index, step in enumerate(steps):
         onward = marks[index] + step
+        # Reflected: a clock that stopped at an end would show the extremes too often.
         marks[index + 1] = onward if 0 <= onward <= last else np.clip(marks[index] - step, 0.0, last)
     # Monotone between marks (PCHIP), so that a halt stays a halt.
     times = HISTORY - 1 + FUTURE * np.arange(chunks + 1)
@@ -84,7 +85,7 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
     """Sample the clip between its frames."""
     frames = np.arange(len(clip))
     matrices = CubicSpline(frames, matrix_from_vector(clip.rotations))(clock)
-    left, _, right = np.linalg.svd(matrices)  # The nearest rotation.
+    left, _, right = np.linalg.svd(matrices)  # Splines of matrices are no rotations; this gives the nearest ones.
     return Motion(CubicSpline(frames, clip.root)(clock), vector_from_matrix(left @ right))
 
 
@@ -116,6 +117,7 @@ def _replanted(motion: Motion, feet: Feet) -> Motion:
     pelvis, yaw = matrix_from_vector(motion.rotations[:, 0]), heading(motion.rotations[:, 0])
     root = motion.root.copy()
     lift = np.full(feet.pitch.shape, 0.0)
+    # The feet have moved, so the hips may have to sink for both legs to reach them.
     root[:, 1] = np.minimum(root[:, 1], ik.ceiling(root[None], pelvis[None], feet, lift)[0])
     stand = ik.ease_ankles(root[None], pelvis[None], feet, yaw[None])
     turned = motion.rotations.copy()

@@ -50,10 +50,11 @@ class Command:
 
     @classmethod
     def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
-        """Do the same with a given declaration, for an adapter in any folder."""
+        """Read the range of an adapter in any folder, for a given declaration."""
         config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
         centre, scale = np.array(config["centre"], float), np.array(config["scale"], float)
+        # scale is half of the range: a model is least accurate at the edge of its data.
         low, high = centre - 0.9 * scale, centre + 0.9 * scale
         return cls(declaration, adapter, tuple(config["params"]), low, high, measures)
 
@@ -154,6 +155,7 @@ def roll(generator: DiTGenerator, command: Command, before: Sequence[Command], r
     motions = [generator.start() for _ in range(rollouts)]
     strange = np.zeros(rollouts, bool)
     if before:
+        # The others in turn, so that each precedes equally many rollouts and runs as one batch.
         strange[1::2] = True
         for index, other in enumerate(before):
             chosen = np.flatnonzero(strange)[index :: len(before)]
@@ -183,6 +185,7 @@ def extend(
     key: start of the noise key. Callers use different numbers, so that no two measures share noise.
     """
     if len(chosen):
+        # A key for each body, so that its noise does not depend on the size of the batch.
         histories = [motions[index][-HISTORY:] for index in chosen]
         keys = [(*key, int(index)) for index in chosen]
         futures = generator.generate_batch(histories, command.adapter, [command.named(row) for row in values], keys)

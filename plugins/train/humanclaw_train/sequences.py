@@ -18,8 +18,8 @@ _WALK: Final = ("hips.forward", 0.4)
 _SIDE: Final = ("hips.left", 0.2)
 _TURN: Final = ("heading.left", float(np.radians(37.5)))
 Call = tuple[str, float]
-"""A measure and its amount, SI. It is asked of the flat-ground skill that commands it and least besides; the other
-parameters are 0."""
+"""A measure and its amount, SI. The flat-ground skill that commands it and the fewest other measures executes it; its
+other parameters are 0."""
 SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
@@ -39,7 +39,7 @@ _AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 def sequence_jerks(
     generator: DiTGenerator, commands: Sequence[Command], bodies: int = 20, seed: int = 0
 ) -> dict[str, float]:
-    """Return the mean root-rigid jerk, m/s^3, of each sequence whose skills are all there."""
+    """Return the mean root-rigid jerk, m/s^3, of each sequence whose skills are all available."""
     known = _by_measure(commands)
     found = {}
     for number, (name, (calls, _)) in enumerate(SEQUENCES.items()):
@@ -79,6 +79,7 @@ def agreement(found: Mapping[str, float]) -> tuple[int, int]:
     """Return how many pairs of sequences have the paper's order, and how many pairs there are."""
     names = list(found)
     pairs = [(a, b) for index, a in enumerate(names) for b in names[index + 1 :]]
+    # Data and body differ from the paper's, so the order is compared and not the values.
     same = sum((found[a] < found[b]) == (SEQUENCES[a][1] < SEQUENCES[b][1]) for a, b in pairs)
     return same, len(pairs)
 

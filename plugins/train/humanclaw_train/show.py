@@ -1,6 +1,6 @@
 """Pictures of a skill: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
 
-A GIF and a strip show the body in half-physics, doing the same call several times in a row. Beside it stands the person
+A GIF and a strip show the body in half-physics, executing the same call several times in a row. Beside it is the person
 of the clips whose motion is most similar. The body gets the stairs or the seat that the command needs; the ground under
 a person in a clip is unknown.
 """
@@ -37,9 +37,9 @@ MOMENTS: Final = 8
 _EVERY: Final = 2
 """Frames of motion per frame of the GIF."""
 _BESIDE: Final = np.array([-3.4, 0.35, 1.1])
-"""From the body to the camera, metres: to its right and slightly ahead."""
+"""Vector from the body to the camera, metres: to its right and slightly ahead."""
 _BEFORE: Final = np.array([1.1, 0.35, 3.4])
-"""The same for a body that moves sideways: ahead and slightly to its left."""
+"""Vector to the camera for a body that moves sideways, metres: ahead and slightly to its left."""
 _MARGIN: Final = 8
 """Margin of a title, pixels."""
 _TILE: Final = 0.5
@@ -142,13 +142,15 @@ def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[in
     renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
     last, eye = len(motion) - 1, _eye(motion)
     for frame in frames:
-        at = min(frame, last)
+        at = min(frame, last)  # The shorter of two motions rests on its last frame.
+        # The mean of two thirds of a second keeps the camera steady.
         centre = motion.root[max(0, at - 10) : at + 11].mean(0)
         yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
 
 
 def _eye(motion: Motion) -> Array:
     """Return the vector from the body, which first faces +Z, to the camera (3,)."""
+    # From the side of the travel, so that the body does not walk towards the camera or away from it.
     across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
     return _BEFORE if across > ahead else _BESIDE
 

@@ -74,6 +74,7 @@ def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_
     if "hips.drop" in asked:
         return _scene("down", _descent(asked["hips.drop"], tread, chunks))
     if skill.role == "sit":
+        # The seat's top is where the hips of a body at the commanded height would touch it.
         top = max(asked.get("hips.height", _SEATED) - HIPS, 0.02)
         boxes = [
             ("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)),
@@ -96,7 +97,7 @@ def _ascent(h: float, d: float, chunks: int) -> _Boxes:
 
 def _descent(h: float, d: float, chunks: int) -> _Boxes:
     # Downstairs the middle of the foot is over the edge, so that the next heel clears it.
-    edge, low = (TOE - HEEL) / 2, -h * (chunks + 2)
+    edge, low = (TOE - HEEL) / 2, -h * (chunks + 2)  # Every tread is a box that reaches down to low.
     treads: _Boxes = [("stairs", (2.0, -h * (k + 1) - low, d), (0.0, low, edge + d * (k + 0.5))) for k in range(chunks)]
     upper = ("floor", (2.0, -low, 4.0), (0.0, low, edge - 2.0))
     return [upper, *treads, ("floor", (2.0, h, 4.0), (0.0, low, edge + d * chunks + 2.0))]
@@ -138,6 +139,7 @@ class Actor:
         self._put(scene)
         origin = Pose2D.of(self.simulated, floor=0.0)
         pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
+        # The simulator has reset the body to its rest pose; holding one pose lets half-physics drive it there.
         held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
         self.simulated = self._simulator.execute(held).simulated
         self._history = re_rooted(self._history, self.simulated)
@@ -163,7 +165,7 @@ def roll_simulated(
     seed: int,
     tick: Callable[[], object] = lambda: None,
 ) -> Rollouts:
-    """Do the same as rollouts.roll in half-physics. On stairs the command stays the same; a seat is used once."""
+    """Run a skill in half-physics, like rollouts.roll. On stairs the command stays the same; a seat is used once."""
     random = np.random.default_rng(seed)
     chunks: list[Motion] = []
     commands: list[Array] = []
@@ -187,6 +189,7 @@ def roll_simulated(
 
 
 def _commands(command: Command, random: np.random.Generator) -> Array:
+    # All steps of one staircase are equal, and a seat is used once.
     if command.declaration.climbs:
         return np.repeat(command.draw(1, random), CHUNKS_IN_A_ROW, 0)
     return command.draw(1 if command.declaration.role == "sit" else CHUNKS_IN_A_ROW, random)

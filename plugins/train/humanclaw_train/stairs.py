@@ -54,7 +54,7 @@ def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -
     sole, yaw, pitch, bend = track
     lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
     moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
-    moving[:, -1] = moving[:, -2]
+    moving[:, -1] = moving[:, -2]  # The last instant has no difference of its own.
     kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
     # Widen the lift by two frames on both sides before smoothing, so that smoothing does not lower its peak.
     wide = np.lib.stride_tricks.sliding_window_view(

@@ -103,8 +103,10 @@ def plan(state: State, c: Commands) -> StepPlan:
 
 
 def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) -> Mask:
-    """(N,) Whether a walking body walks on at about its speed. All others, those that start to walk too, take two
-    swings a chunk."""
+    """Return which walking bodies continue at about their speed (N,).
+
+    All other bodies, including those that start to walk, take two swings a chunk.
+    """
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
     level = c.does("stride") & ~c.stairs & (step[:, 1] > 0)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))

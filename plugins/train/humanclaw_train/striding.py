@@ -14,9 +14,9 @@ from humanclaw_train.step_plan import StepPlan
 
 
 def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
-    """Return the step cycle. In bodies that do not stride, what remains of it goes on at its own rate."""
+    """Return the step cycle. In bodies that do not stride, the rest of it continues at its own rate."""
     end_rate = np.where(p.stride, style.tempo * gait.cadence(p.speed), state.cadence)
-    rate = np.maximum(state.cadence, 0.5)
+    rate = np.maximum(state.cadence, 0.5)  # Half a step a chunk, so that a body that stood begins to step.
     return gait.Cycle.of(state.phase, rate, np.maximum(end_rate, 0.5), p.speed)
 
 

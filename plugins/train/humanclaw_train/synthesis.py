@@ -47,6 +47,7 @@ def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Arra
     p = plan(state, c)
     steps = cycle(state, p, style)
     path, yaw = hip_path(state, p)
+    # The feet come first: hips and heels then follow what the legs can reach.
     stand, lacking = _feet(state, p, c, style, steps, path, yaw)
     values = upper_body(state, p, c, pose_targets(state, p, c, style, steps))
     pelvis = pelvis_orientation(yaw, values[..., :3])
@@ -70,7 +71,7 @@ def _feet(
 
 
 def _may_lift(p: StepPlan, steps: gait.Cycle) -> Array:
-    """Return by how many radians a heel may rise if its leg would not reach (N, 2, 16): only the rear foot's."""
+    """Return the radians (N, 2, 16) by which a heel may rise if its leg would not reach; 0 for the front foot."""
     second = np.arange(2) == (1 - p.first)[:, None]
     two_swings = np.where(second[..., None], bump(1.05 * GRID), 0.0)
     behind = np.stack([bump((steps.since(foot) + 0.9) / 0.7) for foot in (0, 1)], 1)
@@ -140,6 +141,7 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
     which = rng.integers(1, len(profiles.gait), n)
     own = rng.uniform(0.0, 0.9, n)[:, None, None]
     gaits = profiles.gait[0] + own * (profiles.gait[which] - profiles.gait[0])
+    # The first coefficient is the mean posture; only the swing about it varies in size.
     gaits[:, 1:] *= rng.uniform(0.7, 1.25, n)[:, None, None]
     gaits[:, 0] = _eyes_level(gaits[:, 0], 0.06)
     stance = _eyes_level(profiles.stance, 0.04)

@@ -120,6 +120,7 @@ def synthetic_chunks(
     rng = np.random.default_rng(seed)
     half = max(1, round(seconds_per_skill / SECONDS / 2))
     skills = [one for one in skills if one.synthetic]
+    # Mirroring doubles the chunks at the end, so half of them is enough.
     wanted = dict.fromkeys((one.name for one in skills), half) | {"base": max(1, round(base_share * half))}
     found: dict[str, list[Chunks]] = {name: [] for name in wanted}
     done, lengths = 0.0, cycle(LENGTHS)
@@ -134,7 +135,7 @@ def synthetic_chunks(
 
 
 def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generator, length: int) -> dict[str, Chunks]:
-    bodies = CHUNKS_A_BATCH // length
+    bodies = CHUNKS_A_BATCH // length  # Fewer bodies for longer series, so that memory stays the same.
     series = sample_calls(skills, bodies, length, rng)
     roots, turns, lacking = play(profiles, [commands(skills, call) for call in series], rng, rested=0.3)
     motions = [Motion(*pair) for pair in zip(roots, turns, strict=True)]

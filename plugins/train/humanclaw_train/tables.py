@@ -36,7 +36,7 @@ def as_json(content: object) -> str:
 
 
 def _plain(value: object) -> object:
-    """Turn values into plain JSON: null for NaN, which JSON lacks, and six digits."""
+    """Turn values into plain JSON, with six digits, and null for NaN, which JSON lacks."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, np.ndarray):

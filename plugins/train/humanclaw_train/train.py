@@ -199,7 +199,7 @@ def _live(base: Path, folder: Path, measures: Measures) -> Callable[[Path], str]
     """Return the function that measures checkpoints; None for a skill without schema.json or without parameters."""
     if not (folder / "schema.json").is_file():
         return None
-    # Not at the top: only this needs what generates motion, and training also runs where little is installed.
+    # Imported here, because only this function generates motion, and training also runs where little is installed.
     from humanclaw.motion import DiTGenerator
     from humanclaw_train.fidelity import live
 

@@ -1,4 +1,4 @@
-"""A training run: its recipe, its steps, and how it saves, resumes and reports."""
+"""A training run: its recipe and steps, and how it saves, resumes and reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REPORT_SECONDS: Final = 15
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything but the data that decides what a run learns. The run ends after `steps`, or if 0 after `minutes`."""
+    """All settings of a run except its data. The run ends after `steps`, or after `minutes` if `steps` is 0."""
 
     size: str = "lite"
     batch: int = 64

@@ -64,6 +64,7 @@ def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
 def _window_peaks(chunks: Chunks) -> Array:
     joints, _ = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))
     size = measures.acceleration(joints)
+    # A seam has two accelerations; every pair of neighbouring frames is compared in the same way.
     return np.maximum(size[:, 1:], size[:, :-1]).ravel()
 
 

@@ -1,4 +1,4 @@
-"""Uncommanded travel: how far a call goes and turns on axes that its skill does not command."""
+"""Uncommanded travel: displacement and turn of a call on axes that its skill does not command."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ def uncommanded(
     before = (standing, straight_walks(generator, walks, 1.0, bodies, 2, seed) if walks else standing)
     found: dict[str, Uncommanded] = {}
     for command in commands:
+        # hips.back is hips.forward with the other sign, so it commands the same axis.
         commanded = {one.measure.replace("back", "forward") for one in command.parameters}
         values = command.draw(bodies, np.random.default_rng(seed))
         rows = []

@@ -40,7 +40,7 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     walk[..., 2] = gait.pinned(walk[..., 2])
     mean, stance = style.gait[:, :1], style.stance[:, None]
     sway = style.sway[_to_and_fro(style.frame[:, None] + np.arange(FUTURE + 1), len(style.sway))]
-    # The mean posture follows the speed only up to that of the clips; the swing about it goes on growing.
+    # The mean posture follows the speed only up to that of the clips; the swing about it continues to grow.
     still = 1 - np.minimum(amplitude, 1.0)
     standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
@@ -57,6 +57,7 @@ def _bent(values: Array, shares: Mapping[str, float], axis: int, angle: Array) -
 
 
 def _to_and_fro(index: Ints, length: int) -> Ints:
+    # Forwards and then backwards, so that the idle sway does not jump at its end.
     index = index % (2 * length - 2)
     return np.where(index < length, index, 2 * length - 2 - index)
 

@@ -1,4 +1,4 @@
-"""Straight walks: where a hundred calls lead, and their gait beside that of real walks."""
+"""Straight walks: drift after a hundred calls, and gait compared with that of real walks."""
 
 from __future__ import annotations
 
@@ -97,6 +97,7 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
     for clip in clips:
         spans = sorted(clip.spans.get(tag, ()), key=lambda span: span[0] - span[1])
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
+        # Curves and slow steps have another gait than the straight generated walks.
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
             gait = Gait.of(walk)
             if gait is not None and gait.speed > 0.7:
@@ -116,6 +117,7 @@ def generated_gaits(
     found = {}
     for speed in (0.9, 1.0, 1.3, 1.6):
         walks = straight_walks(generator, command, speed, bodies, calls, seed)
+        # Two calls of starting to walk are left out.
         gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
         found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
     return {name: gaits for name, gaits in found.items() if gaits}

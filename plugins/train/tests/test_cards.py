@@ -1,4 +1,4 @@
-"""Model cards: their facts are those of the checkpoint's header and of the reports."""
+"""Tests of model cards: their facts are those of the checkpoint's header and of the reports."""
 
 import json
 from dataclasses import replace
@@ -23,7 +23,7 @@ RECIPE = {"name": "sit_in_place", "size": "lite", "batch": 64, "minutes": 7.5, "
 
 @pytest.fixture
 def weights(tmp_path):
-    """A folder with a base and an adapter of sit_in_place; 25 of 100 chunks are real."""
+    """Return a folder with a base and an adapter of sit_in_place; 25 of 100 chunks are real."""
     data = {"chunks": 100, "real": 25, "sources": {"HDM05": 25, "composed": 75}}
     licences = ("HDM05: CC BY-SA 3.0",)
     base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, data, licences))

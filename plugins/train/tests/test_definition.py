@@ -1,4 +1,4 @@
-"""The definition of the motion model in torch; the runtime without torch computes the same."""
+"""Tests that the motion model in torch and the runtime without torch compute the same."""
 
 from pathlib import Path
 

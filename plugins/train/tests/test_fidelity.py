@@ -1,4 +1,4 @@
-"""The fidelity table: achieved over commanded motion, generated, in half-physics and by the median clip."""
+"""Tests of the fidelity table: achieved over commanded motion, generated, in half-physics and by the median clip."""
 
 import json
 from dataclasses import replace
@@ -8,7 +8,8 @@ import pytest
 from declared import STROLL, declaration, declare
 from tiny_motion import write_adapter
 
-from humanclaw import CheckpointError, PluginError, Plugins, pose
+from humanclaw import CheckpointError, PluginError, Plugins
+from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, simulated
@@ -44,8 +45,8 @@ def test_commands_stay_in_the_range_of_the_data_and_away_from_nothing(still):
 
 
 def _gliding(distances: np.ndarray) -> Chunks:
-    """Chunks that glide backwards evenly."""
-    rest = pose.rest_pose(20)
+    """Return chunks that glide backwards evenly."""
+    rest = rest_pose(20)
     share = np.clip(np.arange(20) - 4, 0, None) / 15
     root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]
     return Chunks.of(
@@ -77,7 +78,7 @@ def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):
 
 
 def test_the_baseline_knows_left_from_right(tmp_path):
-    rest = pose.rest_pose(20)
+    rest = rest_pose(20)
     root = rest.root[None] + np.outer(np.clip(np.arange(20) - 4, 0, None) / 15, [0.3, 0, 0])[None]
     Chunks.of(declaration("side_step").parameters, root, rest.rotations[None], "made", real=True).save(
         tmp_path / "side_step.npz"
@@ -95,7 +96,7 @@ def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(sti
     base = load_base(still[1].parents[1] / "base.safetensors")
     config = AdapterConfig("stroll", "mlp", ("ahead", "veer"), (0.3, 0.0), (0.2, 0.35))
     command = Command.of("stroll", write_adapter(folder / "adapter.safetensors", base, config, scale=0.0))
-    rest, share = pose.rest_pose(20), np.clip(np.arange(20) - 4, 0, None) / 15
+    rest, share = rest_pose(20), np.clip(np.arange(20) - 4, 0, None) / 15
     rotations = rest.rotations.copy()
     rotations[:, 0, 1] = 0.1 * share
     moved = rest.root + share[:, None] * [0, 0, 0.3]
@@ -137,13 +138,13 @@ def _backwards(metres: float):
 
     class Gliding:
         def start(self):
-            return pose.rest_pose(5)
+            return rest_pose(5)
 
         def generate(self, history, adapter, values, key):
-            frame = pose.Pose2D.of_history(history)
-            rest = pose.rest_pose(15)
+            frame = Pose2D.of_history(history)
+            rest = rest_pose(15)
             back = np.outer(np.arange(1, 16) / 15, [0, 0, -metres])
-            return frame.to_world(pose.Motion(rest.root + back, rest.rotations))
+            return frame.to_world(Motion(rest.root + back, rest.rotations))
 
     return Gliding()
 
@@ -180,7 +181,7 @@ def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_sce
     actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
     assert actor.simulated.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
     actor.move_to(stage(declaration("sit_in_place"), {"h": 0.5}))
-    assert actor.simulated.root[-1] == pytest.approx([0, pose.STANDING_HEIGHT, 0], abs=0.02)
+    assert actor.simulated.root[-1] == pytest.approx([0, STANDING_HEIGHT, 0], abs=0.02)
 
 
 def test_without_motion_nothing_is_simulated(simulator, still):

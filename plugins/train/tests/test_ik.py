@@ -1,4 +1,4 @@
-"""Inverse kinematics: limbs arrive, knees bend forwards, feet roll without sliding."""
+"""Tests of inverse kinematics: limbs arrive, knees bend forwards, feet roll without sliding."""
 
 import numpy as np
 import pytest

@@ -3,7 +3,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from humanclaw import pose
+from humanclaw.body import Motion, encode, support_height
 from humanclaw_train import kinematics
 
 
@@ -15,14 +15,14 @@ def _motions(count: int = 3) -> tuple[np.ndarray, np.ndarray]:
 def test_states_of_a_batch_are_those_that_numpy_computes_one_by_one():
     root, rotations = _motions()
     states = kinematics.encode(torch.from_numpy(root).float(), torch.from_numpy(rotations).float())
-    expected = [pose.encode(pose.Motion(*one)) for one in zip(root, rotations, strict=True)]
+    expected = [encode(Motion(*one)) for one in zip(root, rotations, strict=True)]
     np.testing.assert_allclose(states.numpy(), expected, atol=1e-5)
 
 
 def test_the_blocks_of_a_state_lie_where_decode_and_the_joints_say():
     root, rotations = _motions(1)
-    motion = pose.Motion(root[0], rotations[0])
-    state = pose.encode(motion)
+    motion = Motion(root[0], rotations[0])
+    state = encode(motion)
     np.testing.assert_array_equal(state[:, kinematics.ROOT], motion.root)
     np.testing.assert_array_equal(state[:, kinematics.ROTATIONS].reshape(-1, 24, 3), motion.rotations)
     np.testing.assert_array_equal(state[:, kinematics.POSITIONS].reshape(-1, 24, 3), motion.joints())
@@ -33,7 +33,7 @@ def test_the_lowest_sole_is_found():
     root, rotations = _motions()
     joints = kinematics.joints(torch.from_numpy(root), torch.from_numpy(rotations).double())
     found = kinematics.support_height(joints)
-    np.testing.assert_allclose(found.numpy(), pose.support_height(joints.numpy()), atol=1e-6)
+    np.testing.assert_allclose(found.numpy(), support_height(joints.numpy()), atol=1e-6)
 
 
 def test_the_gradient_at_no_rotation_is_finite():

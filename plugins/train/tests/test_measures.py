@@ -1,10 +1,9 @@
-"""Measures of motion, on motion whose measures are known by hand."""
+"""Tests of measures on motion whose values are computed by hand."""
 
 import numpy as np
 import pytest
 
-from humanclaw import pose
-from humanclaw.body import JOINT_INDEX
+from humanclaw.body import JOINT_INDEX, Motion, rest_pose
 from humanclaw_train.measures import (
     Features,
     Gait,
@@ -19,10 +18,10 @@ from humanclaw_train.measures import (
 )
 
 
-def _sliding(metres_a_second: float, frames: int = 20) -> pose.Motion:
-    rest = pose.rest_pose(frames)
+def _sliding(metres_a_second: float, frames: int = 20) -> Motion:
+    rest = rest_pose(frames)
     ahead = np.arange(frames) / 30 * metres_a_second
-    return pose.Motion(rest.root + np.stack([0 * ahead, 0 * ahead, ahead], 1), rest.rotations)
+    return Motion(rest.root + np.stack([0 * ahead, 0 * ahead, ahead], 1), rest.rotations)
 
 
 def test_a_body_that_slides_skates_at_its_own_speed():
@@ -49,14 +48,14 @@ def test_a_body_that_slides_on_one_foot_and_stands_on_the_other_does_not_skate()
 
 
 def test_a_jump_is_an_acceleration_of_its_own_size_in_the_two_frames_that_see_it():
-    joints = np.repeat(pose.rest_pose().joints(), 8, 0)
+    joints = np.repeat(rest_pose().joints(), 8, 0)
     joints[4:] += [0.01, 0.0, 0.0]
     assert acceleration(joints) == pytest.approx([0, 0, 9, 9, 0, 0])
 
 
 def test_cubic_motion_of_all_joints_has_its_jerk():
     seconds = np.arange(20) / 30
-    joints = np.repeat(pose.rest_pose().joints(), 20, 0) + np.outer(seconds**3, [0, 0, 1.0])[:, None]
+    joints = np.repeat(rest_pose().joints(), 20, 0) + np.outer(seconds**3, [0, 0, 1.0])[:, None]
     assert joint_jerk(joints) == pytest.approx(6, rel=1e-6)
 
 
@@ -64,17 +63,17 @@ def test_cubic_motion_of_all_joints_has_its_jerk():
     ("joint", "degrees", "beyond"), [("left_ankle", -50, 10), ("right_knee", -25, 10), ("left_knee", 120, 0)]
 )
 def test_joints_that_bend_too_far_are_seen(joint, degrees, beyond):
-    rotations = pose.rest_pose().rotations
+    rotations = rest_pose().rotations
     rotations[0, JOINT_INDEX[joint], 0] = np.radians(degrees)
     assert beyond_limits(rotations) == pytest.approx([beyond], abs=1e-6)
 
 
 def test_bending_the_knee_takes_the_foot_back_and_toes_up_lifts_them():
-    rest = pose.rest_pose()
+    rest = rest_pose()
     bent, toes_up = (rest.rotations.copy() for _ in range(2))
     bent[0, JOINT_INDEX["left_knee"], 0] = 1.0
     toes_up[0, JOINT_INDEX["left_ankle"], 0] = -0.5
-    standing, back, up = (pose.Motion(rest.root, turns).joints()[0] for turns in (rest.rotations, bent, toes_up))
+    standing, back, up = (Motion(rest.root, turns).joints()[0] for turns in (rest.rotations, bent, toes_up))
     assert back[JOINT_INDEX["left_ankle"], 2] < standing[JOINT_INDEX["left_ankle"], 2] - 0.2
     assert up[JOINT_INDEX["left_foot"], 1] > standing[JOINT_INDEX["left_foot"], 1] + 0.04
 
@@ -91,7 +90,7 @@ def test_the_frechet_distance_of_normal_samples_is_that_of_their_means_and_devia
 
 def test_real_motion_has_features_of_mean_zero_and_deviation_one():
     random = np.random.default_rng(0)
-    rest = pose.rest_pose(20)
+    rest = rest_pose(20)
     root = rest.root + random.normal(0, 0.1, (100, 20, 3))
     rotations = rest.rotations + random.normal(0, 0.1, (100, 20, 24, 3))
     found = Features.of(root, rotations)(root, rotations)
@@ -110,7 +109,7 @@ def test_the_gait_of_a_walk_is_what_its_joints_do():
     rotations = np.zeros((frames, 24, 3))
     rotations[:, JOINT_INDEX["left_hip"], 0], rotations[:, JOINT_INDEX["right_hip"], 0] = -swing, swing
     rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]], 0] = 0.5
-    gait = Gait.of(pose.Motion(root, rotations))
+    gait = Gait.of(Motion(root, rotations))
     assert gait.cadence == pytest.approx(4.0, rel=0.02)
     assert gait.step == pytest.approx(gait.speed / 4.0, rel=0.02)
     assert (gait.sway, gait.bob) == pytest.approx((6.0, 4.0), abs=0.5)
@@ -118,10 +117,10 @@ def test_the_gait_of_a_walk_is_what_its_joints_do():
 
 
 def test_a_standing_body_has_no_gait():
-    assert Gait.of(pose.rest_pose(40)) is None
+    assert Gait.of(rest_pose(40)) is None
 
 
 def test_the_slide_is_the_path_of_whichever_toe_is_slower():
     # Both toes go at 0.3 m/s for 19 frame steps: 19 cm.
     assert slide(_sliding(0.3).joints()) == pytest.approx(19.0, rel=1e-6)
-    assert slide(pose.rest_pose(20).joints()) == 0
+    assert slide(rest_pose(20).joints()) == 0

@@ -1,4 +1,4 @@
-"""Readers of motion capture. Every expected number is computed by hand from the file's few lines."""
+"""Tests of motion capture readers. Every expected number is computed by hand from the file's few lines."""
 
 import numpy as np
 import pytest

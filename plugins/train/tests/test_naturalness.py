@@ -1,4 +1,4 @@
-"""Naturalness: likeness to held-out motion, transitions, a long life and sequences, on models that stand still."""
+"""Tests of naturalness (likeness, transitions, a long life, sequences) on models that stand still."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
-from humanclaw import pose
+from humanclaw.body import rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
@@ -36,7 +36,7 @@ SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 
 @pytest.fixture(scope="module")
 def still(tmp_path_factory, still_base):
-    """A folder with a base that holds the last pose, and adapters of four skills that change nothing."""
+    """Return a folder with a base that holds the last pose, and adapters of four skills that change nothing."""
     folder = tmp_path_factory.mktemp("still")
     base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
@@ -59,9 +59,9 @@ def commands(still):
 
 
 def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
-    """Chunks of a body that stands still in its history and then drifts at random."""
+    """Return chunks of a body that stands still in its history and then drifts at random."""
     random = np.random.default_rng(seed)
-    rest = pose.rest_pose(20)
+    rest = rest_pose(20)
     drift = random.normal(0, size, (count, 1, 3)) * np.clip(np.arange(20) - 4, 0, None)[:, None] / 15
     return Chunks.of(
         declaration("walk").parameters, rest.root + drift, np.repeat(rest.rotations[None], count, 0), source, real=True
@@ -160,13 +160,13 @@ def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands
 
 
 def test_a_body_that_stands_still_skates_sinks_and_jerks_by_nothing(generator):
-    rest = pose.rest_pose(20)
+    rest = rest_pose(20)
     row = naturalness_of(declaration("walk"), "generated", rest.root[None], rest.rotations[None])
     assert (row.skate, row.slower_toe, row.sunk, row.jerk, row.beyond) == pytest.approx((0, 0, 0, 0, 0), abs=1e-6)
 
 
 def test_feet_on_stairs_are_not_measured_against_a_floor_at_zero():
-    rest = pose.rest_pose(20)
+    rest = rest_pose(20)
     row = naturalness_of(declaration("climb_upstairs"), "generated", rest.root[None], rest.rotations[None])
     assert np.isnan([row.skate, row.sunk]).all()
     assert row.slower_toe == pytest.approx(0, abs=1e-6)

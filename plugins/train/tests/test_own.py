@@ -1,4 +1,4 @@
-"""A skill of your own, from a folder of motion to a model card: on squats that the test makes, with a small prior."""
+"""Tests of a skill of your own, from a folder of motion to a model card, with artificial squats and a small prior."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""From a captured walk to our body, to clips and to chunks, compared with the source and with numbers known by hand."""
+"""Tests from a captured walk to our body, clips and chunks, against the source and numbers computed by hand."""
 
 import tarfile
 from dataclasses import replace
@@ -171,7 +171,7 @@ def test_a_mirrored_walk_exchanges_left_and_right(walk):
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
 def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
-    """20 frames of a stiff body that stands for 5 frames and then moves evenly, in a turned and shifted frame."""
+    """Return 20 frames of a stiff body that stands for 5 and then moves evenly, in a turned and shifted frame."""
     part = np.concatenate([np.zeros(5), np.arange(1, 16) / 15])
     stiff = rest_pose(20)
     rotations = stiff.rotations.copy()

@@ -1,4 +1,4 @@
-"""`humanclaw show skill`: pictures of a skill, beside the most similar person."""
+"""Tests of `humanclaw show skill`: pictures of a skill, beside the most similar person."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Timing of the motion model, its table and its verdict."""
+"""Tests of timing, its table and its verdict."""
 
 import pytest
 

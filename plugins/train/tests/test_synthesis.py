@@ -1,4 +1,4 @@
-"""Motion synthesis: commands are met exactly, feet hold, nothing jumps, and no chunk knows the next command."""
+"""Tests of motion synthesis: exact commands, planted feet, no jumps, and no chunk that depends on the next command."""
 
 from dataclasses import dataclass
 from itertools import pairwise

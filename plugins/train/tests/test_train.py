@@ -1,4 +1,4 @@
-"""Training on a few artificial chunks: bodies that glide, commanded by the distance that they cover."""
+"""Tests of training on a few artificial chunks: gliding bodies, commanded by the distance that they cover."""
 
 import hashlib
 import subprocess
@@ -10,7 +10,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from humanclaw import HumanclawError, pose
+from humanclaw import HumanclawError
+from humanclaw.body import Motion, Pose2D, rest_pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
 from humanclaw_train import data, kinematics, train, trainer
 from humanclaw_train.data import commanded, noisy_history
@@ -21,8 +22,8 @@ COUNT = 64
 
 
 def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Chunks that cover a distance in metres at an even pace while nodding, from standing or already moving."""
-    rest = pose.rest_pose(20)
+    """Return chunks that cover a distance (metres) evenly while nodding, from standing or already moving."""
+    rest = rest_pose(20)
     ahead = (np.arange(20) - 4) / 15
     ahead = ahead if moving else ahead.clip(0)
     root = np.repeat(rest.root[None], len(distance), 0)
@@ -111,7 +112,7 @@ def test_an_adapter_learns_to_cover_the_commanded_distance(backwards, base_file,
 
 def test_the_start_of_an_episode_is_standing_taken_from_the_data(base_file):
     start = load_base(base_file)
-    np.testing.assert_allclose(start.start_root, pose.rest_pose(5).root, atol=1e-6)
+    np.testing.assert_allclose(start.start_root, rest_pose(5).root, atol=1e-6)
 
 
 def test_a_checkpoint_says_what_it_was_trained_on(backwards, base_file, tmp_path):
@@ -213,7 +214,7 @@ def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
 def test_a_spoilt_history_stays_in_its_canonical_frame():
     *_, root, rotations = _spoilt()
     for one in zip(root, rotations, strict=True):
-        frame = pose.Pose2D.of_history(pose.Motion(one[0][:5], one[1][:5]))
+        frame = Pose2D.of_history(Motion(one[0][:5], one[1][:5]))
         assert (frame.x, frame.z, frame.floor) == pytest.approx((0, 0, 0), abs=1e-5)
         assert frame.yaw == pytest.approx(0, abs=0.02)
 

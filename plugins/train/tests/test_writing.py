@@ -1,4 +1,4 @@
-"""Checkpoints: the runtime reads back what training writes."""
+"""Tests of checkpoints: the runtime reads back what training writes."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ NORMALISER = Normaliser(torch.zeros(219), torch.ones(219))
 
 @pytest.fixture
 def base(tmp_path):
-    """A base as training writes it."""
+    """Write a base as training does."""
     path = tmp_path / "base.safetensors"
     save_base(path, DiT(ModelConfig(32, 2, 4, prediction="clean")), NORMALISER, START, Card())
     return load_base(path)

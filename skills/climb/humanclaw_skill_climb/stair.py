@@ -1,4 +1,4 @@
-"""What both stair skills are asked: height and depth of a step, most often those of a staircase indoors."""
+"""Commands of both stair skills: height and depth of a step, metres, near those of indoor stairs."""
 
 from humanclaw.skills import Draw
 

@@ -1,4 +1,4 @@
-// One time line for an episode: view, replay, map, charts and the list of calls all show the same moment.
+// The player of an episode: view, replay, map, charts and the list of calls show the same moment.
 // @ts-check
 /// <reference path="viewer.js" />
 "use strict";
@@ -28,7 +28,7 @@ class Player {
     this.speeds = read("speeds");
   }
 
-  /** The last step that has begun. */
+  /** Index of the last step that has begun. */
   get current() {
     const begun = this.moments.filter((moment) => Math.min(moment.first, this.frames - 1) <= this.time + 1e-6);
     return Math.max(0, begun.length - 1);
@@ -42,7 +42,7 @@ class Player {
     this.address();
   }
 
-  /** Let the address lead to this moment once it is rested on: browsers refuse many changes a second. */
+  /** Point the page's address to this moment. Wait until the time rests, since browsers limit address changes per second. */
   address() {
     clearTimeout(this.addressing);
     if (this.playing) return;
@@ -113,14 +113,14 @@ class Player {
     this.follow(row);
   }
 
-  /** Keep the row in sight within its list, without moving the page. @param {Element | undefined} row */
+  /** Scroll the list to the row, without scrolling the page. @param {Element | undefined} row */
   follow(row) {
     const list = find("calls");
     if (!(row instanceof HTMLElement) || list.scrollHeight <= list.clientHeight) return;
     list.scrollTop = row.offsetTop - list.offsetTop - list.clientHeight / 3;
   }
 
-  /** Put the marker where the body is on the map of its storey. */
+  /** Move the marker to the body's place on the map of its storey. */
   mark() {
     const root = this.stage?.motion.simulated_root;
     if (!root || !this.stage) return;
@@ -161,7 +161,7 @@ function connect(player) {
 
 /** @param {KeyboardEvent} event @param {Player} player */
 function key(event, player) {
-  // What has the focus keeps the keys that it knows itself: a slider all but the brackets, a button the space.
+  // A focused control keeps the keys that it handles itself: a slider all but the brackets, a button the space bar.
   const inside = (/** @type {string} */ kinds) => event.target instanceof Element && event.target.closest(kinds);
   const taken = inside("input[type=range], select, video") ? !["[", "]"].includes(event.key) : event.key === " " && inside("input, button, a, summary");
   if (event.ctrlKey || event.metaKey || event.altKey || taken) return;
@@ -201,7 +201,7 @@ function steer(player, stage) {
   drag(player, stage);
 }
 
-/** Turn with the pointer, the arrow keys or two fingers' pinch; zoom with the wheel, + and -. @param {Player} player @param {Stage} stage */
+/** Turn the camera with the pointer or the arrow keys; zoom with a pinch, the wheel, + and -. @param {Player} player @param {Stage} stage */
 function drag(player, stage) {
   const canvas = stage.canvas;
   /** @type {Map<number, PointerEvent>} */
@@ -252,14 +252,14 @@ function drag(player, stage) {
 async function stageOf(replay) {
   const canvas = /** @type {HTMLCanvasElement} */ (find("stage"));
   try {
-    if (!replay || typeof THREE === "undefined") throw new Error("The motion of this episode was not kept.");
+    if (!replay || typeof THREE === "undefined") throw new Error("The record of this episode holds no motion.");
     const stage = new Stage(canvas, replay);
     await stage.load(/** @type {any} */ (window).humanclawHouse ?? null);
     return stage;
   } catch (fault) {
-    // Without WebGL or motion the page still tells the episode: view, words, map and charts.
+    // Without WebGL or motion, the page still shows views, words, map and charts.
     canvas.hidden = true;
-    find("no-stage").textContent = `No replay in three dimensions: ${fault instanceof Error ? fault.message : fault}`;
+    find("no-stage").textContent = `No 3D replay: ${fault instanceof Error ? fault.message : fault}`;
     find("steering").hidden = true;
     return null;
   }

@@ -1,5 +1,5 @@
-// The list of episodes: filter, sort, and a look at the last view before a page is opened.
-// A row is laid out once it comes near the window: a run of 1,218 episodes opens as fast as one of 50.
+// The list of episodes: filters, sorting, and a preview of each episode's last view.
+// Rows are laid out as they come near the window, so a run of 1,218 episodes opens as fast as one of 50.
 // @ts-check
 "use strict";
 
@@ -11,7 +11,7 @@
   const body = table.tBodies[0];
   const few = body.rows.length;
   const rows = [...body.rows, .../** @type {NodeListOf<HTMLTableRowElement>} */ (rest.content.querySelectorAll("tr"))];
-  /** Those that fit the filter, in the order in which they are shown. */
+  /** Rows that pass the filter, in the order in which they are shown. */
   let found = rows;
   /** @type {Map<HTMLTableRowElement, string>} */
   const texts = new Map();
@@ -23,17 +23,17 @@
     return text;
   };
 
-  /** Whether a row has every value that is asked for. @param {HTMLTableRowElement} row @param {[string, string][]} wanted */
+  /** Tell whether a row has every wanted value. @param {HTMLTableRowElement} row @param {[string, string][]} wanted */
   const fits = (row, wanted) =>
     wanted.every(([name, value]) =>
       name === "text" ? textOf(row).includes(value.toLowerCase()) : (row.dataset[name] ?? "").split("|").includes(value),
     );
 
-  /** Show this many of what was found. @param {number} count */
+  /** Show this many of the found rows. @param {number} count */
   const show = (count) => {
     body.replaceChildren(...found.slice(0, count));
     more.hidden = count >= found.length;
-    more.textContent = `Show more: ${body.rows.length} of ${found.length.toLocaleString("en")} are listed`;
+    more.textContent = `Show more: ${body.rows.length} of ${found.length.toLocaleString("en")} shown`;
   };
 
   const filter = () => {

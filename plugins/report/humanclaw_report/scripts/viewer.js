@@ -1,4 +1,4 @@
-// The body in its house, in three dimensions. Draws one moment when it is asked to; keeps no time of its own.
+// The body in its house, in 3D. Draws one moment on request; the player in episode.js keeps the time.
 // @ts-check
 "use strict";
 
@@ -14,9 +14,9 @@
 
 const ARRAYS = { int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 const FADED = 0.1;
-const STOREY = 2.2; // Metres over a floor from which on a thing hides the body from above.
+const STOREY = 2.2; // Objects that begin higher than this above a floor hide the body from above, metres.
 
-/** Undo `packed` of replay.py. @param {Packed} packed @returns {Promise<Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>>} */
+/** Unpack the arrays of `packed` in replay.py. @param {Packed} packed @returns {Promise<Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>>} */
 async function unpack(packed) {
   const zipped = Uint8Array.from(atob(packed.bytes), (letter) => letter.charCodeAt(0));
   const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -32,7 +32,7 @@ async function unpack(packed) {
   return found;
 }
 
-/** A tree of joints with a solid on each. */
+/** A tree of joints, each with a solid. */
 class Figure {
   /** @param {BodyData} body @param {THREE.Material} skin @param {THREE.Material} touched */
   constructor(body, skin, touched) {
@@ -91,7 +91,7 @@ class Figure {
   }
 }
 
-/** The frames on both sides of a time, and how far it is to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
+/** The frames before and after a time, and the share of the way to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
 function between(time, count) {
   const held = Math.max(0, Math.min(time, count - 1));
   const frame = Math.floor(held);
@@ -104,7 +104,7 @@ function mixed(values, a, b, share, stride) {
   return new THREE.Vector3(at(0), at(1), at(2));
 }
 
-/** One object of the house, and whether it is in the way. */
+/** One object of the house, which can be hidden or faded. */
 class Furnishing {
   /** @param {ObjectData} data @param {THREE.Mesh} mesh */
   constructor(data, mesh) {
@@ -185,14 +185,14 @@ class Stage {
     for (const wall of this.furnishings.filter(({ data }) => data.kind === "wall")) wall.hung = this.hangings(wall);
   }
 
-  /** What hangs on a wall: it touches the wall and not the floor. @param {Furnishing} wall */
+  /** Objects that hang on a wall: they touch the wall and stand on no floor. @param {Furnishing} wall */
   hangings(wall) {
     const around = wall.box.clone().expandByScalar(0.05);
     const above = (/** @type {THREE.Box3} */ { min }) => this.replay.floors.every((floor) => min.y < floor - 0.05 || min.y > floor + 0.3);
     return this.furnishings.filter((other) => !["wall", "floor", "stairs"].includes(other.data.kind) && around.intersectsBox(other.box) && above(other.box));
   }
 
-  /** The walked path, a hand above the floor. */
+  /** The walked path, 3 cm above the floor. */
   path() {
     const root = this.motion.simulated_root;
     const points = [];
@@ -200,12 +200,12 @@ class Stage {
     return new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xd4488f }));
   }
 
-  /** The floor that a pelvis at this height stands over. @param {number} height */
+  /** The floor below a pelvis at this height. @param {number} height */
   floor(height) {
     return this.replay.floors.filter((floor) => floor < height - 0.2).pop() ?? this.replay.floors[0];
   }
 
-  /** Where the body faces in every frame, smoothed, so that a camera behind it does not shake. */
+  /** Heading of the body in every frame, smoothed, so that a camera behind it does not shake. */
   headings() {
     const turns = this.motion.simulated_turns;
     const count = this.replay.frames;
@@ -271,7 +271,7 @@ class Stage {
     this.camera.lookAt(this.centre);
   }
 
-  /** From the eyes, level, as the pictures of the record. */
+  /** Look from the eyes, with a level head, as in the recorded views. */
   lookOut() {
     const head = this.body.joints[this.replay.body.head];
     const facing = new THREE.Vector3(0, 0, 1).transformDirection(head.matrixWorld);
@@ -283,7 +283,7 @@ class Stage {
     this.camera.lookAt(eye.add(forward));
   }
 
-  /** Cut away what is above the body, and fade what is between it and the camera. */
+  /** Hide objects above the body, and fade those between it and the camera. */
   clear() {
     const pelvis = this.body.joints[0].position;
     const top = this.floor(pelvis.y) + STOREY;
@@ -329,7 +329,7 @@ function shapeOf(asset, meshes) {
   shape.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(meshes.vertices.slice(3 * a, 3 * b), (mm) => mm / 1000), 3));
   shape.setAttribute("uv", new THREE.BufferAttribute(meshes.uv.slice(2 * a, 2 * b), 2, true));
   shape.setIndex(new THREE.BufferAttribute(meshes.faces.slice(3 * c, 3 * d), 1));
-  const flat = shape.toNonIndexed(); // An edge is an edge: no normals that are shared around it.
+  const flat = shape.toNonIndexed(); // Triangles share no vertices, so that normals do not round off edges.
   flat.computeVertexNormals();
   return flat;
 }

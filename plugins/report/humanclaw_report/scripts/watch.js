@@ -1,4 +1,4 @@
-// A run under way: what the server tells of it, as it comes.
+// The live page of a run: shows each state that the server sends.
 // @ts-check
 "use strict";
 
@@ -25,7 +25,7 @@
     return element;
   };
 
-  /** The card of an episode, made once. @param {Row} row */
+  /** Return the card of an episode; make it at the first call. @param {Row} row */
   const card = (row) => {
     const known = document.querySelector(`[data-episode="${CSS.escape(row.id)}"]`);
     if (known instanceof HTMLElement) return known;
@@ -37,7 +37,7 @@
     return element;
   };
 
-  /** Draw the path as far as it goes, one question at a time: a house takes seconds when it is drawn first. @param {HTMLElement} element */
+  /** Draw the path up to now. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
   const draw = async (element) => {
     const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
     element.dataset.drawing = "yes";
@@ -67,12 +67,12 @@
   events.onmessage = (event) => {
     const state = /** @type {State} */ (JSON.parse(event.data));
     const of = state.asked ? ` of ${state.asked}` : "";
-    at("lede").textContent = !state.episodes ? "No episode has begun." : `${state.ended}${of} ended, ${state.episodes - state.ended} under way.`;
+    at("lede").textContent = !state.episodes ? "No episode has begun." : `${state.ended}${of} ended, ${state.episodes - state.ended} in progress.`;
     at("rows").replaceChildren(...state.rows.map(line));
     const running = state.rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
     at("live").replaceChildren(...live.map(show));
     document.documentElement.dataset.ready = "yes";
   };
-  events.onerror = () => (at("lede").textContent = "The watch has ended; the records are in the run's folder.");
+  events.onerror = () => (at("lede").textContent = "The server has stopped. The records are in the folder of the run.");
 }

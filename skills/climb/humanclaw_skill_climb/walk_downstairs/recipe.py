@@ -1,4 +1,4 @@
-"""How the chunks of `walk_downstairs` are found in clips and synthesised."""
+"""Recipe of `walk_downstairs`: which chunks of clips show it, and how its motion is synthesised."""
 
 from humanclaw.skills import GaitParameters, Recipe
 from humanclaw_skill_climb.stair import STAIR

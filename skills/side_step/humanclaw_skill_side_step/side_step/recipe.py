@@ -1,4 +1,4 @@
-"""How the chunks of `side_step` are found in clips and synthesised."""
+"""Recipe of `side_step`: which chunks of clips show it, and how its motion is synthesised."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How the chunks of `sit_in_place` are found in clips and synthesised."""
+"""Recipe of `sit_in_place`: which chunks of clips show it, and how its motion is synthesised."""
 
 from humanclaw.skills import Draw, GaitParameters, Recipe
 

@@ -1,4 +1,4 @@
-"""How the chunks of `step_back` are found in clips and synthesised."""
+"""Recipe of `step_back`: which chunks of clips show it, and how its motion is synthesised."""
 
 import numpy as np
 

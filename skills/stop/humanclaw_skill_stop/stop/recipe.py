@@ -1,4 +1,4 @@
-"""How the chunks of `stop` are found in clips and synthesised."""
+"""Recipe of `stop`: which chunks of clips show it, and how its motion is synthesised."""
 
 from humanclaw.skills import GaitParameters, Recipe
 

@@ -1,4 +1,4 @@
-"""How the chunks of `turn_in_place` are found in clips and synthesised."""
+"""Recipe of `turn_in_place`: which chunks of clips show it, and how its motion is synthesised."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How the chunks of `walk` are found in clips and synthesised."""
+"""Recipe of `walk`: which chunks of clips show it, and how its motion is synthesised."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ RECIPE = Recipe(
     windows=lambda w: (
         (w.forward > 0.1) & (w.forward < 0.95) & (np.abs(w.across) < 0.7 * w.forward) & (np.abs(w.up) < 0.05)
     ),
-    # Land and lift, pitches and width were read off the real walks.
+    # Width, pitches and times of landing and lift were measured on real walks.
     gait=GaitParameters(
         width=0.088,
         narrowing=0.025,
