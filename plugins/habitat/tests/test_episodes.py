@@ -125,7 +125,7 @@ def test_what_does_not_repeat_the_start_is_refused(dataset: Path, tmp_path: Path
     "goal",
     [
         {"object_id": "77", "object_name": "couch1_:0000", "position": [7.3, 0.4, 3.0]},
-        {"object_id": 1, "object_name": "couch_12", "position": [7.3, 0.4, 3.0]},  # The id is that of another thing.
+        {"object_id": 1, "object_name": "couch_12", "position": [7.3, 0.4, 3.0]},  # The id is that of another object.
         {"object_id": "sofa 3", "position": [7.0, 0.5, 3.5]},
         {"object_id": 0, "object_name": "couch1"},
     ],
