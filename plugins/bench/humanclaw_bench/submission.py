@@ -134,7 +134,7 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     try:
         return _made(episodes, pairs, manifest, known.again, who, model_date).sealed
     except ValidationError as error:
-        raise RecordError(f"no submission can be made of {run}: {_first(error)}.", "Fix that and try again.") from error
+        raise RecordError(f"no submission can be made of {run}: {first_fault(error)}.", "Fix that and try again.") from error
 
 
 def _made(
@@ -180,7 +180,7 @@ def read(path: Path) -> Submission:
     try:
         found = Submission.model_validate_json(_bytes(path))
     except (OSError, ValidationError) as error:
-        told = f"{path} is no submission: {_first(error)}."  # Never quote the file: a link may lead anywhere.
+        told = f"{path} is no submission: {first_fault(error)}."  # Never quote the file: a link may lead anywhere.
         raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
