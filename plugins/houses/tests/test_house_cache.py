@@ -1,5 +1,4 @@
-"""A house is generated once: afterwards it comes from the cache, the same to the last byte, or anew if the cache is
-damaged."""
+"""A house is generated once. Afterwards the cache returns the same bytes; a damaged cache entry is generated again."""
 
 from __future__ import annotations
 

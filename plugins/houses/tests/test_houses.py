@@ -1,5 +1,4 @@
-"""Generated houses, through the public door: what `house:N` gives is a house that can be lived in, and looks like
-one."""
+"""Generated houses through the public door: `house:N` gives a usable and plausible house."""
 
 from __future__ import annotations
 

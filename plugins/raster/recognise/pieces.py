@@ -1,7 +1,7 @@
 """List the imported assets that a detector recognises: python pieces.py LIBRARY [RENDERER] > known.txt
 
 Each target of an asset library (humanclaw assets import) stands in front of the wall of a plain room and is seen from
-five sides. The detector of recognise.py must recognise it in at least half of the pictures with a score of at least 0.3.
+five sides. The detector of recognise.py must recognise it in at least half of the pictures, with a score of 0.3.
 
 The output is the list for `humanclaw assets import --only`: an id per line, followed by a comment with the number of
 hits and the mean score. Other assets are written as comments. Install the detector with `make recognise`.
